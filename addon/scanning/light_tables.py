@@ -13,7 +13,8 @@ from .light import Beam, Detection, Light, Noise, Optics
 from .words import listed, nearest, shown
 
 TABLES: dict[str, type[Any]] = {"beam": Beam, "light": Optics, "detection": Detection, "noise": Noise}
-LISTS = {"keep": str, "spectrum": (int, float), "distances": (int, float), "reflectivities": (int, float)}
+NUMBER = (int, float)
+LISTS: dict[str, Any] = {"keep": str, "spectrum": NUMBER, "distances": NUMBER, "reflectivities": NUMBER}
 SWITCHES = {"refract", "calibrated"}
 
 
@@ -49,7 +50,7 @@ def _value(table: str, name: str, value: Any) -> Any:
         return tuple(value) if name == "keep" else tuple([_number(table, name, each) for each in value])
     if name in SWITCHES:
         return value  # its table checks it
-    if isinstance(value, bool) or not isinstance(value, (int, float)):
+    if isinstance(value, bool) or not isinstance(value, NUMBER):
         raise ValueError(f"[{table}]: {name} must be a number, got {shown(value)}")
     return value if isinstance(value, int) and abs(value) < 2**53 else _number(table, name, value)
 

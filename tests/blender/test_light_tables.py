@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import re
+import tomllib
+from dataclasses import fields
 from pathlib import Path
 
 import pytest
@@ -9,8 +12,11 @@ import pytest
 pytest.importorskip("bpy")
 
 from perfect_bvh_addon import Beam, Detection, Light, Noise, Optics, load_sensor, sensor_names
+from perfect_bvh_addon.scanning import sensor_files
+from perfect_bvh_addon.scanning.light_tables import TABLES
 from perfect_bvh_addon.scanning.pieces import light_input
 
+RULES = Path(sensor_files.__file__).with_name("README.md")
 PATTERN = 'kind = "raster"\n'
 
 
@@ -90,6 +96,25 @@ def test_what_tables_may_not_say_is_named(tmp_path: Path, text: str, said: str) 
     with pytest.raises(ValueError, match=said) as raised:
         load_sensor(path)
     assert str(path) in str(raised.value)
+
+
+def test_what_is_stated_is_all_that_there_is(tmp_path: Path) -> None:
+    """The file in the rules names every table and every name, with its default in brackets, and can be loaded."""
+    (text,) = re.findall(r"^```toml\n(.*?)^```$", RULES.read_text(encoding="utf-8"), re.MULTILINE | re.DOTALL)
+    (tmp_path / "stated.toml").write_text(text)
+    assert load_sensor(tmp_path / "stated.toml").light is not None
+    stated = tomllib.loads(text)
+    assert {name: [*stated[name]] for name in TABLES} == {
+        name: [field.name for field in fields(made)] for name, made in TABLES.items()
+    }
+    shown = dict(re.findall(r"^(\w+) = .*\((\S+?)(?:; [^)]*)?\)$", text, re.MULTILINE))
+    for made in TABLES.values():
+        for field in fields(made):
+            if field.name in shown:
+                default = getattr(made(), field.name)
+                value = default[0] if field.name == "keep" else default
+                assert tomllib.loads(f"it = {shown[field.name]}")["it"] == value, field.name
+    assert len(shown) == 16
 
 
 @pytest.mark.parametrize("name", sensor_names())
