@@ -210,9 +210,8 @@ def run_pieces(work: PieceWork, out: TextIO) -> tuple[Outcome, int]:
     if outcome.failed:
         for piece, reason in outcome.failed:
             sys.stderr.write(f"perfect-bvh: {piece}: {reason}\n")
-        sys.stderr.write(
-            f"perfect-bvh: {len(outcome.failed)} of {len(work.pieces)} pieces failed; --resume tries again\n"
-        )
+        count = f"{len(outcome.failed)} of {len(work.pieces)} pieces failed"
+        sys.stderr.write(f"perfect-bvh: {count}; --resume tries them again\n")
         return outcome, EXIT_FAILED_PIECES
     if outcome.is_stopped:
         done = outcome.written + outcome.kept

@@ -35,7 +35,7 @@ def cluster_client(arguments: argparse.Namespace) -> Iterator[Client]:
     """A client of the workers that the arguments name; workers that were started for it end with it."""
     from distributed import Client
 
-    logging.getLogger("distributed").setLevel(logging.CRITICAL)  # what goes wrong is told in our own words
+    _silence()
     if arguments.scheduler is not None:
         try:
             client = Client(arguments.scheduler, timeout=CONNECT_SECONDS, set_as_default=False)
@@ -53,6 +53,12 @@ def cluster_client(arguments: argparse.Namespace) -> Iterator[Client]:
                 yield client
         finally:
             client.close(timeout=CLOSE_SECONDS)
+
+
+def _silence() -> None:
+    """What goes wrong with workers is told in our own words, not in Dask's logs."""
+    for name in [name for name in logging.root.manager.loggerDict if name.partition(".")[0] == "distributed"]:
+        logging.getLogger(name).setLevel(logging.CRITICAL)
 
 
 @contextmanager

@@ -125,12 +125,12 @@ class _Farm:
             self._left.add(number)
             raise self._scheduler_is_gone()
         if future.status == "error":
-            error = future.exception()
+            error = self._ask(future.exception)
             if not isinstance(error, KilledWorker):
                 raise self._ends(f"a worker cannot do this: {type(error).__name__}: {error}")
             reason = "the worker of Dask has died"
             return self._bury(number, error.last_worker.address, reason, error.allowed_failures + 1)
-        answer = future.result()
+        answer = self._ask(future.result)
         if "done" in answer:
             self._costs.add(number, answer["seconds"])
             done = Done(answer["done"], tuple(answer["warnings"]))
@@ -171,9 +171,11 @@ class _Farm:
 
     def _ask(self, call: Callable[[], Any]) -> Any:
         """What the scheduler answers. Errors: CommandError."""
+        from distributed import CancelledError
+
         try:
             return call()
-        except (OSError, RuntimeError) as error:
+        except (OSError, RuntimeError, CancelledError) as error:
             raise self._scheduler_is_gone() from error
 
     def _scheduler_is_gone(self) -> CommandError:
@@ -188,6 +190,8 @@ class _Farm:
         if self._client.status != "running":
             return
         try:
-            self._client.run(worker.end_blenders, on_error="return")
-        except (OSError, RuntimeError) as error:
-            sys.stderr.write(f"perfect-bvh: workers may still be at work: {error}\n")
+            self._ask(lambda: self._client.run(worker.end_blenders, on_error="return"))
+        except CommandError:
+            sys.stderr.write(
+                "perfect-bvh: workers that are not reached end by themselves, once they have no scheduler\n"
+            )
