@@ -6,6 +6,7 @@ import argparse
 import importlib.util
 import os
 import re
+import sys
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -100,9 +101,12 @@ def check_pieces(arguments: argparse.Namespace) -> None:
         return
     if arguments.workers is not None and arguments.scheduler is not None:
         raise CommandError("--workers starts workers here, --scheduler uses those of another cluster: give one of both")
+    option = "--workers" if arguments.scheduler is None else "--scheduler"
     if importlib.util.find_spec("distributed") is None:
-        option = "--workers" if arguments.scheduler is None else "--scheduler"
         raise CommandError(f"{option} needs Dask: pip install 'perfect-bvh[farm]'")
+    blender = sys.modules.get("bpy")
+    if blender is not None and blender.app.binary_path:
+        raise CommandError(f"{option} needs Blender as a Python module: pip install 'perfect-bvh[blender,farm]'")
 
 
 def check_name(argument: str, path: Path) -> None:

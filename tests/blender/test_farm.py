@@ -17,9 +17,11 @@ bpy = pytest.importorskip("bpy")
 pytest.importorskip("distributed")
 pytest.importorskip("pycocotools")
 
+import psutil  # noqa: E402
 from blender.command_lines import run  # noqa: E402
 from blender.farm_killer import Killer, complete  # noqa: E402
 from blender.farm_runs import JOBS, command, contents, run_job, save_scene  # noqa: E402
+from limits import full_disk  # noqa: E402
 
 # Ends Blender's process in frame 5, as a crash does, if the file's scripts are run.
 DEADLY = """
@@ -199,3 +201,34 @@ def test_without_dask_it_says_what_to_install(
     monkeypatch.setattr(importlib.util, "find_spec", lambda name: None if name == "distributed" else true_find(name))
     assert run("labels", folder / "small.blend", "-o", tmp_path / "out", "--workers", 2) == 2
     assert "pip install 'perfect-bvh[farm]'" in capfd.readouterr().err
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="process groups that a terminal interrupts, which Windows has not")
+@pytest.mark.usefixtures("hears_ctrl_c")
+def test_ctrl_c_leaves_whole_files(folder: Path, tmp_path: Path, whole: dict[str, dict[str, bytes]]) -> None:
+    """It comes to all processes of a terminal at once."""
+    out = tmp_path / "out"
+    with subprocess.Popen(
+        command("labels", out, "--workers", 2), cwd=folder, stderr=subprocess.PIPE, text=True, start_new_session=True
+    ) as started:
+        while not list(out.glob("*.coco.jsonl")):
+            assert started.poll() is None
+            time.sleep(0.02)
+        processes = psutil.Process(started.pid).children(recursive=True)
+        os.killpg(started.pid, signal.SIGINT)
+        errors = started.communicate(timeout=300)[1]
+    assert started.returncode == 130, errors
+    assert "--resume goes on" in errors and "Traceback" not in errors
+    psutil.wait_procs(processes, timeout=60)
+    assert not [each for each in processes if each.is_running()]
+    found = contents(out)
+    assert 0 < len(found) < len(whole["labels"])
+    assert found.items() <= whole["labels"].items()
+
+
+def test_a_full_disk_ends_the_run(folder: Path, tmp_path: Path) -> None:
+    with full_disk(20_000):
+        status, errors = run_job(folder, "labels", tmp_path / "out", "--workers", 1, frames="1-4")
+    assert status == 2, errors
+    assert "cannot write" in errors and "File too large" in errors and "Traceback" not in errors
+    assert contents(tmp_path / "out") == {}

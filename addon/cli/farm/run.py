@@ -192,6 +192,4 @@ class _Farm:
         try:
             self._ask(lambda: self._client.run(worker.end_blenders, on_error="return"))
         except CommandError:
-            sys.stderr.write(
-                "perfect-bvh: workers that are not reached end by themselves, once they have no scheduler\n"
-            )
+            sys.stderr.write("perfect-bvh: the workers are not reached; what they do, they end by themselves\n")

@@ -97,7 +97,8 @@ class BlenderProcess:
         self._said.seek(max(0, self._said.seek(0, os.SEEK_END) - LAST_WORDS))
         lines = self._said.read().decode("utf-8", "replace").split("\n")
         said = [line.strip() for line in lines if line.strip()]
-        return f"{how}: {said[-1]}" if said else how
+        was_killed = status == -getattr(signal, "SIGKILL", 0)  # then it has said nothing about that
+        return how if was_killed or not said else f"{how}: {said[-1]}"
 
 
 def do_piece(job: dict[str, Any], number: int) -> dict[str, Any]:
