@@ -46,6 +46,7 @@ class Killer:
         try:
             root = psutil.Process(pid)
             found = [*([] if self._spares else [root]), *root.children(recursive=True)]
+            found = [each for each in found if "python" in each.name()]  # not the compiler of an editable installation
             victim = self._random.choice(sorted(found, key=lambda each: each.pid)) if found else None
             if victim is not None:
                 words = " ".join(victim.cmdline())
