@@ -17,51 +17,48 @@ import time
 from pathlib import Path
 
 import psutil
-from blender.farm_runs import JOBS, command, contents, run_job, save_scene
+from blender.farm_runs import JOBS, RUN_MAIN, command, contents, run_job, save_scene
 
 EXIT_FAILED_PIECES, EXIT_ERROR = 3, 2
+KINDS = (*["Blender"] * 6, *["worker"] * 4, "tracker", "run")  # as often as each stands there
 OWN_TRACE = re.compile(r'File ".*(addon|distributed)')  # Python's own tracker of resources complains if it is killed
 
 
 class Killer:
-    """A seeded one. rate: kills a second, on the average. spares: whether the run's own process is let live."""
+    """A seeded one. rate: attempts a second, on the average, each at a process of some kind, if there is one then."""
 
-    def __init__(self, seed: int, rate: float, *, spares: bool = False) -> None:
+    def __init__(self, seed: int, rate: float) -> None:
         self._random = random.Random(seed)
         self._rate = rate
-        self._spares = spares
         self.killed: list[str] = []
 
     def attend(self, process: subprocess.Popen[str], most: int) -> None:
         """Kills until the process has ended, or `most` have died in all."""
         while process.poll() is None:
-            wait = self._random.expovariate(self._rate)
-            deadline = time.monotonic() + wait
+            deadline = time.monotonic() + self._random.expovariate(self._rate)
             while process.poll() is None and time.monotonic() < deadline:
                 time.sleep(0.01)
             if process.poll() is None and len(self.killed) < most:
-                self._kill_one(process.pid)
+                self._kill_one(process.pid, self._random.choice(KINDS), self._random.random())
 
-    def _kill_one(self, pid: int) -> None:
+    def _kill_one(self, pid: int, kind: str, which: float) -> None:
         try:
             root = psutil.Process(pid)
-            found = [*([] if self._spares else [root]), *root.children(recursive=True)]
-            found = [each for each in found if "python" in each.name()]  # not the compiler of an editable installation
-            victim = self._random.choice(sorted(found, key=lambda each: each.pid)) if found else None
-            if victim is not None:
-                words = " ".join(victim.cmdline())
-                victim.send_signal(signal.SIGKILL)
-                self.killed.append(kind_of(words))
+            found = [root] if kind == "run" else root.children(recursive=True)
+            found = sorted(
+                (each for each in found if kind_of(" ".join(each.cmdline())) == kind), key=lambda each: each.pid
+            )
+            if found:
+                found[int(which * len(found))].send_signal(signal.SIGKILL)
+                self.killed.append(kind)
         except psutil.NoSuchProcess:
             return
 
 
 def kind_of(words: str) -> str:
     """Of a process, by its command line."""
-    for part, kind in (("farm.child", "Blender"), ("spawn_main", "worker"), ("resource_tracker", "tracker")):
-        if part in words:
-            return kind
-    return "run"
+    parts = {"farm.child": "Blender", "spawn_main": "worker", "resource_tracker": "tracker", RUN_MAIN: "run"}
+    return next((kind for part, kind in parts.items() if part in words), "other")  # as compilers are
 
 
 def complete(folder: Path, name: str, out: Path, killer: Killer, most: int, workers: int = 2) -> int:
@@ -84,6 +81,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--kills", type=int, default=100)
     parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--each", type=int, default=8, help="most kills until a job is left to complete itself")
     parser.add_argument("--rate", type=float, default=0.5, help="kills a second")
     asked = parser.parse_args()
     killer, rounds = Killer(asked.seed, asked.rate), 0
@@ -98,7 +96,8 @@ def main() -> int:
         while len(killer.killed) < asked.kills:
             job = list(JOBS)[rounds % len(JOBS)]
             out = folder / f"out_{rounds}"
-            runs = complete(folder, job, out, killer, asked.kills, workers=1 + rounds % 3)
+            most = min(asked.kills, len(killer.killed) + asked.each)
+            runs = complete(folder, job, out, killer, most, workers=1 + rounds % 3)
             rounds += 1
             is_same = contents(out) == expected[job]
             counts = {kind: killer.killed.count(kind) for kind in sorted(set(killer.killed))}

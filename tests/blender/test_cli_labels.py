@@ -90,3 +90,46 @@ def test_without_pycocotools_it_says_what_to_do(
     error = capfd.readouterr().err
     assert "pip install 'perfect-bvh[data]'" in error and "--no-coco" in error
     assert run("labels", small_file, "-o", tmp_path / "labels", "--no-coco", "-q") == 0
+
+
+def test_what_is_there_and_whole_is_not_labelled_again(small_file: Path, tmp_path: Path) -> None:
+    folder = tmp_path / "labels"
+    asked = ("labels", small_file, "-o", folder, "--frames", "1-4", "--piece", 2, "-q")
+    assert run(*asked) == 0
+    before = {path.name: (path.read_bytes(), path.stat().st_mtime_ns) for path in folder.iterdir()}
+    (folder / "labels_0003.npz").write_bytes(b"damaged")
+    (folder / "coco_0001-0004.json").unlink()
+    assert run(*asked, "--resume") == 0
+    after = {path.name: (path.read_bytes(), path.stat().st_mtime_ns) for path in folder.iterdir()}
+    assert {name: content for name, (content, _) in after.items()} == {name: each[0] for name, each in before.items()}
+    assert sorted(name for name in after if after[name] == before[name]) == [
+        "labels_0001-0002.coco.jsonl",
+        "labels_0001-0002.json",
+        "labels_0001.npz",
+        "labels_0002.npz",
+    ]
+    manifest = json.loads((folder / "labels_0001-0002.json").read_text())
+    assert manifest["frames"] == [1, 2] and manifest["inputs"]["version"]
+
+
+def test_a_folder_of_other_labels_is_refused(small_file: Path, tmp_path: Path, capfd: Any) -> None:
+    folder = tmp_path / "labels"
+    assert run("labels", small_file, "-o", folder, "--frames", "1-2", "-q") == 0
+    for more in (("--layers", 2), ("--piece", 1), ("--resume", "--no-coco")):
+        assert run("labels", small_file, "-o", folder, "--frames", "1-2", "-q", *more) == 2
+        assert "holds pieces of another set of labels" in capfd.readouterr().err
+    assert run("labels", small_file, "-o", folder, "--frames", "3-4", "-q") == 0
+    assert (folder / "coco_0003-0004.json").exists()
+
+
+def test_pieces_together_number_images_and_things_as_one_file(small_file: Path, tmp_path: Path) -> None:
+    """Apart from ids of instances, which are those of a piece."""
+    found = []
+    for size in (1, 4):
+        assert run("labels", small_file, "-o", tmp_path / str(size), "--frames", "1-4", "--piece", size, "-q") == 0
+        found.append((tmp_path / str(size) / "coco_0001-0004.json").read_bytes())
+    assert found[0] == found[1]
+    content = json.loads(found[0])
+    assert [image["id"] for image in content["images"]] == [1, 2, 3, 4]
+    ids = [row["id"] for row in content["annotations"] + content["hidden"]]
+    assert sorted(ids) == list(range(1, len(ids) + 1))

@@ -236,3 +236,19 @@ def test_a_full_disk_ends_the_run(folder: Path, tmp_path: Path) -> None:
     assert "cannot write" in errors and "File too large" in errors and "0 of 2 pieces are there" in errors
     assert "Traceback" not in errors
     assert contents(tmp_path / "out") == {}
+
+
+def test_greys_of_pieces_are_on_the_scale_of_the_first_frame(folder: Path, tmp_path: Path) -> None:
+    """Frames in pieces are those of a render in one go, and those that are there are not rendered again."""
+    asked = ("render", folder / "small.blend", "--frames", "1-3", "--mode", "depth", "-q")
+    assert run(*asked, "-o", f"{tmp_path}/whole/") == 0
+    assert run(*asked, "-o", f"{tmp_path}/out/", "--resume", "--piece", 1) == 0
+    images = {name: content for name, content in contents(tmp_path / "out").items() if name.endswith(".png")}
+    assert images == contents(tmp_path / "whole") and len(images) == 3
+    (tmp_path / "out" / "frame_0002.png").write_bytes(b"damaged")
+    kept = (tmp_path / "out" / "frame_0003.png").stat().st_mtime_ns
+    assert run(*asked, "-o", f"{tmp_path}/out/", "--resume", "--piece", 1) == 0
+    assert contents(tmp_path / "out")["frame_0002.png"] == images["frame_0002.png"]
+    assert (tmp_path / "out" / "frame_0003.png").stat().st_mtime_ns == kept
+    assert run(*asked, "-o", f"{tmp_path}/out/", "--resume", "--piece", 1, "--samples", 7) == 2
+    assert run(*asked, "-o", f"{tmp_path}/out/", "--resume", "--stats") == 2

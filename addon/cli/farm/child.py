@@ -13,6 +13,7 @@ import os
 import queue
 import signal
 import threading
+import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TextIO
 
@@ -35,7 +36,10 @@ class Bench:
         self._work: PieceWork | None = None
 
     def answer(self, request: Request) -> dict[str, Any]:
-        """Does a piece: `done` with what is told of it; `stopped`; `refused`, or what is at `fault`, in words."""
+        """Does a piece: `done` with what is told of it; `stopped`; `refused`, or what is at `fault`, in words.
+
+        seconds: what the piece took, without opening the scene; None if it was there.
+        """
         from ..arguments import CommandError
 
         job, number = request["job"], request["piece"]
@@ -48,14 +52,15 @@ class Bench:
         try:
             if work.place.is_done(piece):
                 self._work = before
-                return {"done": {}, "warnings": []}
+                return {"done": {}, "warnings": [], "seconds": None}
+            started = time.monotonic()
             done = work.do(piece, lambda _: not self._stop.is_set)
         except CommandError as error:
             return {"fault": str(error), "is_of_files": isinstance(error.__cause__, OSError)}
         if done is None:
             return {"stopped": True}
         self._work = work
-        return {"done": done.counts, "warnings": list(done.warnings)}
+        return {"done": done.counts, "warnings": list(done.warnings), "seconds": time.monotonic() - started}
 
     def _work_of(self, job: dict[str, Any], number: int) -> PieceWork:
         """With the scene open, and before the piece. Raises CommandError if this is no worker for that job."""
@@ -107,12 +112,14 @@ def _take_streams() -> tuple[TextIO, TextIO]:
 
 
 def _listen(requests: TextIO, inbox: queue.SimpleQueue[Request], stop: StopRequest) -> None:
-    for line in requests:
-        request = json.loads(line)
-        stop.is_set = "stop" in request
-        if not stop.is_set:
-            inbox.put(request)
-    os._exit(EXIT_ALONE)
+    try:
+        for line in requests:
+            request = json.loads(line)
+            stop.is_set = "stop" in request
+            if not stop.is_set:
+                inbox.put(request)
+    finally:  # who has asked is gone, in the middle of a line perhaps
+        os._exit(EXIT_ALONE)
 
 
 def main() -> None:

@@ -70,7 +70,7 @@ class _Farm:
         self._ended: queue.SimpleQueue[Future] = queue.SimpleQueue()
         self._deaths: dict[int, list[tuple[str, str]]] = {}  # of a piece: the worker's address, and the reason
         self._teller = Teller()
-        self._is_stopping = False
+        self._is_stopping = self._is_alone = False
 
     def run(self) -> None:
         """Until nothing is left, or it is stopped."""
@@ -93,6 +93,9 @@ class _Farm:
                 self._ask(lambda: self._client.run(worker.stop_pieces, on_error="return"))
             return
         addresses = list(self._ask(self._client.nthreads))
+        if not addresses and not self._is_alone:
+            self._teller.say("there are no workers any more; waiting for one")
+        self._is_alone = not addresses
         while self._left and len(self._running) < len(addresses):
             number = self._costs.next_of(self._left, len(addresses))
             self._left.discard(number)
@@ -132,7 +135,8 @@ class _Farm:
             return self._bury(number, error.last_worker.address, reason, error.allowed_failures + 1)
         answer = self._ask(future.result)
         if "done" in answer:
-            self._costs.add(number, answer["seconds"])
+            if answer["seconds"] is not None:
+                self._costs.add(number, answer["seconds"])
             done = Done(answer["done"], tuple(answer["warnings"]))
             self._outcome.add(done)
             self._teller.tell(done)

@@ -13,7 +13,6 @@ import subprocess
 import sys
 import tempfile
 import threading
-import time
 from pathlib import Path
 from typing import Any
 
@@ -102,10 +101,9 @@ class BlenderProcess:
 
 
 def do_piece(job: dict[str, Any], number: int) -> dict[str, Any]:
-    """A task of Dask: the answer of a Blender, or that it has `died`; with `seconds`, and where it was."""
+    """A task of Dask: the answer of a Blender, or that it has `died`; and where that was."""
     from distributed import get_worker
 
-    started = time.monotonic()
     with _lock:
         blender = _free.pop() if _free else BlenderProcess()
         _busy.add(blender)
@@ -122,8 +120,7 @@ def do_piece(job: dict[str, Any], number: int) -> dict[str, Any]:
                 _free.append(blender)
         if not lives:
             blender.close()
-    where = {"host": socket.gethostname(), "worker": get_worker().address}
-    return {**answer, **where, "seconds": time.monotonic() - started}
+    return {**answer, "host": socket.gethostname(), "worker": get_worker().address}
 
 
 def stop_pieces() -> None:
