@@ -135,6 +135,17 @@ def _add_pieces(parser: argparse.ArgumentParser) -> None:
     )
 
 
+def _add_labels_of(parser: argparse.ArgumentParser, what: str) -> None:
+    parser.add_argument(
+        "--labels",
+        nargs="+",
+        default=[],
+        metavar="NAME",
+        help=f"further {what}: custom properties by name (of objects, instancers, data or materials), or object, "
+        "instancer, material, collection",
+    )
+
+
 def _add_render(commands: argparse._SubParsersAction) -> None:
     parser = commands.add_parser(
         "render",
@@ -210,6 +221,7 @@ def _add_scan(commands: argparse._SubParsersAction) -> None:
     parser.add_argument(
         "--seed", type=parse_seed, default=0, metavar="N", help="of the sensor's noise and dropout (default: 0)"
     )
+    _add_labels_of(parser, "columns of the points")
     _add_pieces(parser)
     _add_quiet(parser)
 
@@ -238,6 +250,7 @@ def _add_labels(commands: argparse._SubParsersAction) -> None:
         metavar="K",
         help="how many surfaces a ray keeps the depths of (default: 1)",
     )
+    _add_labels_of(parser, "images, and values of things")
     parser.add_argument("--flow", action="store_true", help="also how pixels move from the frame before to the next")
     parser.add_argument("--no-coco", action="store_true", help="no file of COCO's format, which needs pycocotools")
     _add_pieces(parser)

@@ -31,7 +31,7 @@ def run_scan(arguments: argparse.Namespace) -> int:
             raise CommandError(f"expected {'FILE.blend' if name == 'file' else '-o DIR'}; see perfect-bvh scan --help")
     check_pieces(arguments)
     path = check_blend_file(arguments.file)
-    _check_format(f".{arguments.format}")
+    _check_format(f".{arguments.format}", arguments.labels)
     arguments.sensor = _sensor_name(arguments.sensor)
     folder = parse_folder(arguments.output)
     arguments.file, arguments.output = str(path), str(folder)  # as workers, which are elsewhere, find them
@@ -74,11 +74,11 @@ def _sensor(name: str) -> Sensor:
         raise CommandError(f"--sensor {name}: {str(error).removeprefix('sensor: ')}") from error
 
 
-def _check_format(suffix: str) -> None:
+def _check_format(suffix: str, labels: list[str]) -> None:
     from ..scanning.formats import check_format
 
     try:
-        check_format(suffix)
+        check_format(suffix, labels)
     except (ValueError, ImportError) as error:
         raise CommandError(f"--format: {error}") from error
 
@@ -142,6 +142,7 @@ class ScanWork(PieceWork):
             begins=min(self.frames),
             is_one_pass=arguments.frames is None,
             format=suffix,
+            labels=arguments.labels,
         )
 
     def _scan(self, piece: Piece, advance: Advance) -> PointCloud | None:
@@ -158,6 +159,7 @@ class ScanWork(PieceWork):
                 frames=(piece.first, piece.last) if arguments.frames else None,  # a whole pass of the current one
                 steps_per_frame=arguments.steps,
                 since=min(self.frames) if arguments.frames else None,
+                labels=arguments.labels,
                 threads=arguments.threads or 0,
                 progress=advance,
                 seed=arguments.seed,

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import numpy.typing as npt
 import perfect_bvh
@@ -83,6 +85,10 @@ class SyncedScene:
     def describe(self, instance_ids: npt.ArrayLike) -> InstanceDescription:
         """Object names, session uids and persistent ids of instances, -1 for a miss, as arrays of the same shape."""
         return self._get_lookup().describe(instance_ids)
+
+    def instance_rows(self, instance_ids: npt.NDArray[Any]) -> Int32Array:
+        """(...) int32: rows of the instances of `record`, -1 for a miss. Raises ValueError for ids it does not have."""
+        return self._get_lookup().instance_rows(instance_ids)
 
     def polygon_ids(self, hits: HitIds) -> Int32Array:
         """(...) int32: the polygon of the evaluated mesh that each ray hit, -1 on a miss.

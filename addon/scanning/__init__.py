@@ -20,6 +20,7 @@ beams          beams of light through the scene, and what the sensor measures of
   measuring, ray_noise  noise that belongs to each ray
 collector      hits of many batches as one cloud. Knows no Blender.
 point_cloud    the result as columns, and as an .npz file. Knows no Blender.
+format_columns what labels are called in files of each format. Knows no Blender.
 formats        the result in the formats of others: PLY, LAS, LAZ, CSV, Parquet, HDF5. Knows no Blender.
 pieces         a long scan as files of some frames each, which are recognised when it is run again. Knows no Blender.
 point_colors   a colour for each point, by distance, object or intensity. Knows no Blender.

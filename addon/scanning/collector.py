@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
 
+from ..sync.label_columns import LabelColumn
 from .light import LUMINANCE
 from .point_cloud import COLUMNS, PointCloud
 
@@ -14,6 +16,7 @@ if TYPE_CHECKING:
     from perfect_bvh import Hits
 
     from ..live.scene_sync import SceneSync
+    from ..sync.label_columns import LabelTable, SceneLabel
     from .beams import Returns
     from .patterns import Rays
 
@@ -34,6 +37,7 @@ EMPTY = {
     "return_counts": np.empty(0, np.int32),
 }
 
+NO_LABELS: Mapping[str, Any] = {}
 WITHOUT_MATERIAL = 0.8  # as Blender shows it
 
 
@@ -61,23 +65,34 @@ class Collector:
         self._objects = _Names()
         self._materials = _Names()
         self._ray_count = 0
+        self._labels: list[dict[str, npt.NDArray[Any]]] = []
 
     @property
     def next_ray_id(self) -> int:
         """What the first ray of the next batch has."""
         return self._rays_before + self._ray_count
 
-    def add(self, hits: Hits, rays: Rays, directions: npt.NDArray[np.float64], sync: SceneSync) -> None:
+    def add(
+        self,
+        hits: Hits,
+        rays: Rays,
+        directions: npt.NDArray[np.float64],
+        sync: SceneSync,
+        labels: Mapping[str, SceneLabel] = NO_LABELS,
+    ) -> None:
         """Keeps the hits of a batch of rays. directions: (R, 3) of the rays, in world space.
 
-        sync: what was traced, not updated since; its material slots were read.
+        sync: what was traced, not updated since; its material slots were read. labels: of its record, the same names
+        each time.
         """
-        self._add(hits, rays, np.arange(len(rays)), directions, sync)
+        self._add(hits, rays, np.arange(len(rays)), directions, sync, labels)
         self._ray_count += len(rays)
 
-    def add_returns(self, returns: Returns, rays: Rays, sync: SceneSync) -> None:
+    def add_returns(
+        self, returns: Returns, rays: Rays, sync: SceneSync, labels: Mapping[str, SceneLabel] = NO_LABELS
+    ) -> None:
         """The same of what beams have returned, which may be several echoes of a ray."""
-        self._add(returns.hits, rays, returns.beams, returns.directions, sync, returns)
+        self._add(returns.hits, rays, returns.beams, returns.directions, sync, labels, returns)
         self._ray_count += len(rays)
 
     def _add(
@@ -87,6 +102,7 @@ class Collector:
         ray_rows: npt.NDArray[np.int64],
         directions: npt.NDArray[np.float64],
         sync: SceneSync,
+        labels: Mapping[str, SceneLabel],
         returns: Returns | None = None,
     ) -> None:
         """ray_rows: of each hit, which of the rays it is of. returns: where hits are echoes of beams."""
@@ -95,6 +111,8 @@ class Collector:
             of_rays = ray_rows[rows]
             materials = sync.material_ids(hits)[rows]
             incidences = _incidences(directions[rows], hits.geometric_normals[rows])
+            instances = sync.instance_rows(hits.instance_ids[rows]) if labels else rows
+            self._labels.append({name: label.at(instances, materials) for name, label in labels.items()})
             self._pieces.append(
                 {
                     "positions": hits.positions[rows],
@@ -116,8 +134,14 @@ class Collector:
                 }
             )
 
-    def point_cloud(self, warnings: tuple[str, ...], pose_error: float, scene_error: float) -> PointCloud:
-        """Everything that was added."""
+    def point_cloud(
+        self,
+        warnings: tuple[str, ...],
+        pose_error: float,
+        scene_error: float,
+        tables: Mapping[str, LabelTable] = NO_LABELS,
+    ) -> PointCloud:
+        """Everything that was added. tables: of the labels."""
         columns = {name: np.concatenate([EMPTY[name], *(piece[name] for piece in self._pieces)]) for name in COLUMNS}
         return PointCloud(
             **columns,
@@ -127,7 +151,11 @@ class Collector:
             warnings=warnings,
             pose_error=pose_error,
             scene_error=scene_error,
+            labels={name: LabelColumn(self._label(name, table), table) for name, table in tables.items()},
         )
+
+    def _label(self, name: str, table: LabelTable) -> npt.NDArray[Any]:
+        return np.concatenate([table.encode(np.empty(0)), *(piece[name] for piece in self._labels)])
 
     def _object_ids(self, instance_ids: npt.NDArray[np.int32], sync: SceneSync) -> npt.NDArray[np.int32]:
         instances, inverse = np.unique(instance_ids, return_inverse=True)

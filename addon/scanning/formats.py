@@ -1,8 +1,8 @@
 """Point clouds as files of the formats that others read; each by the library that its field keeps. Knows no Blender.
 
 The ending of the name chooses: .npz holds everything and needs no library; .ply, .las and .laz, .csv and .parquet, and
-.h5 need those of `pip install 'perfect-bvh[data]'`. Names of objects and materials stand beside the columns where a
-format has a place for them.
+.h5 need those of `pip install 'perfect-bvh[data]'`. Names of objects and materials, and what labels stand for, stand
+beside the columns where a format has a place for them.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from __future__ import annotations
 import importlib
 import json
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Mapping
 from datetime import date
 from pathlib import Path
 from typing import Any
@@ -19,25 +19,9 @@ import numpy as np
 import numpy.typing as npt
 
 from ..support.files import replacing
-from .point_cloud import COLUMNS, PointCloud
+from .format_columns import label_columns
+from .point_cloud import AXES, COLUMNS, SINGULAR, PointCloud
 
-# Of the names of vectors' components.
-AXES = {"positions": ("x", "y", "z"), "normals": ("nx", "ny", "nz")}
-# Columns as one row of a table has them.
-SINGULAR = {
-    "distances": "distance",
-    "object_ids": "object_id",
-    "instance_ids": "instance_id",
-    "material_ids": "material_id",
-    "times": "time",
-    "ray_ids": "ray_id",
-    "ring_ids": "ring",
-    "incidences": "incidence",
-    "intensities": "intensity",
-    "spacings": "spacing",
-    "return_ids": "return_id",
-    "return_counts": "return_count",
-}
 LAS_STEP = 1e-4  # of coordinates, in world units: LAS keeps them as whole numbers
 MOST_LAS_STEPS = 2**31 - 1
 LAS_DATE = date(2000, 1, 1)  # whenever they are written: the same points are the same bytes
@@ -59,12 +43,16 @@ def save_cloud(cloud: PointCloud, path: str | os.PathLike[str]) -> Path:
     return path
 
 
-def check_format(suffix: str) -> None:
-    """Raises ValueError for a format that there is not, ImportError with what to install for one that needs more."""
+def check_format(suffix: str, labels: Iterable[str] = ()) -> None:
+    """Raises ValueError for a format that there is not, ImportError with what to install for one that needs more.
+
+    labels: by their names; ValueError, too, if the format has no columns for all of them.
+    """
     if suffix not in WRITERS:
         raise ValueError(f"the format must be one of {', '.join(name[1:] for name in WRITERS)}, got {suffix[1:]!r}")
     for module in MODULES.get(suffix, ()):
         _library(module)
+    label_columns(labels, suffix)
 
 
 def _library(name: str) -> Any:
@@ -74,8 +62,8 @@ def _library(name: str) -> Any:
         raise ImportError(f"this format needs {name}: pip install 'perfect-bvh[data]'") from error
 
 
-def _table(cloud: PointCloud) -> dict[str, npt.NDArray[Any]]:
-    """A column for each component of each vector, in the order of `COLUMNS`."""
+def _table(cloud: PointCloud, labels: Mapping[str, str]) -> dict[str, npt.NDArray[Any]]:
+    """A column for each component of each vector, in the order of `COLUMNS`, then the labels. labels: their columns."""
     table: dict[str, npt.NDArray[Any]] = {}
     for column in COLUMNS:
         values = getattr(cloud, column)
@@ -83,10 +71,10 @@ def _table(cloud: PointCloud) -> dict[str, npt.NDArray[Any]]:
             table |= {name: np.ascontiguousarray(values[:, axis]) for axis, name in enumerate(AXES[column])}
         else:
             table[SINGULAR[column]] = values
-    return table
+    return table | {labels[name]: label.values for name, label in cloud.labels.items()}
 
 
-def _facts(cloud: PointCloud) -> dict[str, str]:
+def _facts(cloud: PointCloud, labels: Mapping[str, str]) -> dict[str, str]:
     """What there is of the whole cloud, as text."""
     return {
         "object_names": json.dumps(cloud.object_names),
@@ -94,6 +82,7 @@ def _facts(cloud: PointCloud) -> dict[str, str]:
         "ray_count": str(cloud.ray_count),
         "pose_error": repr(cloud.pose_error),
         "scene_error": repr(cloud.scene_error),
+        "labels": json.dumps(cloud.described_labels(labels)),
     }
 
 
@@ -103,12 +92,13 @@ def _npz(cloud: PointCloud, path: Path) -> None:
 
 def _ply(cloud: PointCloud, path: Path) -> None:
     plyfile = _library("plyfile")
-    table = _table(cloud)
+    labels = label_columns(cloud.labels, ".ply")
+    table = _table(cloud, labels)
     table["ray_id"] = table["ray_id"].astype(np.float64)  # PLY has no whole numbers of 64 bits
     rows = np.empty(len(cloud), [(name, values.dtype) for name, values in table.items()])
     for name, values in table.items():
         rows[name] = values
-    comments = [f"{name} {text}" for name, text in _facts(cloud).items()]
+    comments = [f"{name} {text}" for name, text in _facts(cloud, labels).items()]
     plyfile.PlyData([plyfile.PlyElement.describe(rows, "vertex")], comments=comments, byte_order="<").write(str(path))
 
 
@@ -120,11 +110,11 @@ def _las(cloud: PointCloud, path: Path) -> None:
     high = cloud.positions.max(axis=0) if len(cloud) else np.zeros(3)
     header.offsets = np.floor(low)
     header.scales = np.maximum(LAS_STEP, (high - header.offsets) / MOST_LAS_STEPS)
-    own = {"x", "y", "z", "time", "intensity", "return_id", "return_count"}
-    extra = {name: values for name, values in _table(cloud).items() if name not in own}
+    own, labels = {"x", "y", "z", "time", "intensity", "return_id", "return_count"}, label_columns(cloud.labels, ".las")
+    extra = {name: values for name, values in _table(cloud, labels).items() if name not in own}
     header.add_extra_dims([laspy.ExtraBytesParams(name, values.dtype) for name, values in extra.items()])
     header.creation_date = LAS_DATE
-    for name, text in _facts(cloud).items():  # a record holds no more
+    for name, text in _facts(cloud, labels).items():  # a record holds no more
         whole = text.encode()
         parts = [whole[first : first + MOST_IN_A_RECORD] for first in range(0, max(len(whole), 1), MOST_IN_A_RECORD)]
         header.vlrs.extend(
@@ -144,8 +134,8 @@ def _las(cloud: PointCloud, path: Path) -> None:
 
 
 def _arrow(cloud: PointCloud) -> Any:
-    pyarrow = _library("pyarrow")
-    return pyarrow.table(_table(cloud)).replace_schema_metadata(_facts(cloud))
+    pyarrow, labels = _library("pyarrow"), label_columns(cloud.labels, ".parquet")
+    return pyarrow.table(_table(cloud, labels)).replace_schema_metadata(_facts(cloud, labels))
 
 
 def _csv(cloud: PointCloud, path: Path) -> None:
@@ -157,7 +147,11 @@ def _parquet(cloud: PointCloud, path: Path) -> None:
 
 
 def _hdf5(cloud: PointCloud, path: Path) -> None:
+    labels = label_columns(cloud.labels, ".h5")
     with _library("h5py").File(path, "w") as file:
+        for name, label in cloud.labels.items():
+            file.create_dataset(labels[name], data=label.values)
+        file.create_dataset("labels", data=json.dumps(cloud.described_labels(labels)))
         for column in COLUMNS:
             file.create_dataset(column, data=getattr(cloud, column))
         for name in ("object_names", "material_names"):

@@ -9,6 +9,7 @@ from typing import Any
 
 from ..pieces.folder import PieceFolder
 from ..pieces.piece import Piece, runs_of
+from .format_columns import label_columns
 from .formats import save_cloud
 from .light import Light
 from .patterns import Pattern
@@ -39,7 +40,8 @@ def light_input(light: Light | None) -> dict[str, Any] | None:
 
 def write_piece(place: PieceFolder, piece: Piece, cloud: PointCloud) -> None:
     """The file of points, then its manifest. Raises OSError."""
-    save_cloud(cloud, place.path_of(piece.files[0]))
+    path = place.path_of(piece.files[0])
+    save_cloud(cloud, path)
     stretches = len(piece.frames) * place.inputs["steps"]
     # Of a single stretch, of whose way nothing is known but its ends, there are no errors.
     is_known = stretches > 1 and not place.inputs["is_one_pass"]
@@ -49,6 +51,7 @@ def write_piece(place: PieceFolder, piece: Piece, cloud: PointCloud) -> None:
         points=len(cloud),
         object_names=list(cloud.object_names),
         material_names=list(cloud.material_names),
+        labels=cloud.described_labels(label_columns(cloud.labels, path.suffix.lower())),
         **{name: getattr(cloud, name) if is_known else None for name in ("pose_error", "scene_error")},
         warnings=list(cloud.warnings),
     )

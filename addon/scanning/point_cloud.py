@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+import json
 import os
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from ..support.arrays import write_arrays
 from ..support.files import replacing
+from ..sync.label_columns import LabelColumn
 
 # In the order of the file; each holds one row a point.
 COLUMNS = (
@@ -28,6 +32,36 @@ COLUMNS = (
     "spacings",
     "return_ids",
     "return_counts",
+)
+
+# What columns are called where a table has one for each number of a point.
+AXES = {"positions": ("x", "y", "z"), "normals": ("nx", "ny", "nz")}
+SINGULAR = {
+    "distances": "distance",
+    "object_ids": "object_id",
+    "instance_ids": "instance_id",
+    "material_ids": "material_id",
+    "times": "time",
+    "ray_ids": "ray_id",
+    "ring_ids": "ring",
+    "incidences": "incidence",
+    "intensities": "intensity",
+    "spacings": "spacing",
+    "return_ids": "return_id",
+    "return_counts": "return_count",
+}
+# What else files and Blender's points have a name for.
+_OTHERS = (
+    "object_names",
+    "material_names",
+    "ray_count",
+    "pose_error",
+    "scene_error",
+    "labels",
+    "normal",
+    "position",
+    "radius",
+    "color",
 )
 
 
@@ -50,6 +84,7 @@ class PointCloud:
     spacings: (N,) float32, how far neighbouring rays are apart there.
     return_ids, return_counts: (N,) int32, which echo of its ray's beam a point is, from 0, the nearest first, and how
     many of the beam were kept: 0 and 1 without light.
+    labels: further columns by the names that were asked for: custom properties, collections and others, see `scan`.
     ray_count: how many were cast. warnings: what could not be read or followed, as sentences.
 
     pose_error, scene_error: in world units, what the straight ways between the key moments of a LiDAR's frames leave
@@ -83,6 +118,7 @@ class PointCloud:
     warnings: tuple[str, ...] = ()
     pose_error: float = 0.0
     scene_error: float = 0.0
+    labels: Mapping[str, LabelColumn] = field(default_factory=dict)
 
     def __len__(self) -> int:
         return len(self.positions)
@@ -100,13 +136,30 @@ class PointCloud:
             self.write_npz(name)
         return path
 
+    def described_labels(self, columns: Mapping[str, str]) -> dict[str, Any]:
+        """What the values of labels are, as JSON has it. columns: what each label is called in the file."""
+        return {name: {"column": columns[name], **label.table.described()} for name, label in self.labels.items()}
+
     def write_npz(self, path: Path) -> None:
-        """Into an open place, as it is: `save` is what keeps the file before."""
+        """Into an open place, as it is: `save` is what keeps the file before.
+
+        Labels have the names of `column_names`; what their values are stands in `labels`, as JSON.
+        """
+        names = column_names(self.labels)
         arrays = {name: getattr(self, name) for name in COLUMNS} | {
             "object_names": np.array(self.object_names, dtype=np.str_),
             "material_names": np.array(self.material_names, dtype=np.str_),
             "ray_count": np.array(self.ray_count, np.int64),
             "pose_error": np.array(self.pose_error, np.float64),
             "scene_error": np.array(self.scene_error, np.float64),
+            "labels": np.array(json.dumps(self.described_labels(names))),
         }
+        arrays |= {names[name]: label.values for name, label in self.labels.items()}
         write_arrays(path, arrays)
+
+
+def column_names(labels: Iterable[str]) -> dict[str, str]:
+    """What the column of each label is called: the label's own name, or `label_NAME` if that is taken."""
+    taken = {*COLUMNS, *SINGULAR.values(), *_OTHERS, *(name for names in AXES.values() for name in names)}
+    # Readers of some formats do not tell small letters from capitals.
+    return {name: f"label_{name}" if name.lower() in taken else name for name in labels}

@@ -6,6 +6,7 @@ shows its vertices as points, so that both look alike.
 
 from __future__ import annotations
 
+import json
 from dataclasses import dataclass
 from typing import Any
 
@@ -14,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ..extract.scans import COLOR, OBJECT_NAMES, RADIUS
-from .point_cloud import PointCloud
+from .point_cloud import PointCloud, column_names
 from .point_colors import colors_of
 from .point_nodes import NAME, add_points_modifier, point_material
 
@@ -34,6 +35,7 @@ ATTRIBUTES = (
 )
 POSITION = "position"
 MATERIAL_NAMES = "material_names"
+LABELS = "labels"
 HAS_RESIZE = "resize" in bpy.types.PointCloud.bl_rna.functions
 
 
@@ -42,11 +44,14 @@ def make_point_object(cloud: PointCloud, name: str, color_by: str = "DISTANCE") 
 
     Beside these are "radius", so that neighbours touch where they were met straight on, and "Color", linear RGBA, by
     distance, object or intensity (`color_by`); its material shows it. The custom properties "object_names" and
-    "material_names" of the object's data hold what object_id and material_id are rows of.
+    "material_names" of the object's data hold what object_id and material_id are rows of. Labels are attributes of
+    their names, whole numbers or floats; "labels", a text of JSON, says what their values stand for.
     """
     make = _make_point_cloud if HAS_RESIZE else _make_converted
     data = make(cloud, name, color_by)
     data[OBJECT_NAMES], data[MATERIAL_NAMES] = list(cloud.object_names), list(cloud.material_names)
+    if cloud.labels:
+        data[LABELS] = json.dumps(cloud.described_labels(column_names(cloud.labels)))
     made = bpy.data.objects.new(name, data)
     if isinstance(data, bpy.types.Mesh):
         add_points_modifier(made, data.materials[0])
@@ -110,6 +115,10 @@ def _add_attributes(data: Any, cloud: PointCloud, color_by: str) -> None:
     for attribute, kind, field, column in ATTRIBUTES:
         values = np.ascontiguousarray(getattr(cloud, column), np.int32 if kind == "INT" else np.float32)
         data.attributes.new(attribute, kind, "POINT").data.foreach_set(field, values.ravel())
+    for name, column in column_names(cloud.labels).items():
+        table, values = cloud.labels[name].table, cloud.labels[name].values
+        kind, dtype = ("INT", np.int32) if table.is_whole else ("FLOAT", np.float32)
+        data.attributes.new(column, kind, "POINT").data.foreach_set("value", values.astype(dtype))
     data.attributes.new(RADIUS, "FLOAT", "POINT").data.foreach_set("value", 0.5 * cloud.spacings)
     colors = data.attributes.new(COLOR, "FLOAT_COLOR", "POINT")
     colors.data.foreach_set("color", colors_of(cloud, color_by).ravel())

@@ -10,7 +10,7 @@ like any other, so that a long scan of a scene in which little moves reads and b
 
 from __future__ import annotations
 
-from collections.abc import Callable, Generator
+from collections.abc import Callable, Generator, Sequence
 from contextlib import closing
 from typing import Any
 
@@ -18,6 +18,7 @@ import bpy
 import numpy as np
 
 from ..extract.camera import without_scale
+from ..extract.label_values import LabelReader, LabelReading
 from ..live.scene_reference import SceneReference
 from ..live.scene_sync import UpdateCommit
 from ..support.memory import check_fits
@@ -54,6 +55,7 @@ def scan(
     frames: tuple[int, int] | None = None,
     steps_per_frame: int = 1,
     since: int | None = None,
+    labels: Sequence[str] = (),
     threads: int = 0,
     progress: Progress | None = None,
     light: Light | None = None,
@@ -75,6 +77,11 @@ def scan(
     since: the frame in which the scan began, if these frames are a later part of it: times and ray_ids go on from
         there, so that parts can be put together; object_ids, instance_ids and material_ids are those of a part alone.
         None, the default: the first of the frames.
+    labels: names of further columns, see `PointCloud.labels`: a custom property (of the object that is met, else of the
+        instancer that shows it, of the object's data, of the instancer's data, of the material that is met), or
+        "object", "instancer", "material" or "collection" (the first by name that holds the object itself). Texts become
+        rows of a table of all that the file has, sorted, so that parts of a scan have the same; numbers stay. What has
+        no such label has -1, or NaN among numbers that are not whole. They are as they are where a stretch begins.
     threads: at most so many; 0 for all.
     light: what light does to the beams: how wide they are, which echoes are kept, glass, mirrors, noise. See `Light`
         and `README.md` beside this file. None, the default: the sensor's own; a pattern has none, and is an ideal
@@ -87,9 +94,10 @@ def scan(
     What is seen is what the viewport shows, as far as cameras may see it (Object > Visibility > Ray Visibility). What
     cannot be followed from one key moment to the next, since it comes, goes or gets other triangles in between, stands
     still until the later one, and is named in `PointCloud.warnings`.
-    Raises ValueError for a sensor that cannot scan, or that is deleted meanwhile, and what the engine raises.
+    Raises ValueError for a sensor that cannot scan, or that is deleted meanwhile, for a label that nothing in the file
+    has or whose values are neither numbers, texts nor data-blocks, and what the engine raises.
     """
-    how = {"frames": frames, "steps_per_frame": steps_per_frame, "since": since, "threads": threads}
+    how = {"frames": frames, "steps_per_frame": steps_per_frame, "since": since, "labels": labels, "threads": threads}
     how |= {"light": light, "seed": seed}
     scanner = Scanner(pattern, sensor, **how)
     with closing(scanner.steps()) as steps:
@@ -115,6 +123,7 @@ class Scanner:
         frames: tuple[int, int] | None = None,
         steps_per_frame: int = 1,
         since: int | None = None,
+        labels: Sequence[str] = (),
         threads: int = 0,
         light: Light | None = None,
         seed: int = 0,
@@ -133,6 +142,7 @@ class Scanner:
         rate = scene.render.fps / scene.render.fps_base
         self._stretches = tuple(stretches_of(pattern, rate, frames, steps_per_frame, since))
         self._threads = threads
+        self._labels = LabelReader("scan", labels)
         self._collector = Collector(rays_before(pattern, self._stretches))
         self._warnings: dict[str, None] = {}
         self._poses: list[Float64Array] = []
@@ -142,7 +152,8 @@ class Scanner:
 
     def result(self) -> PointCloud:
         """What the finished scan has found."""
-        return self._collector.point_cloud(tuple(self._warnings), self._pose_error, self._scene_error)
+        errors = self._pose_error, self._scene_error
+        return self._collector.point_cloud(tuple(self._warnings), *errors, self._labels.tables)
 
     def steps(self) -> Generator[float, None, None]:
         """Does the scan; yields the share done, 0 to 1, every few tenths of a second, oftener while trees are built.
@@ -168,7 +179,8 @@ class Scanner:
                 self._place.set_frame_back(*before)
 
     def _scan_stretch(self, sync: StretchSync, stretch: Stretch) -> Generator[float, None, None]:
-        view, path, building = self._read(sync, stretch)
+        view, path, building, reading = self._read(sync, stretch)
+        labels = reading.of(sync.record)
         # From here on Blender may do anything between two steps, and is asked for nothing any more.
         before_rays = yield from self._build(building)
         snapshot = sync.scene.snapshot()
@@ -180,7 +192,7 @@ class Scanner:
         )
         rays = self._pattern.cast(stretch.start, stretch.end, view)
         shares = (rays.times - stretch.start) / max(stretch.end - stretch.start, MOST_SHORT)
-        cast = TracedStretch(sync, snapshot, self._pattern, rays, path, shares, self._threads)
+        cast = TracedStretch(sync, snapshot, self._pattern, rays, path, shares, labels, self._threads)
         farthest = 0.0
         for traced, distance in cast.collect(self._collector, self._light, self._random):
             farthest = max(farthest, distance)
@@ -188,15 +200,15 @@ class Scanner:
             yield 1.0 - (1.0 - before_rays) * left  # the last is 1, whatever is rounded
         self._follow(path, farthest)
 
-    def _read(self, sync: StretchSync, stretch: Stretch) -> tuple[View | None, Path, UpdateCommit]:
-        """All that a stretch asks of Blender: the view of a camera grid, the sensor's way, and trees being built."""
+    def _read(self, sync: StretchSync, stretch: Stretch) -> tuple[View | None, Path, UpdateCommit, LabelReading]:
+        """What a stretch asks of Blender: the view of a camera grid, the sensor's way, trees in the making, labels."""
         scene = self._place.find()
         if stretch.frame is not None:
             _set_frame(scene, stretch.frame, stretch.subframe)
         sensor = self._find_sensor(scene)
         depsgraph = self._place.depsgraph()
         count = self._pattern.count(stretch.start, stretch.end)
-        view = None
+        view, reading = None, self._labels.read()
         if self._pattern.needs_camera:
             building = sync.begin_update(depsgraph, count, camera=sensor, size=self._pattern.size)
             view, matrix = _view(sync)
@@ -212,7 +224,7 @@ class Scanner:
             left_out = [str(row) for row in sync.record.not_shown if row.kind in ("material", "image")]
             self._warnings |= dict.fromkeys(left_out)
         self._scene_error = sync.scene_error
-        return view, Path(poses[0], poses[-1]), building
+        return view, Path(poses[0], poses[-1]), building, reading
 
     def _go_on(self, stretch: Stretch, poses: list[Float64Array]) -> Any:
         """Goes to the stretch's end; gives what is evaluated there, and adds the sensor's pose to `poses`."""

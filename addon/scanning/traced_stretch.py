@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from perfect_bvh import Snapshot
 
     from ..live.scene_sync import SceneSync
+    from ..sync.label_columns import SceneLabel
 
 # So many rays are cast in one go: a quarter of a million take a fraction of a second.
 RAYS_IN_A_STEP = 1 << 18
@@ -38,6 +39,7 @@ class TracedStretch:
     rays: Rays
     path: Path
     shares: Float64Array
+    labels: Mapping[str, SceneLabel]
     threads: int
 
     def collect(self, collector: Collector, light: Light | None, random: RayNoise) -> Iterator[tuple[int, float]]:
@@ -64,7 +66,7 @@ class TracedStretch:
             eyes = self._eyes(rows)
             if eyes is not None:
                 drop_hidden(hits, eyes, snapshot, VISIBLE_TO_CAMERA, times, self.threads)
-            collector.add(hits, rays.part(rows), directions[rows], self.sync)
+            collector.add(hits, rays.part(rows), directions[rows], self.sync, self.labels)
             yield first + RAYS_IN_A_STEP, float(np.max(hits.distances, where=hits.is_hit, initial=0.0))
 
     def _returns(self, collector: Collector, light: Light, random: RayNoise) -> Iterator[tuple[int, float]]:
@@ -81,7 +83,7 @@ class TracedStretch:
             part = rays.part(rows)
             of_scan = collector.next_ray_id, self._eyes(rows)
             returns = caster.cast(Batch(part, origins[rows], directions[rows], across[rows], times[rows], *of_scan))
-            collector.add_returns(returns, part, self.sync)
+            collector.add_returns(returns, part, self.sync, self.labels)
             yield first + size, float(np.max(returns.hits.distances, initial=0.0))
 
     @property

@@ -111,6 +111,10 @@ class SceneLookup:
         self._slot_offsets = _offsets([len(obj.material_slots) for obj in record.objects])
         self._slot_materials = np.array([row for obj in record.objects for row in obj.material_slots], np.int32)
 
+    def instance_rows(self, instance_ids: npt.NDArray[Any]) -> Int32Array:
+        """(...) int32: rows of the record's instances, -1 for a miss."""
+        return self._instances.find(instance_ids, "instance_rows: instance")
+
     def describe(self, instance_ids: npt.ArrayLike) -> InstanceDescription:
         """Names, session uids and persistent ids of instances, -1 for a miss; see `InstanceDescription`."""
         ids = np.asarray(instance_ids)

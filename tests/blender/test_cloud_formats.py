@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from dataclasses import replace
 from datetime import date
 from pathlib import Path
@@ -20,9 +21,12 @@ pytest.importorskip("bpy")
 
 from perfect_bvh_addon import PointCloud, save_cloud  # noqa: E402
 from perfect_bvh_addon.scanning import formats  # noqa: E402
-from perfect_bvh_addon.scanning.formats import SINGULAR, check_format  # noqa: E402
-from perfect_bvh_addon.scanning.point_cloud import COLUMNS  # noqa: E402
+from perfect_bvh_addon.scanning.format_columns import label_columns  # noqa: E402
+from perfect_bvh_addon.scanning.formats import check_format  # noqa: E402
+from perfect_bvh_addon.scanning.point_cloud import COLUMNS, SINGULAR  # noqa: E402
+from perfect_bvh_addon.sync.label_columns import LabelColumn, LabelTable  # noqa: E402
 
+ODD = "Größe / a name of more than 32 bytes"
 NAMES = ("Würfel", 'a "quoted" name', "Ground\nfloor")
 
 
@@ -45,7 +49,30 @@ def cloud(count: int = 257, far: float = 0.0) -> PointCloud:
         material_names=("Red", "Blue"),
         ray_count=1000,
         pose_error=0.25,
+        labels=labels_of(random, count),
     )
+
+
+def labels_of(random: np.random.Generator, count: int) -> dict[str, LabelColumn]:
+    """Of every kind, one of the name of a column, one that not every format can have as it is."""
+    kinds = {
+        "kind": (random.integers(-1, 3, count).astype(np.int32), LabelTable(NAMES, -1)),
+        "partID": (random.integers(-1, 1 << 30, count).astype(np.int32), LabelTable(None, -1)),
+        "time": (np.where(random.random(count) < 0.5, np.nan, random.random(count)), LabelTable(None, math.nan)),
+        ODD: (random.integers(-1, 3, count).astype(np.int32), LabelTable(NAMES, -1)),
+    }
+    return {name: LabelColumn(values, table) for name, (values, table) in kinds.items()}
+
+
+def check_labels(made: PointCloud, facts: Any, column: Any) -> None:
+    """Each label of a file is in the column that the file names, with what its values stand for."""
+    assert set(facts) == set(made.labels)
+    for name, label in made.labels.items():
+        found = np.asarray(column(facts[name]["column"]))
+        assert found.dtype.kind == label.values.dtype.kind
+        assert np.array_equal(found, label.values, equal_nan=label.values.dtype.kind == "f"), name
+        assert facts[name]["names"] == (None if label.names is None else list(label.names))
+        assert facts[name]["missing"] == (-1 if label.table.is_whole else None)
 
 
 @pytest.mark.parametrize("count", [257, 0])
@@ -55,7 +82,7 @@ def test_tables_hold_every_column(tmp_path: Path, suffix: str, count: int) -> No
     path = save_cloud(made, tmp_path / f"points{suffix}")
     table = pyarrow_csv.read_csv(path) if suffix == ".csv" else pyarrow_parquet.read_table(path)
     assert table.num_rows == count
-    assert len(table.column_names) == len(SINGULAR) + 6
+    assert len(table.column_names) == len(SINGULAR) + 6 + len(made.labels)
     if count:
         assert np.array_equal(table["x"].to_numpy(), made.positions[:, 0])
         assert np.array_equal(table["ray_id"].to_numpy(), made.ray_ids)
@@ -63,6 +90,10 @@ def test_tables_hold_every_column(tmp_path: Path, suffix: str, count: int) -> No
     if suffix == ".parquet":
         assert json.loads(table.schema.metadata[b"object_names"]) == list(NAMES)
         assert table.schema.metadata[b"ray_count"] == b"1000"
+        check_labels(made, json.loads(table.schema.metadata[b"labels"]), lambda name: table[name].to_numpy())
+    elif count:
+        assert np.array_equal(table["partID"].to_numpy(), made.labels["partID"].values)
+        assert np.array_equal(table["label_time"].to_numpy(), made.labels["time"].values, equal_nan=True)
 
 
 @pytest.mark.parametrize("count", [257, 0])
@@ -75,6 +106,8 @@ def test_ply_holds_every_column(tmp_path: Path, count: int) -> None:
     assert np.array_equal(rows["ray_id"].astype(np.int64), made.ray_ids)
     (names,) = (text for text in data.comments if text.startswith("object_names "))
     assert json.loads(names.removeprefix("object_names ")) == list(NAMES)
+    (labels,) = (text for text in data.comments if text.startswith("labels "))
+    check_labels(made, json.loads(labels.removeprefix("labels ")), lambda name: rows[name])
 
 
 @pytest.mark.parametrize("suffix", [".las", ".laz"])
@@ -94,6 +127,7 @@ def test_las_holds_every_column(tmp_path: Path, suffix: str, count: int, far: fl
     assert np.abs(np.asarray(points.intensity) / 65535.0 - made.intensities).max(initial=0.0) < 1e-5
     texts = {vlr.description.strip("\0"): vlr.record_data for vlr in points.header.vlrs.get_by_id("Perfect BVH")}
     assert json.loads(texts["object_names"]) == list(NAMES)
+    check_labels(made, json.loads(texts["labels"]), lambda name: points[name])
 
 
 def test_las_goes_as_far_as_whole_numbers_reach(tmp_path: Path) -> None:
@@ -128,11 +162,32 @@ def test_hdf5_holds_every_column(tmp_path: Path) -> None:
             assert np.array_equal(file[column][()], getattr(made, column))
         assert [name.decode() for name in file["object_names"][()]] == list(NAMES)
         assert file.attrs["pose_error"] == 0.25
+        check_labels(made, json.loads(file["labels"][()]), lambda name: file[name][()])
 
 
 def test_npz_is_the_clouds_own(tmp_path: Path) -> None:
-    with np.load(save_cloud(cloud(), tmp_path / "points.NPZ")) as data:
+    made = cloud()
+    with np.load(save_cloud(made, tmp_path / "points.NPZ")) as data:
         assert set(COLUMNS) <= set(data.files)
+        check_labels(made, json.loads(str(data["labels"])), lambda name: data[name])
+
+
+def test_labels_keep_clear_of_a_formats_own_columns(tmp_path: Path) -> None:
+    made = cloud()
+    column = made.labels["partID"]
+    renamed = replace(made, labels={"classification": column, "X": column, "Object_ID": column})
+    assert label_columns(renamed.labels, ".las") == {
+        "classification": "label_classification",
+        "X": "label_X",
+        "Object_ID": "label_Object_ID",
+    }
+    points = laspy.read(save_cloud(renamed, tmp_path / "points.las"))
+    assert np.array_equal(points["label_classification"], column.values) and not points.classification.any()
+    assert label_columns(renamed.labels, ".csv")["classification"] == "classification"
+    alike = replace(made, labels={"part id": column, "part_id": column})
+    with pytest.raises(ValueError, match="labels 'part id' and 'part_id' would both be column 'part_id' of a ply file"):
+        save_cloud(alike, tmp_path / "points.ply")
+    assert list(tmp_path.glob("*.ply")) == []
 
 
 def test_what_cannot_be_written_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

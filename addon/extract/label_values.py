@@ -1,0 +1,270 @@
+"""Labels by name, read from Blender: custom properties, and who shows what with which material in which collection.
+
+The one place that says what the label NAME of an instance is, for point clouds and for label images. A custom property
+is asked of the object, then of the instancer that shows it, of the object's data, of the instancer's data, and last of
+the material that a ray meets. Four names are no properties, but what they say: `object`, `instancer`, `material`, and
+`collection`, the first by name of those that hold the object itself, else of those that hold its instancer.
+"""
+
+from __future__ import annotations
+
+import difflib
+import math
+from collections.abc import Iterable, Iterator, Sequence
+from typing import Any
+
+import bpy
+
+from ..sync.label_columns import MISSING, MISSING_AMONG_NEGATIVES, LabelTable, OwnerValues, SceneLabel
+from ..sync.records import SceneRecord
+
+OBJECT, INSTANCER, MATERIAL, COLLECTION = "object", "instancer", "material", "collection"
+BUILT_IN = (OBJECT, INSTANCER, MATERIAL, COLLECTION)
+# Objects that no ray can meet, whatever their modifiers do.
+_NEVER_MET = frozenset({"EMPTY", "CAMERA", "LIGHT", "LIGHT_PROBE", "SPEAKER", "ARMATURE", "LATTICE"})
+_NONE: dict[int, float] = {}
+
+
+class LabelReader:
+    """Reads labels as often as a scene changes.
+
+    Their tables come from the whole file, as it is now, and not from what is met: the same names have the same rows in
+    whatever part of a scan or frame. What gets another text later is added at the end.
+
+    what: who asks, for errors. names: of custom properties, or of `BUILT_IN`. as_names: numbers become names as well.
+    Raises ValueError for a name that nothing in the file has, and values that are no labels.
+    """
+
+    def __init__(self, what: str, names: Sequence[str], *, as_names: bool = False) -> None:
+        _check_names(what, names)
+        self._columns: dict[str, _Column] = {}
+        for name in names:
+            make = _MAKERS.get(name)
+            self._columns[name] = _Property(what, name, as_names=as_names) if make is None else make(what)
+
+    @property
+    def tables(self) -> dict[str, LabelTable]:
+        """Of each name, with all that was read so far."""
+        return {name: column.table for name, column in self._columns.items()}
+
+    def read(self) -> LabelReading:
+        """What Blender has now. Main thread only."""
+        return LabelReading({name: column.read() for name, column in self._columns.items()}, self.tables)
+
+
+class LabelReading:
+    """What was read at one moment; asks nothing of Blender."""
+
+    def __init__(self, values: dict[str, OwnerValues], tables: dict[str, LabelTable]) -> None:
+        self._values = values
+        self._tables = tables
+
+    def of(self, record: SceneRecord) -> dict[str, SceneLabel]:
+        """By the rows of a record of that moment."""
+        return {name: values.of(record, self._tables[name]) for name, values in self._values.items()}
+
+
+def collections_of_objects() -> dict[int, tuple[str, ...]]:
+    """The names of all collections that hold an object itself, sorted, by the object's session uid."""
+    found: dict[int, set[str]] = {}
+    for holder in (*(scene.collection for scene in bpy.data.scenes), *bpy.data.collections):
+        for obj in holder.objects:
+            found.setdefault(obj.session_uid, set()).add(holder.name)
+    return {uid: tuple(sorted(names)) for uid, names in found.items()}
+
+
+# Columns -------------------------------------------------------------------------------------------------------------
+
+
+class _Names:
+    """A sorted table of names, to which others may be added."""
+
+    def __init__(self, names: Iterable[str]) -> None:
+        self._rows = {name: row for row, name in enumerate(sorted(set(names), key=_by_number))}
+
+    def row_of(self, name: str) -> int:
+        return self._rows.setdefault(name, len(self._rows))
+
+    @property
+    def table(self) -> LabelTable:
+        return LabelTable(tuple(self._rows), MISSING)
+
+
+class _Column:
+    """One label."""
+
+    @property
+    def table(self) -> LabelTable:
+        raise NotImplementedError
+
+    def read(self) -> OwnerValues:
+        raise NotImplementedError
+
+
+class _Objects(_Column):
+    def __init__(self, _: str) -> None:
+        self._names = _Names(obj.name for obj in bpy.data.objects if self.may_have(obj))
+
+    @staticmethod
+    def may_have(obj: Any) -> bool:
+        return obj.type not in _NEVER_MET
+
+    @property
+    def table(self) -> LabelTable:
+        return self._names.table
+
+    def read(self) -> OwnerValues:
+        rows = {obj.session_uid: self._names.row_of(obj.name) for obj in bpy.data.objects if self.may_have(obj)}
+        return OwnerValues(rows, _NONE, _NONE, from_instancer=False)
+
+
+class _Instancers(_Objects):
+    @staticmethod
+    def may_have(_: Any) -> bool:
+        return True
+
+    def read(self) -> OwnerValues:
+        rows = {obj.session_uid: self._names.row_of(obj.name) for obj in bpy.data.objects}
+        return OwnerValues(rows, _NONE, _NONE, from_object=False)
+
+
+class _Materials(_Column):
+    def __init__(self, _: str) -> None:
+        self._names = _Names(material.name for material in bpy.data.materials)
+
+    @property
+    def table(self) -> LabelTable:
+        return self._names.table
+
+    def read(self) -> OwnerValues:
+        rows = {material.session_uid: self._names.row_of(material.name) for material in bpy.data.materials}
+        return OwnerValues(_NONE, _NONE, rows)
+
+
+class _Collections(_Column):
+    def __init__(self, _: str) -> None:
+        own = (scene.collection.name for scene in bpy.data.scenes)
+        self._names = _Names((*own, *(item.name for item in bpy.data.collections)))
+
+    @property
+    def table(self) -> LabelTable:
+        return self._names.table
+
+    def read(self) -> OwnerValues:
+        rows = {uid: self._names.row_of(names[0]) for uid, names in collections_of_objects().items()}
+        return OwnerValues(rows, _NONE, _NONE)
+
+
+class _Property(_Column):
+    """A custom property: texts if any value is one, or all are to be; else numbers, whole if all are."""
+
+    def __init__(self, what: str, name: str, *, as_names: bool) -> None:
+        self._what, self._name = what, name
+        values = [self._value(owner) for owner in _owners()]
+        found = [value for value in values if value is not None]
+        if not found:
+            raise ValueError(f"{what}: {_unknown(name)}")
+        self._names: _Names | None = None
+        if as_names or any(isinstance(value, str) for value in found):
+            self._names = _Names(map(str, found))
+            self._numbers = LabelTable(None, MISSING)
+        elif all(isinstance(value, int) for value in found):
+            is_negative = any(value < 0 for value in found)
+            self._numbers = LabelTable(None, MISSING_AMONG_NEGATIVES if is_negative else MISSING)
+        else:
+            self._numbers = LabelTable(None, math.nan)
+
+    @property
+    def table(self) -> LabelTable:
+        return self._numbers if self._names is None else self._names.table
+
+    def read(self) -> OwnerValues:
+        objects, data = {}, {}
+        of_data: dict[int, float | None] = {}
+        for obj in bpy.data.objects:
+            number = self._number(obj)
+            if number is not None:
+                objects[obj.session_uid] = number
+            owner = obj.data
+            if owner is None:
+                continue
+            uid = owner.session_uid
+            if uid not in of_data:
+                of_data[uid] = self._number(owner)
+            number = of_data[uid]
+            if number is not None:
+                data[obj.session_uid] = number
+        materials = {material.session_uid: self._number(material) for material in bpy.data.materials}
+        return OwnerValues(objects, data, {uid: value for uid, value in materials.items() if value is not None})
+
+    def _number(self, owner: Any) -> float | None:
+        value = self._value(owner)
+        if value is None:
+            return None
+        if self._names is not None:
+            return self._names.row_of(str(value))
+        if isinstance(value, str) or (self._numbers.is_whole and not isinstance(value, int)):
+            raise ValueError(
+                f"{self._what}: label {self._name!r} held {'whole ' if self._numbers.is_whole else ''}numbers alone at "
+                f"first, and now has {value!r} on {owner.name!r}; give one of its owners a text from the beginning"
+            )
+        return float(value)
+
+    def _value(self, owner: Any) -> int | float | str | None:
+        value = owner.get(self._name)
+        if value is None or isinstance(value, str):
+            return value or None
+        if isinstance(value, (bool, int)):
+            return int(value)
+        if isinstance(value, float):
+            return None if math.isnan(value) else value
+        if isinstance(value, bpy.types.ID):
+            return value.name
+        raise ValueError(
+            f"{self._what}: label {self._name!r} must be a number, a text or a data-block, got "
+            f"{type(value).__name__} on {owner.name!r}"
+        )
+
+
+_MAKERS = {OBJECT: _Objects, INSTANCER: _Instancers, MATERIAL: _Materials, COLLECTION: _Collections}
+
+
+def _owners() -> Iterator[Any]:
+    """All that may have a label."""
+    seen = set()
+    for obj in bpy.data.objects:
+        yield obj
+        if obj.data is not None and obj.data.session_uid not in seen:
+            seen.add(obj.data.session_uid)
+            yield obj.data
+    yield from bpy.data.materials
+
+
+def _check_names(what: str, names: Sequence[str]) -> None:
+    if isinstance(names, str):
+        raise ValueError(f"{what}: labels must be a sequence of names, got one text; ({names!r},) is one of one name")
+    for name in names:
+        if not isinstance(name, str) or not name:
+            raise ValueError(f"{what}: labels must be names, got {name!r}")
+    twice = next((name for place, name in enumerate(names) if name in names[:place]), None)
+    if twice is not None:
+        raise ValueError(f"{what}: labels must differ, got {twice!r} twice")
+
+
+def _unknown(name: str) -> str:
+    known = sorted({key for owner in _owners() for key in owner.keys()} | set(BUILT_IN))  # noqa: SIM118 - no dict
+    near = difflib.get_close_matches(name, known, n=1, cutoff=0.5)
+    hint = f" (is it {near[0]!r}?)" if near else ""
+    return (
+        f"no object, data or material of this file has a custom property {name!r} that could be a label{hint}; "
+        f"{', '.join(BUILT_IN)} can be labels without one"
+    )
+
+
+def _by_number(text: str) -> tuple[int, float, str]:
+    """Numbers by their size, before all other names."""
+    try:
+        number = float(text)
+    except ValueError:
+        return 1, 0.0, text
+    return (1, 0.0, text) if math.isnan(number) else (0, number, text)
