@@ -32,7 +32,7 @@ class LabelReader:
     whatever part of a scan or frame. What gets another text later is added at the end.
 
     what: who asks, for errors. names: of custom properties, or of `BUILT_IN`. as_names: numbers become names as well.
-    Raises ValueError for a name that nothing in the file has, and values that are no labels.
+    Raises ValueError for a name that nothing in the file has, and values that are no labels. What is not finite is none.
     """
 
     def __init__(self, what: str, names: Sequence[str], *, as_names: bool = False) -> None:
@@ -217,7 +217,7 @@ class _Property(_Column):
         if isinstance(value, (bool, int)):
             return int(value)
         if isinstance(value, float):
-            return None if math.isnan(value) else value
+            return value if math.isfinite(value) else None
         if isinstance(value, bpy.types.ID):
             return value.name
         raise ValueError(

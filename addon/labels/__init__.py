@@ -5,6 +5,7 @@ labels       the result as arrays, and as an .npz file. Knows no Blender.
 masks        the pixels of many things, which may overlap. Knows no Blender.
 things       what the numbers stand for: names, numbers that users gave, categories
 surfaces     normals and uvs where rays met meshes. Knows no Blender.
+run_lengths  masks as COCO has them, all at once. Knows no Blender.
 coco         many labelled images as one file of the format of COCO. Knows no Blender.
 """
 

@@ -12,11 +12,10 @@ from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from typing import Any, TextIO
 
-import numpy as np
-
 from ..support.files import replacing
 from .labels import Labels
 from .masks import Masks
+from .run_lengths import run_lengths
 
 MISSING = "COCO files need pycocotools: pip install 'perfect-bvh[data]'"
 # What of a row are things, and whether of what is seen: those that are hidden altogether stand apart.
@@ -59,9 +58,12 @@ def image_row(labels: Labels, file_name: str) -> Row:
                 "instancer": thing.instancer,
                 "instance_id": thing.instance_id,
                 "pass_index": thing.pass_index,
+                "collections": list(thing.collections),
+                "attributes": dict(thing.labels),
             }
         )
-    return {"file_name": file_name, "width": width, "height": height, "things": things}
+    size = {"width": width, "height": height}
+    return {"file_name": file_name, **size, "categories": list(labels.categories), "things": things}
 
 
 def _parts(masks: Masks) -> list[tuple[dict[str, Any], list[int], int]]:
@@ -70,16 +72,11 @@ def _parts(masks: Masks) -> list[tuple[dict[str, Any], list[int], int]]:
     from pycocotools import mask
 
     width, height = masks.size
-    # The run lengths are those of columns.
-    image = np.zeros((height, width), np.uint8, order="F")
-    made = []
-    for number, (box, area) in enumerate(zip(masks.boxes().tolist(), masks.areas.tolist(), strict=True)):
-        rows, columns = np.divmod(masks.pixels_of(number), width)
-        image[rows, columns] = 1
-        runs = mask.encode(image)
-        image[rows, columns] = 0
-        made.append(({"size": list(map(int, runs["size"])), "counts": runs["counts"].decode()}, box, area))
-    return made
+    found = zip(run_lengths(masks), masks.boxes().tolist(), masks.areas.tolist(), strict=True)
+    return [
+        ({**runs, "counts": mask.frPyObjects(runs, height, width)["counts"].decode()}, box, area)
+        for runs, box, area in found
+    ]
 
 
 def write_rows(rows: Iterable[Row], path: Path) -> None:
@@ -125,9 +122,11 @@ def _images(rows: Iterable[Row]) -> Iterator[Row]:
 
 
 def _things(rows: Iterable[Row], which: str, categories: dict[str, int]) -> Iterator[Row]:
-    """Those that are seen, or those that are hidden; both are numbered together. categories: those met are added."""
+    """Those that are seen, or those that are hidden; both are numbered together. categories: the rows' are added."""
     identifier = 0
     for image_id, row in enumerate(rows, 1):
+        for name in row["categories"]:  # numbered as in images
+            categories.setdefault(name, len(categories) + 1)
         for thing in row["things"]:
             identifier += 1
             rest = dict(thing)
@@ -141,8 +140,9 @@ class CocoFile:
 
     Each thing that is seen is an annotation: `segmentation`, `bbox` and `area` of what is seen of it, beside them
     `amodal_segmentation`, `amodal_bbox`, `amodal_area` and `visible_share`. What is hidden altogether stands in a list
-    of its own, `hidden`, with the same fields. Categories are numbered from 1, in the order in which they are first
-    met. Raises ImportError without pycocotools.
+    of its own, `hidden`, with the same fields. `attributes` are the labels that were asked for, null where a thing has
+    none, beside its `collections`. Categories are all of the file, numbered from 1 in the order of the images' own,
+    then "none" if a thing has none. Raises ImportError without pycocotools.
     """
 
     def __init__(self) -> None:

@@ -8,8 +8,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
+from ..extract.label_values import OBJECT, LabelReader
 from ..support.memory import check_fits
 from ..support.progress import Progress, part_of
+from ..sync.label_columns import LabelColumn
 from ..sync.lookup import MISS, IdRows
 from ..sync.records import VISIBLE_TO_CAMERA, AttributeRequest
 from .labels import Labels
@@ -18,7 +20,7 @@ from .surfaces import corner_values, world_normals
 from .things import find_things
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Sequence
 
     import bpy
     from perfect_bvh import Camera, Intersections, Snapshot
@@ -43,6 +45,7 @@ def label_image(
     size: tuple[int, int] | None = None,
     layers: int = 1,
     category: str | None = None,
+    labels: Sequence[str] = (),
     flow: bool = False,
     frame_set: Callable[[int, float], object] | None = None,
     threads: int = 0,
@@ -54,16 +57,19 @@ def label_image(
     stays is not read and built again; None, the default, for a new one. It is brought in step.
     camera: None, the default, for the scene's. size: (width, height) in pixels; None for the render size.
     layers: how many of the nearest surfaces along each ray to keep the depths of, 1 or more.
-    category: the name of a custom property (of objects, else of their instancers, else of their data) whose values are
-        the categories; None, the default: each object's name is one.
+    category: the label whose values are the categories; None, the default: each object's name is one. labels: names of
+        others, for `Labels.labels` and the things. A label is a custom property, of the object, else of the instancer
+        that shows it, of the object's data, of the instancer's data, of the material; or "object", "instancer",
+        "material" or "collection" (the first by name that holds the object itself). Tables of names have those of the
+        whole file, so that they are the same in each frame.
     flow: whether to tell how pixels move from the frame before to the next, for which those are evaluated. frame_set:
         what does that, of a render its engine's; None, the default: the scene's own.
     threads: to cast rays, at most so many; 0 for all. progress: called with 0 to 1; returning False raises
         `perfect_bvh.Cancelled`.
 
     What is seen is what the viewport shows, or the render whose depsgraph it is, as far as cameras may see it; glass
-    and what is transparent are seen as they stand there. Raises ValueError without a usable camera, and what the engine
-    raises.
+    and what is transparent are seen as they stand there. Raises ValueError without a usable camera, for a label that
+    nothing in the file has or whose values are neither numbers, texts nor data-blocks, and what the engine raises.
     """
     import bpy
 
@@ -73,6 +79,8 @@ def label_image(
         raise ValueError(f"label_image: layers must be an integer of 1 to 1000, got {layers!r}")
     if depsgraph is None:
         depsgraph = bpy.context.evaluated_depsgraph_get()
+    classes = LabelReader("label_image", (OBJECT if category is None else category,), as_names=True)
+    others = LabelReader("label_image", labels)
     own = SceneSync(READ, watch=False) if sync is None else sync
     own.request(READ)
     try:
@@ -87,7 +95,7 @@ def label_image(
         check_fits(f"label_image: {width:,} x {height:,} pixels", bytes_needed, "choose a smaller size")
         labelling = _Labelling(own, own.camera, own.size, layers, flow, threads)
         labelling.run(part_of(progress, 0.3, 0.7))
-        return labelling.result(category)
+        return labelling.result(classes, others)
     finally:
         if sync is None:
             own.close()
@@ -201,12 +209,15 @@ class _Labelling:
         normals[away] *= -1.0
         return normals
 
-    def result(self, category: str | None) -> Labels:
-        """What was kept, by the things that were met."""
+    def result(self, classes: LabelReader, others: LabelReader) -> Labels:
+        """What was kept, by the things that were met. classes: reads the one label that says categories."""
         width, height = self.size
         owners, pixels = np.concatenate(self.owners), np.concatenate(self.pixels)
         present = np.unique(owners).astype(np.int32)
-        things, categories = find_things(self.sync, present, category)
+        (category,) = classes.read().of(self.sync.record).values()
+        labels = others.read().of(self.sync.record)
+        things, categories = find_things(self.sync, present, category, labels)
+        rows = self.instance_rows.find(self.instances, "label_image: instance")
 
         def numbered(ids: npt.NDArray[np.int32]) -> npt.NDArray[np.int32]:
             return np.where(ids < 0, MISS, np.searchsorted(present, ids)).astype(np.int32)
@@ -229,6 +240,10 @@ class _Labelling:
             things=things,
             categories=categories,
             material_names=tuple(str(name) for name in self.sync.material_names),
+            labels={
+                name: LabelColumn(label.at(rows, self.materials).reshape(height, width), label.table)
+                for name, label in labels.items()
+            },
             flow=self._flow() if self.flow else None,
             warnings=self.sync.warnings,
         )

@@ -4,14 +4,17 @@ from __future__ import annotations
 
 import json
 import os
-from dataclasses import asdict, dataclass
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from ..support.arrays import write_arrays
 from ..support.files import replacing
+from ..sync.label_columns import LabelColumn
 from .masks import Masks
 from .things import Thing
 
@@ -33,7 +36,8 @@ class Labels:
     depths and rows of `things`; 1e10 and -1 where there are fewer.
     visible, amodal: a mask for each thing: where it is seen, and where any ray meets it, whatever is before it. Those
     that are visible never overlap.
-    things: what is met by any ray, in the order of their instance_id. categories: their names.
+    things: what is met by any ray, in the order of their instance_id. categories: the names of all that the file has.
+    labels: by the names that were asked for, (H, W) int32 or float64, see `label_image`.
     warnings: what could not be read, as sentences.
     """
 
@@ -51,6 +55,7 @@ class Labels:
     things: tuple[Thing, ...]
     categories: tuple[str, ...]
     material_names: tuple[str, ...]
+    labels: Mapping[str, LabelColumn] = field(default_factory=dict)
     flow: Floats | None = None
     warnings: tuple[str, ...] = ()
 
@@ -64,24 +69,38 @@ class Labels:
         """(N,) float32: of each thing's pixels those where it is seen, 0 to 1."""
         return (self.visible.areas / np.maximum(self.amodal.areas, 1)).astype(np.float32)
 
-    def save(self, path: str | os.PathLike[str]) -> Path:
-        """Writes everything into a compressed .npz file (the ending is added if it is missing) and returns its path.
-
-        Masks are kept as `visible_splits` and `visible_pixels`, and likewise of `amodal`; `things` as JSON. A file of
-        that name is replaced once the new one is complete. Raises OSError with the reason if it cannot be written.
-        """
-        path = Path(path)
-        if path.suffix.lower() != ".npz":
-            path = path.with_name(path.name + ".npz")
+    def arrays(self) -> dict[str, npt.NDArray[Any]]:
+        """All that are no texts, by the names that they have in files."""
         names = ("depth", "positions", "normals", "uvs", "thing_ids", "material_ids", "category_ids")
         arrays = {name: getattr(self, name) for name in (*names, "layer_depths", "layer_ids", "visible_shares")}
         for name, masks in (("visible", self.visible), ("amodal", self.amodal)):
             arrays |= {f"{name}_splits": masks.splits, f"{name}_pixels": masks.pixels}
         if self.flow is not None:
             arrays["flow"] = self.flow
-        arrays["things"] = np.array(json.dumps([asdict(thing) for thing in self.things]))
+        return arrays | {f"label_{name}": label.values for name, label in self.labels.items()}
+
+    def described_things(self) -> list[dict[str, Any]]:
+        """The things, as JSON has them."""
+        return [asdict(thing) for thing in self.things]
+
+    def described_labels(self) -> dict[str, Any]:
+        """What the values of labels are, as JSON has it."""
+        return {name: label.table.described() for name, label in self.labels.items()}
+
+    def save(self, path: str | os.PathLike[str]) -> Path:
+        """Writes everything into a compressed .npz file (the ending is added if it is missing) and returns its path.
+
+        Masks are kept as `visible_splits` and `visible_pixels`, and likewise of `amodal`; labels as `label_NAME`;
+        `things` as JSON, as well as `labels`, which says what the labels' values are. A file of that name is replaced once the new one is complete. Raises OSError with the reason if it cannot be written.
+        """
+        path = Path(path)
+        if path.suffix.lower() != ".npz":
+            path = path.with_name(path.name + ".npz")
+        arrays = self.arrays()
+        arrays["things"] = np.array(json.dumps(self.described_things()))
         arrays["categories"] = np.array(self.categories, np.str_)
         arrays["material_names"] = np.array(self.material_names, np.str_)
+        arrays["labels"] = np.array(json.dumps(self.described_labels()))
         with replacing(path) as name:
             write_arrays(name, arrays, is_compressed=True)
         return path

@@ -1,14 +1,16 @@
-"""What labels' numbers stand for: instances, with the names and numbers that users gave their objects."""
+"""What labels' numbers stand for: instances, with the names and labels that users gave their objects."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
 
+from ..extract.label_values import collections_of_objects
+from ..sync.label_columns import LabelValue, SceneLabel
 from ..sync.lookup import MISS
 
 if TYPE_CHECKING:
@@ -21,7 +23,8 @@ class Thing:
 
     name: of the object. instancer: the name of the object that shows it, "" for a plain one. instance_id: of this
     instance; it lasts while its sync does. pass_index: the object's. category: a row of the image's categories, -1 for
-    none.
+    none. collections: the names of all that hold the object itself, sorted. labels: the values of those that were asked
+    for, by name, None for none; where only materials have a label, what all of the object's agree on.
     """
 
     name: str
@@ -29,60 +32,35 @@ class Thing:
     instance_id: int
     pass_index: int
     category: int = MISS
+    collections: tuple[str, ...] = ()
+    labels: Mapping[str, LabelValue] = field(default_factory=dict)
 
 
 def find_things(
-    sync: SceneSync, instance_ids: npt.NDArray[np.int32], category: str | None
+    sync: SceneSync, instance_ids: npt.NDArray[np.int32], category: SceneLabel, labels: Mapping[str, SceneLabel]
 ) -> tuple[tuple[Thing, ...], tuple[str, ...]]:
     """A thing for each of (N,) instances, and the categories' names.
 
-    category: the custom property that says them; of objects, else of their instancers, else of their data. None: each
-    object's name is its category.
+    category: the label that says them, of names. labels: others by their names.
     """
-    found = sync.describe(instance_ids)
+    found, rows = sync.describe(instance_ids), sync.instance_rows(instance_ids)
     indices = {obj.session_uid: obj.pass_index for obj in sync.record.objects}
-    if category is None:
-        values = [str(name) for name in found.names]
-    else:
-        pairs = zip(found.session_uids.tolist(), found.parent_session_uids.tolist(), strict=True)
-        values = _properties(category, pairs)
-    names = tuple(sorted({value for value in values if value}, key=_by_number))
-    rows = {name: row for row, name in enumerate(names)} | {"": MISS}
-    things = [
-        Thing(str(name), str(parent), int(identifier), indices.get(int(uid), 0), rows[value])
-        for name, parent, identifier, uid, value in zip(
-            found.names, found.parent_names, instance_ids, found.session_uids, values, strict=True
+    holders = collections_of_objects()
+    names = category.table.names or ()
+    numbers = {name: row for row, name in enumerate(names)}
+    categories = category.of_things(sync.record, rows)
+    columns = {name: label.of_things(sync.record, rows) for name, label in labels.items()}
+    things = []
+    for row, uid in enumerate(found.session_uids.tolist()):
+        things.append(
+            Thing(
+                name=str(found.names[row]),
+                instancer=str(found.parent_names[row]),
+                instance_id=int(instance_ids[row]),
+                pass_index=indices.get(uid, 0),
+                category=numbers.get(str(categories[row]), MISS) if categories[row] is not None else MISS,
+                collections=holders.get(uid, ()),
+                labels={name: values[row] for name, values in columns.items()},
+            )
         )
-    ]
     return tuple(things), names
-
-
-def _properties(name: str, uids: Iterable[tuple[int, int]]) -> list[str]:
-    """Of each object and its instancer, by session uid; "" where nothing has it."""
-    import bpy
-
-    objects = {obj.session_uid: obj for obj in bpy.data.objects}
-    known: dict[tuple[int, int], str] = {}
-    result = []
-    for pair in uids:
-        if pair not in known:
-            known[pair] = _property(name, [objects.get(uid) for uid in pair])
-        result.append(known[pair])
-    return result
-
-
-def _property(name: str, owners: list[Any]) -> str:
-    data = [getattr(owner, "data", None) for owner in owners]
-    for owner in (*owners, *data):
-        value = None if owner is None else owner.get(name)
-        if value is not None:
-            return str(value)
-    return ""
-
-
-def _by_number(text: str) -> tuple[int, float, str]:
-    """Numbers by their size, before all other names."""
-    try:
-        return 0, float(text), text
-    except ValueError:
-        return 1, 0.0, text

@@ -16,6 +16,7 @@ coco_mask = pytest.importorskip("pycocotools.mask")
 from blender.builders import camera_object, collection, collection_instance, mesh_object  # noqa: E402
 from perfect_bvh_addon import CocoFile, Labels, SceneSync, label_image  # noqa: E402
 from perfect_bvh_addon.labels.masks import masks_of  # noqa: E402
+from perfect_bvh_addon.labels.run_lengths import run_lengths  # noqa: E402
 
 SCENES = Path(__file__).parents[2] / "blend_scenes"
 SIZE = (96, 54)
@@ -156,8 +157,8 @@ def test_categories_are_what_a_property_says(scene: Any) -> None:
     }
     seen = labels.thing_ids == named(labels, "Floor")
     assert (labels.category_ids[seen] == 2).all()
-    none = label_image(size=SIZE, category="no such property")
-    assert none.categories == () and (none.category_ids == -1).all()
+    with pytest.raises(ValueError, match="label_image: no object.* custom property 'kinds'.*is it 'kind'"):
+        label_image(size=SIZE, category="kinds")
     assert label_image(size=SIZE).categories == ("Ball 0", "Ball 1", "Ball 2", "Box", "Floor")
 
 
@@ -232,6 +233,22 @@ def test_masks_may_be_empty_and_overlap() -> None:
     assert masks.boxes().tolist() == [[2, 1, 1, 1], [0, 0, 0, 0], [0, 0, 3, 2]]
     assert masks.image_of(2).tolist() == [[False, True, False], [True, False, True]]
     assert not masks.image_of(1).any()
+
+
+@pytest.mark.parametrize("size", [(7, 5), (1, 9), (9, 1), (64, 48)])
+def test_run_lengths_are_those_of_single_masks(size: tuple[int, int]) -> None:
+    random = np.random.default_rng(sum(size))
+    count, pixel_count = 40, size[0] * size[1]
+    # None, all, the first, the last, one column, and anything.
+    some = [[], range(pixel_count), [0], [pixel_count - 1], range(0, pixel_count, size[0])]
+    some += [np.flatnonzero(random.random(pixel_count) < random.random()) for _ in range(count - len(some))]
+    owners = np.repeat(np.arange(count), [len(pixels) for pixels in some])
+    pixels = np.concatenate([np.asarray(each, np.int64) for each in some])
+    masks = masks_of(owners.astype(np.int64), pixels, count, size)
+    for number, runs in enumerate(run_lengths(masks)):
+        expected = coco_mask.encode(np.asfortranarray(masks.image_of(number).astype(np.uint8)))
+        assert coco_mask.frPyObjects(runs, size[1], size[0]) == expected, number
+    assert run_lengths(masks_of(owners[:0], pixels[:0], 0, size)) == []
 
 
 # What goes wrong -----------------------------------------------------------------------------------------------------
