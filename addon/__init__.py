@@ -11,7 +11,7 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from .labels import CocoFile, Labels, label_image
+    from .labels import CocoFile, Labels, label_image, save_labels
     from .live.scene_sync import SceneSync
     from .scanning import (
         Beam,
@@ -54,6 +54,7 @@ __all__ = [
     "load_sensor",
     "register",
     "save_cloud",
+    "save_labels",
     "scan",
     "sensor_names",
     "unregister",
@@ -79,6 +80,7 @@ _EXPORTS = {
     "label_image": ".labels",
     "load_sensor": ".scanning",
     "save_cloud": ".scanning",
+    "save_labels": ".labels",
     "scan": ".scanning",
     "sensor_names": ".scanning",
 }

@@ -61,6 +61,16 @@ def _seconds(text: str) -> float:
 _seconds.__name__ = "number of seconds"
 
 
+def _scale(text: str) -> float:
+    value = float(text)
+    if not 0.0 < value <= 1e9:
+        raise argparse.ArgumentTypeError(f"must be above 0 and at most 1e9, got {text}")
+    return value
+
+
+_scale.__name__ = "number of world units"
+
+
 def _threshold(text: str) -> float:
     value = float(text)
     if not 0.0 <= value <= 1.0:
@@ -230,7 +240,7 @@ def _add_labels(commands: argparse._SubParsersAction) -> None:
     parser = commands.add_parser(
         "labels",
         help="write exact ids, masks and depths of what the camera sees",
-        description="Label frames as they would be rendered: for each an .npz file of depths, positions, normals, uvs "
+        description="Label frames as they would be rendered: for each, files of depths, positions, normals, uvs "
         "and ids, with masks of all that is there, hidden or not; for all together a file of COCO's format, with run "
         "lengths of the masks. One ray a pixel lists all surfaces, so that nothing is blended.",
     )
@@ -251,6 +261,20 @@ def _add_labels(commands: argparse._SubParsersAction) -> None:
         help="how many surfaces a ray keeps the depths of (default: 1)",
     )
     _add_labels_of(parser, "images, and values of things")
+    parser.add_argument(
+        "--format",
+        nargs="+",
+        default=["npz"],
+        metavar="F",
+        help="npz, npy, png or exr, one or more (default: npz); beside all but npz a .json says what numbers mean",
+    )
+    parser.add_argument(
+        "--depth-scale",
+        type=_scale,
+        default=0.001,
+        metavar="S",
+        help="world units that a step of a PNG's depth is; its 16 bits reach 65535 of them (default: %(default)s)",
+    )
     parser.add_argument("--flow", action="store_true", help="also how pixels move from the frame before to the next")
     parser.add_argument("--no-coco", action="store_true", help="no file of COCO's format, which needs pycocotools")
     _add_pieces(parser)

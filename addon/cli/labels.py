@@ -1,4 +1,4 @@
-"""`perfect-bvh labels`: exact labels of frames of a file, an .npz a frame and one file for all masks."""
+"""`perfect-bvh labels`: exact labels of frames of a file, each in files of its own, and one file for all masks."""
 
 from __future__ import annotations
 
@@ -27,6 +27,7 @@ def run_labels(arguments: argparse.Namespace) -> int:
     """Label what the arguments say; the exit status."""
     check_pieces(arguments)
     path = check_blend_file(arguments.file)
+    _check_formats(arguments)
     folder = parse_folder(arguments.output)
     if not arguments.no_coco:
         _check_coco()
@@ -42,6 +43,15 @@ def run_labels(arguments: argparse.Namespace) -> int:
             pieces = f"{outcome.written} of {len(work.pieces)} pieces"
             out.write(f"{folder}: {pieces}{recognised}; {outcome.counts.get('frames', 0)} frames in {seconds:.2f} s\n")
     return status
+
+
+def _check_formats(arguments: argparse.Namespace) -> None:
+    from ..labels.files import check_formats
+
+    try:
+        check_formats(arguments.format, arguments.labels)
+    except (ValueError, ImportError) as error:
+        raise CommandError(f"--format: {error}") from error
 
 
 def _check_coco() -> None:
@@ -68,7 +78,7 @@ class LabelsWork(PieceWork):
         self.pieces = []
         for frames in runs_of(self.frames, arguments.piece, has_gaps=True):
             stem = f"{BEFORE}{frames[0]:04d}-{frames[-1]:04d}"
-            files = [_file_of(frame) for frame in frames]
+            files = [name for frame in frames for name in self._files_of(frame)]
             rows = [] if arguments.no_coco else [f"{stem}.coco.jsonl"]
             self.pieces.append(Piece(frames, stem, (*files, *rows)))
         self.place = PieceFolder(Path(arguments.output), inputs, BEFORE, "set of labels")
@@ -86,11 +96,10 @@ class LabelsWork(PieceWork):
                 labels = None if self.stop.is_set else self._label(frame, sync)
                 if labels is None:
                     return None
-                with explained():
-                    labels.save(self.place.path_of(_file_of(frame)))
+                lacking = self._save(labels, frame)
                 if not self.arguments.no_coco:
                     rows.append(image_row(labels, f"frame_{frame:04d}.png"))
-                warnings |= dict.fromkeys(labels.warnings)
+                warnings |= dict.fromkeys((*labels.warnings, *lacking))
                 advance((number + 1) / len(piece.frames))
         finally:
             sync.close()
@@ -119,9 +128,29 @@ class LabelsWork(PieceWork):
             labels=arguments.labels,
             layers=arguments.layers,
             flow=arguments.flow,
+            formats=arguments.format,
+            depth_scale=arguments.depth_scale,
             has_coco=not arguments.no_coco,
             begins=min(self.frames) if self.is_simulated else None,
         )
+
+    def _files_of(self, frame: int) -> list[str]:
+        from ..labels.files import file_names
+
+        arguments = self.arguments
+        what = {"labels": arguments.labels, "layers": arguments.layers, "flow": arguments.flow}
+        return file_names(_stem_of(frame), arguments.format, **what)
+
+    def _save(self, labels: Labels, frame: int) -> tuple[str, ...]:
+        """What the files lack of the labels, as sentences."""
+        from ..labels import save_labels
+
+        how = {"frame": frame, "depth_scale": self.arguments.depth_scale}
+        try:
+            with explained():
+                return save_labels(labels, self.place.folder, _stem_of(frame), self.arguments.format, **how).warnings
+        except ValueError as error:
+            raise CommandError(f"frame {frame}: {error}") from error
 
     def _label(self, frame: int, sync: SceneSync) -> Labels | None:
         """Of one frame, as it would be rendered; None if it was stopped."""
@@ -161,5 +190,5 @@ class LabelsWork(PieceWork):
         return made[0] if made else None
 
 
-def _file_of(frame: int) -> str:
-    return f"{BEFORE}{frame:04d}.npz"
+def _stem_of(frame: int) -> str:
+    return f"{BEFORE}{frame:04d}"

@@ -32,7 +32,8 @@ class LabelReader:
     whatever part of a scan or frame. What gets another text later is added at the end.
 
     what: who asks, for errors. names: of custom properties, or of `BUILT_IN`. as_names: numbers become names as well.
-    Raises ValueError for a name that nothing in the file has, and values that are no labels. What is not finite is none.
+    Raises ValueError for a name that nothing in the file has, and values that are no labels. Numbers that are not
+    finite count as none.
     """
 
     def __init__(self, what: str, names: Sequence[str], *, as_names: bool = False) -> None:

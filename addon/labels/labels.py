@@ -21,6 +21,22 @@ from .things import Thing
 Floats = npt.NDArray[np.float32]
 Int32Array = npt.NDArray[np.int32]
 
+MASK_PARTS = ("splits", "pixels")
+# What every image has, by the names in files.
+ARRAYS = (
+    "depth",
+    "positions",
+    "normals",
+    "uvs",
+    "thing_ids",
+    "material_ids",
+    "category_ids",
+    "layer_depths",
+    "layer_ids",
+    "visible_shares",
+    *(f"{mask}_{part}" for mask in ("visible", "amodal") for part in MASK_PARTS),
+)
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Labels:
@@ -71,10 +87,9 @@ class Labels:
 
     def arrays(self) -> dict[str, npt.NDArray[Any]]:
         """All that are no texts, by the names that they have in files."""
-        names = ("depth", "positions", "normals", "uvs", "thing_ids", "material_ids", "category_ids")
-        arrays = {name: getattr(self, name) for name in (*names, "layer_depths", "layer_ids", "visible_shares")}
-        for name, masks in (("visible", self.visible), ("amodal", self.amodal)):
-            arrays |= {f"{name}_splits": masks.splits, f"{name}_pixels": masks.pixels}
+        masks = {"visible": self.visible, "amodal": self.amodal}
+        of_masks = {f"{name}_{part}": getattr(mask, part) for name, mask in masks.items() for part in MASK_PARTS}
+        arrays = {name: of_masks[name] if name in of_masks else getattr(self, name) for name in ARRAYS}
         if self.flow is not None:
             arrays["flow"] = self.flow
         return arrays | {f"label_{name}": label.values for name, label in self.labels.items()}
@@ -91,7 +106,8 @@ class Labels:
         """Writes everything into a compressed .npz file (the ending is added if it is missing) and returns its path.
 
         Masks are kept as `visible_splits` and `visible_pixels`, and likewise of `amodal`; labels as `label_NAME`;
-        `things` as JSON, as well as `labels`, which says what the labels' values are. A file of that name is replaced once the new one is complete. Raises OSError with the reason if it cannot be written.
+        `things` as JSON, as well as `labels`, which says what the labels' values are. A file of that name is replaced
+        once the new one is complete. Raises OSError with the reason if it cannot be written.
         """
         path = Path(path)
         if path.suffix.lower() != ".npz":

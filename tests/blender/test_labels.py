@@ -157,7 +157,7 @@ def test_categories_are_what_a_property_says(scene: Any) -> None:
     }
     seen = labels.thing_ids == named(labels, "Floor")
     assert (labels.category_ids[seen] == 2).all()
-    with pytest.raises(ValueError, match="label_image: no object.* custom property 'kinds'.*is it 'kind'"):
+    with pytest.raises(ValueError, match=r"label_image: no object.* custom property 'kinds'.*is it 'kind'"):
         label_image(size=SIZE, category="kinds")
     assert label_image(size=SIZE).categories == ("Ball 0", "Ball 1", "Ball 2", "Box", "Floor")
 
