@@ -97,8 +97,8 @@ def save_labels(
 
     stem: of the files' names. formats: some of `FORMATS`. depth_scale: of PNG, world units a step. frame: its number,
     for the one who reads STEM.json. In PNG, and as ids in EXR, a row is its number + 1 and 0 is nothing; in PNG depths
-    that 16 bits do not reach are 0, too, which is a warning. Raises ValueError for what a format cannot hold, before any
-    file is written, ImportError, OSError.
+    that 16 bits do not reach are 0, too, which is a warning. Raises ValueError for what a format cannot hold, before
+    any file is written, ImportError, OSError.
     """
     check_formats(formats, labels.labels)
     if not depth_scale > 0.0:

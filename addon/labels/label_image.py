@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
@@ -15,7 +15,7 @@ from ..sync.label_columns import LabelColumn
 from ..sync.lookup import MISS, IdRows
 from ..sync.records import VISIBLE_TO_CAMERA, AttributeRequest
 from .labels import Labels
-from .masks import masks_of
+from .masks import distinct, masks_of
 from .surfaces import corner_values, world_normals
 from .things import find_things
 
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     import bpy
-    from perfect_bvh import Camera, Intersections, Snapshot
+    from perfect_bvh import Camera, Hits, Intersections, Snapshot
 
     from ..live.scene_sync import SceneSync
 
@@ -34,6 +34,7 @@ RAYS_IN_A_STEP = 1 << 17
 BYTES_A_PIXEL, BYTES_A_LAYER = 200, 8
 NEIGHBOURS = (-1.0, 1.0)  # frames, between which flow is asked for
 MIDDLE = 0.5
+LISTED = ("instance_ids", "t_hit")  # of all surfaces; the rest only of the nearest
 FIELDS = ("instance_ids", "mesh_ids", "primitive_ids", "primitive_uvs", "geometric_normals", "positions", "t_hit")
 
 
@@ -120,6 +121,8 @@ class _Labelling:
         count = self.size[0] * self.size[1]
         self.mesh_rows = IdRows(self.sync.mesh_ids)
         self.instance_rows = IdRows(self.sync.appearance.instances.ids)
+        self.linear = self.sync.record.instances.transforms[:, :, :3].astype(np.float64)
+        self.volumes = np.linalg.det(self.linear)
         self.depth = np.full(count, NO_DEPTH, np.float32)
         self.positions = np.zeros((count, 3))
         self.normals, self.uvs = np.zeros((count, 3), np.float32), np.zeros((count, 2), np.float32)
@@ -142,24 +145,18 @@ class _Labelling:
 
     def _label(self, snapshot: Snapshot, rows: slice) -> None:
         origins, directions = (part.reshape(-1, 3) for part in self.camera.pixel_rays(self.size, rows))
-        listed = snapshot.list_intersections(
-            origins,
-            directions,
-            self.camera.clip_start,
-            self.camera.clip_end,
-            mask=VISIBLE_TO_CAMERA,
-            fields=FIELDS,
-            threads=self.threads,
-            times=MIDDLE if self.flow else 0.0,
-        )
+        rays = (origins, directions, self.camera.clip_start, self.camera.clip_end)
+        how = {"mask": VISIBLE_TO_CAMERA, "threads": self.threads, "times": MIDDLE if self.flow else 0.0}
+        listed = snapshot.list_intersections(*rays, fields=LISTED, **how)
         first_pixel = rows.start * self.size[0]
         counts = np.diff(listed.ray_splits)
         pixels = np.repeat(np.arange(len(counts), dtype=np.int64) + first_pixel, counts)
-        keys = np.unique(listed.hits.instance_ids.astype(np.int64) * (1 << 32) + pixels)
+        keys = distinct(listed.hits.instance_ids.astype(np.int64) * (1 << 32) + pixels)
         self.owners.append(keys >> 32)
         self.pixels.append(keys & 0xFFFFFFFF)
         self._keep_layers(listed, counts, first_pixel)
-        self._keep_first(listed, np.flatnonzero(counts), first_pixel, directions)
+        # The nearest once more, by rays that end there: their hits are the first that were listed.
+        self._keep_first(snapshot.cast_rays(*rays, fields=FIELDS, **how), first_pixel, directions)
 
     def _keep_layers(self, listed: Intersections, counts: npt.NDArray[np.int64], first_pixel: int) -> None:
         for layer in range(self.layers):
@@ -168,15 +165,10 @@ class _Labelling:
             self.layer_depths[layer, first_pixel + rays] = listed.hits.t_hit[hits]
             self.layer_instances[layer, first_pixel + rays] = listed.hits.instance_ids[hits]
 
-    def _keep_first(
-        self,
-        listed: Intersections,
-        rays: npt.NDArray[np.intp],
-        first_pixel: int,
-        directions: npt.NDArray[np.float64],
-    ) -> None:
+    def _keep_first(self, hits: Hits, first_pixel: int, directions: npt.NDArray[np.float64]) -> None:
         """What the rays meet that meet something."""
-        hits, rows, pixels = listed.hits, listed.ray_splits[rays], first_pixel + rays
+        rows = np.flatnonzero(hits.instance_ids >= 0)
+        pixels = first_pixel + rows
         self.depth[pixels], self.positions[pixels] = hits.t_hit[rows], hits.positions[rows]
         self.instances[pixels] = hits.instance_ids[rows]
         self.materials[pixels] = self.sync.material_ids(hits)[rows]
@@ -186,26 +178,26 @@ class _Labelling:
         if uvs is not None:
             self.uvs[pixels] = uvs
         smooth, is_smooth = corner_values(self.sync.record.meshes, "corner_normals", *where)
-        self.normals[pixels] = self._facing(hits, rows, smooth, is_smooth, directions[rays])
+        self.normals[pixels] = self._facing(hits, rows, smooth, is_smooth, directions[rows])
 
     def _facing(
         self,
-        hits: Any,
-        rows: npt.NDArray[np.int64],
+        hits: Hits,
+        rows: npt.NDArray[np.intp],
         smooth: npt.NDArray[np.float32] | None,
         is_smooth: npt.NDArray[np.bool_],
         directions: npt.NDArray[np.float64],
     ) -> npt.NDArray[np.float64]:
         """Shading normals, on the side that the triangle shows."""
         instances = self.instance_rows.find(hits.instance_ids[rows], "label_image: instance")
-        linear = self.sync.record.instances.transforms[instances][:, :, :3].astype(np.float64)
-        volumes = np.linalg.det(linear)
+        volumes = self.volumes[instances]
         mirrored, is_smooth = volumes < 0.0, is_smooth & (volumes != 0.0)  # what is flattened is a plane
         normals = hits.geometric_normals[rows].astype(np.float64)
         normals[mirrored & is_smooth] *= -1.0
         away = np.einsum("ij,ij->i", normals, directions) > 0.0
         if smooth is not None and is_smooth.any():
-            normals[is_smooth] = world_normals(smooth[is_smooth], linear[is_smooth])
+            turned = self.linear[instances[is_smooth]]
+            normals[is_smooth] = world_normals(smooth[is_smooth], turned, mirrored[is_smooth])
         normals[away] *= -1.0
         return normals
 
@@ -213,14 +205,15 @@ class _Labelling:
         """What was kept, by the things that were met. classes: reads the one label that says categories."""
         width, height = self.size
         owners, pixels = np.concatenate(self.owners), np.concatenate(self.pixels)
-        present = np.unique(owners).astype(np.int32)
+        present = distinct(owners).astype(np.int32)
+        present_rows = IdRows(present)
         (category,) = classes.read().of(self.sync.record).values()
         labels = others.read().of(self.sync.record)
         things, categories = find_things(self.sync, present, category, labels)
         rows = self.instance_rows.find(self.instances, "label_image: instance")
 
         def numbered(ids: npt.NDArray[np.int32]) -> npt.NDArray[np.int32]:
-            return np.where(ids < 0, MISS, np.searchsorted(present, ids)).astype(np.int32)
+            return present_rows.find(ids, "label_image: instance")
 
         seen = numbered(self.instances)
         visible = np.flatnonzero(seen >= 0)
@@ -236,7 +229,7 @@ class _Labelling:
             layer_depths=self.layer_depths.reshape(-1, height, width),
             layer_ids=numbered(self.layer_instances).reshape(-1, height, width),
             visible=masks_of(seen[visible].astype(np.int64), visible.astype(np.int64), len(present), self.size),
-            amodal=masks_of(np.searchsorted(present, owners).astype(np.int64), pixels, len(present), self.size),
+            amodal=masks_of(numbered(owners).astype(np.int64), pixels, len(present), self.size),
             things=things,
             categories=categories,
             material_names=tuple(str(name) for name in self.sync.material_names),

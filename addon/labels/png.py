@@ -61,7 +61,7 @@ def _ids(name: str, values: npt.NDArray[np.int32]) -> Uint16Array:
     highest = int(values.max(initial=-1))
     if highest >= MOST:
         raise ValueError(
-            f"png: numbers of {name} go up to {highest:,}, and 16 bits hold those to {MOST - 1:,}: choose exr, npy or npz"
+            f"png: numbers of {name} go up to {highest:,}, and 16 bits hold {MOST - 1:,}: choose exr, npy or npz"
         )
     return (values + 1).astype(np.uint16)
 

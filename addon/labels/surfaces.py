@@ -36,14 +36,16 @@ def corner_values(
     return values, found
 
 
-def world_normals(normals: Floats, linear: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
-    """(R, 3) unit normals of (R, 3) in object space; linear: (R, 3, 3), object to world.
+def world_normals(
+    normals: Floats, linear: npt.NDArray[np.float64], mirrored: npt.NDArray[np.bool_]
+) -> npt.NDArray[np.float64]:
+    """(R, 3) unit normals of (R, 3) in object space; linear: (R, 3, 3), object to world; mirrored: (R,), if it mirrors.
 
     By the cofactors, which are the inverse's transpose but for a factor, and are there for what is flattened, too.
     """
     x, y, z = (linear[:, :, axis] for axis in range(3))
     cofactors = np.stack([np.cross(y, z), np.cross(z, x), np.cross(x, y)], axis=2)
     turned = np.einsum("rij,rj->ri", cofactors, normals.astype(np.float64))
-    turned *= np.where(np.linalg.det(linear) < 0.0, -1.0, 1.0)[:, None]
+    turned *= np.where(mirrored, -1.0, 1.0)[:, None]
     size = np.linalg.norm(turned, axis=1, keepdims=True)
     return np.divide(turned, size, out=np.zeros_like(turned), where=size > 0.0)

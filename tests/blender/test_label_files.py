@@ -147,7 +147,7 @@ def test_png_says_what_it_cannot_hold(labels: Labels, tmp_path: Path) -> None:
     part, many = labels.labels["part"], labels.thing_ids + 65_534
     negative = replace(part, values=part.values - 1)
     for changed, said in (
-        (labels, "png: numbers of label 'categoryID' go up to 70,000, and 16 bits hold those to 65,534: choose exr"),
+        (labels, "png: numbers of label 'categoryID' go up to 70,000, and 16 bits hold 65,534: choose exr"),
         (replace(plain, labels={"weight": labels.labels["weight"]}), "png: label 'weight' has fractions"),
         (replace(plain, labels={"part": negative}), "png: label 'part' has the value -2"),
         (replace(plain, thing_ids=many), "png: numbers of things go up to 65,5.., and 16 bits"),

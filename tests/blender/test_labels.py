@@ -182,6 +182,8 @@ def test_examples_have_masks_that_never_overlap(registered: None, name: str) -> 
     bpy.ops.wm.open_mainfile(filepath=str(SCENES / f"{name}.blend"))
     labels = label_image(size=SIZE, layers=3)
     assert labels.visible.areas.sum() == (labels.thing_ids >= 0).sum() > 0.5 * SIZE[0] * SIZE[1]
+    assert np.array_equal(labels.layer_depths[0], labels.depth)
+    assert np.array_equal(labels.layer_ids[0], labels.thing_ids)
     assert (labels.amodal.areas >= labels.visible.areas).all()
     seen = np.concatenate([labels.visible.pixels_of(row) for row in range(len(labels.things))])
     assert len(np.unique(seen)) == len(seen)
