@@ -1,9 +1,10 @@
 """Labels by name, read from Blender: custom properties, and who shows what with which material in which collection.
 
 The one place that says what the label NAME of an instance is, for point clouds and for label images. A custom property
-is asked of the object, then of the instancer that shows it, of the object's data, of the instancer's data, and last of
-the material that a ray meets. Four names are no properties, but what they say: `object`, `instancer`, `material`, and
-`collection`, the first by name of those that hold the object itself, else of those that hold its instancer.
+is asked of the object, then of the instancer that shows it, the outermost of several, of the object's data, of the
+instancer's data, and last of the material that a ray meets. Four names are no properties, but what they say: `object`,
+`instancer`, `material`, and `collection`, the first by name of those that hold the object itself, else of those that
+hold its instancer.
 """
 
 from __future__ import annotations

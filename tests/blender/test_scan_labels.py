@@ -11,6 +11,7 @@ import pytest
 
 bpy = pytest.importorskip("bpy")
 
+from blender.builders import collection, collection_instance  # noqa: E402
 from blender.command_lines import run  # noqa: E402
 from blender.labelled_room import PARTS, make_labelled_room  # noqa: E402
 from perfect_bvh_addon import CameraGrid, PointCloud, scan  # noqa: E402
@@ -39,6 +40,21 @@ def test_a_property_is_the_objects_else_the_instancers_else_the_datas_else_the_m
     assert column.values.dtype == np.int32 and column.values.shape == (len(cloud),)
     assert column.names == tuple(sorted(part for part in PARTS.values() if part))
     assert set(column.values[cloud.positions[:, 0] > 13.9]) == {-1}
+
+
+def test_of_instancers_within_instancers_the_outermost_counts(room: Any) -> None:
+    outer = collection("Outer", linked=False)
+    inner = collection_instance("Within", bpy.data.collections["Boxes"], into=outer)
+    inner["part"], inner["categoryID"] = "within", 1
+    bpy.data.objects["Shown"].instance_collection = outer
+    cloud = scan(GRID, labels=("part", "categoryID", "instancer", "collection"))
+    found = {name: by_place(cloud, name)[6.0] for name in cloud.labels}
+    assert found == {
+        "part": {"of instancer"},
+        "categoryID": {70_000},
+        "instancer": {"Shown"},
+        "collection": {"Boxes"},
+    }
 
 
 def test_whole_numbers_stay_and_others_are_floats(room: Any) -> None:
