@@ -34,7 +34,7 @@ _NOT_IN_PNG = ("positions", "normals", "uvs", "flow", "masks that are hidden")
 def file_names(
     stem: str, formats: Sequence[str], *, labels: Sequence[str] = (), layers: int = 1, flow: bool = False
 ) -> list[str]:
-    """What `save_labels` will write of an image that `label_image` is asked for in this way, in its order."""
+    """What `save_labels` will write, into its folder, of an image that `label_image` is asked for in this way."""
     plain = [f"label_{name}" for name in plain_names(labels).values()] if set(formats) - {"npz"} else []
     arrays = [*ARRAYS, *(["flow"] if flow else []), *plain]
     of_layers = [f"{what}_layer_{number}" for number in range(1, layers + 1) for what in ("things", "depth")]

@@ -104,6 +104,7 @@ class PERFECT_BVH_OT_scan(Ticking, bpy.types.Operator):
                 settings.sensor,
                 frames=frames,
                 steps_per_frame=settings.steps_per_frame,
+                labels=[name.strip() for name in settings.labels.split(",") if name.strip()],
                 threads=scene.render.threads if scene.render.threads_mode == "FIXED" else 0,
             )
         except (ValueError, OSError) as problem:

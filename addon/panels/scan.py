@@ -30,6 +30,7 @@ class PERFECT_BVH_PT_scan(SidebarPanel, bpy.types.Panel):
         if settings.use_frame_range:
             layout.prop(settings, "steps_per_frame")
         layout.prop(settings, "point_color")
+        layout.prop(settings, "labels")
         layout.prop(settings, "filepath")
         layout.operator("perfect_bvh.scan", icon="OUTLINER_OB_POINTCLOUD")
         draw_messages_of(context, layout, "Scan")

@@ -88,6 +88,14 @@ class PERFECT_BVH_PG_scan(bpy.types.PropertyGroup):
         ],
         default="DISTANCE",
     )
+    labels: bpy.props.StringProperty(
+        name="Labels",
+        description=(
+            "Further attributes of the points, with commas between: custom properties by name, of objects, instancers, "
+            "data or materials; or object, instancer, material, collection"
+        ),
+        default="",
+    )
     filepath: bpy.props.StringProperty(
         name="File",
         description="Also write the points into this .npz file; none if empty",

@@ -21,7 +21,7 @@ from blender.command_lines import run  # noqa: E402
 from blender.labelled_room import PARTS, make_labelled_room  # noqa: E402
 from perfect_bvh_addon import CameraGrid, CocoFile, Labels, label_image, save_labels, scan  # noqa: E402
 from perfect_bvh_addon.labels import exr  # noqa: E402
-from perfect_bvh_addon.labels.files import check_formats  # noqa: E402
+from perfect_bvh_addon.labels.files import check_formats, file_names  # noqa: E402
 
 SIZE = (200, 20)
 NAMES = ("part", "categoryID", "weight", "collection")
@@ -227,6 +227,24 @@ def test_npy_is_a_folder_of_arrays(labels: Labels, tmp_path: Path) -> None:
         assert json.loads(str(data["labels"]))["part"]["names"] == list(labels.categories)
 
 
+@pytest.mark.parametrize("formats", [("npz",), ("npy",), ("png", "exr"), ("exr", "png", "npy", "npz")])
+@pytest.mark.parametrize("is_more", [False, True])
+def test_names_of_files_are_known_before(
+    labels: Labels, tmp_path: Path, formats: tuple[str, ...], is_more: bool
+) -> None:
+    made, names = labels, ["part", "collection"]
+    if is_more:
+        made = replace(labels, labels={f"{name}.": labels.labels[name] for name in names})
+        expected = file_names("frame", formats, labels=[f"{name}." for name in names], layers=2, flow=True)
+    else:
+        layers = {"layer_depths": labels.layer_depths[:1], "layer_ids": labels.layer_ids[:1]}
+        made = replace(labels, labels={}, flow=None, **layers)
+        expected = file_names("frame", formats)
+    saved = save_labels(made, tmp_path, "frame", formats)
+    found = sorted(path.relative_to(tmp_path).as_posix() for path in tmp_path.rglob("*") if path.is_file())
+    assert sorted(expected) == found == sorted(path.relative_to(tmp_path).as_posix() for path in saved.paths)
+
+
 def test_coco_has_labels_as_attributes(labels: Labels, tmp_path: Path) -> None:
     coco = CocoFile()
     coco.add(labels, "frame_0001.png")
@@ -251,9 +269,9 @@ def test_coco_has_labels_as_attributes(labels: Labels, tmp_path: Path) -> None:
 def test_the_command_writes_all_formats(labels: Labels, tmp_path: Path, capfd: Any) -> None:
     path, out = tmp_path / "room.blend", tmp_path / "out"
     bpy.ops.wm.save_as_mainfile(filepath=str(path))
-    asked = ("labels", path, "-o", out, "--size", "200x20", "-q")
-    formats = ("--format", "npz", "npy", "png", "exr")
-    assert run(*asked, *formats, "--labels", "part", "collection", "--depth-scale", 0.01) == 0
+    asked = ("labels", path, "--size", "200x20", "-q")
+    formats = ("--format", "npz", "npy", "png", "exr", "--labels", "part", "collection", "--depth-scale", 0.01)
+    assert run(*asked, "-o", out, *formats) == 0
     names = {entry.name for entry in out.iterdir()}
     stem = "labels_0001"
     assert {f"{stem}.npz", f"{stem}.exr", f"{stem}.json", stem, f"{stem}_label_part.png"} <= names
@@ -262,6 +280,16 @@ def test_the_command_writes_all_formats(labels: Labels, tmp_path: Path, capfd: A
         depth = np.where(data["depth"] < 1e9, np.rint(data["depth"] * 100.0), 0.0)
         assert np.array_equal(read_png(out / f"{stem}_depth.png"), depth)
         assert np.array_equal(read_png(out / f"{stem}_label_part.png").astype(int) - 1, data["label_part"])
+    damaged, whole = out / f"{stem}_things.png", out / f"{stem}.exr"
+    content, before = damaged.read_bytes(), whole.stat().st_mtime_ns
+    assert run(*asked, "-o", out, *formats, "--resume") == 0
+    assert whole.stat().st_mtime_ns == before
+    damaged.write_bytes(content[:-20])
+    (out / stem / "uvs.npy").unlink()
+    assert run(*asked, "-o", out, *formats, "--resume") == 0
+    assert damaged.read_bytes() == content and (out / stem / "uvs.npy").is_file()
+    assert run(*asked, "-o", out, "--format", "exr") == 2
+    assert "holds pieces of another set of labels" in capfd.readouterr().err
     for more, said in (
         (("--format", "pgn"), "--format: formats must be some of npz, npy, png, exr, got 'pgn' .is it 'png'"),
         (("--format", "png", "--labels", "a.b", "a_b"), "labels 'a.b' and 'a_b' would both be files"),
@@ -270,5 +298,5 @@ def test_the_command_writes_all_formats(labels: Labels, tmp_path: Path, capfd: A
         (("--format", "png", "--labels", "weight"), "frame 1: png: label 'weight' has fractions"),
         (("--depth-scale", 0), "must be above 0"),
     ):
-        assert run(*asked, *more) == 2
+        assert run(*asked, "-o", tmp_path / "other", *more) == 2
         assert re.search(said, capfd.readouterr().err), more

@@ -136,6 +136,17 @@ def test_points_of_blender_carry_them(room: Any) -> None:
     assert facts["part"]["names"] == list(cloud.labels["part"].names) and facts["weight"]["missing"] is None
 
 
+def test_the_button_asks_for_them(room: Any) -> None:
+    settings = room.perfect_bvh.scan
+    settings.width, settings.height, settings.labels = 200, 20, " part, categoryID,"
+    assert bpy.ops.perfect_bvh.scan() == {"FINISHED"}
+    data = bpy.data.objects["Scan"].data
+    assert set(json.loads(data["labels"])) == {"part", "categoryID"} and "part" in data.attributes
+    settings.labels = "prat"
+    with pytest.raises(RuntimeError, match="is it 'part'"):
+        bpy.ops.perfect_bvh.scan()
+
+
 # Pieces --------------------------------------------------------------------------------------------------------------
 
 

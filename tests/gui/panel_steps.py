@@ -151,7 +151,7 @@ def switch_thresholds(buttons: list[Button]) -> Step:
 def fill_in_the_scan_panel() -> Step:
     scan = settings().scan
     camera_fields = {"pattern": None, "sensor": None, "width": "64", "height": "48", "use_frame_range": None}
-    camera_fields |= {"point_color": None}
+    camera_fields |= {"point_color": None, "labels": "object"}
     yield from open_sidebar("Scan", change_all(scan, camera_fields | {"filepath": "/tmp/points.npz"}, "VIEW_3D"))
     scan.pattern, scan.use_frame_range = "LIDAR", True
     lidar_fields = {"elevations": "0:10:5", "columns": "100", "rate": "5", "max_distance": "20"}
