@@ -46,10 +46,11 @@ def run_labels(arguments: argparse.Namespace) -> int:
 
 
 def _check_formats(arguments: argparse.Namespace) -> None:
-    from ..labels.files import check_formats
+    from ..labels.files import FORMATS, check_formats
 
     try:
         check_formats(arguments.format, arguments.labels)
+        arguments.format = [name for name in FORMATS if name in arguments.format]  # however they were ordered
     except (ValueError, ImportError) as error:
         raise CommandError(f"--format: {error}") from error
 

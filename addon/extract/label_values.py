@@ -30,7 +30,8 @@ class LabelReader:
     """Reads labels as often as a scene changes.
 
     Their tables come from the whole file, as it is now, and not from what is met: the same names have the same rows in
-    whatever part of a scan or frame. What gets another text later is added at the end.
+    whatever part of a scan or frame. What gets another text later is added at the end. Numbers that are keyed are read
+    as they are at each moment; whether any is below 0 is asked at the beginning.
 
     what: who asks, for errors. names: of custom properties, or of `BUILT_IN`. as_names: numbers become names as well.
     Raises ValueError for a name that nothing in the file has, and values that are no labels. Numbers that are not

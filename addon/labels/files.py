@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import difflib
 import json
+import os
 import re
 from collections.abc import Iterable, Sequence
 from pathlib import Path
@@ -86,7 +87,7 @@ def plain_names(labels: Iterable[str]) -> dict[str, str]:
 
 def save_labels(
     labels: Labels,
-    folder: Path,
+    folder: str | os.PathLike[str],
     stem: str,
     formats: Sequence[str] = ("npz",),
     *,
@@ -95,11 +96,12 @@ def save_labels(
 ) -> SavedLabels:
     """Writes what was labelled; each file takes its name once it is complete.
 
-    stem: of the files' names. formats: some of `FORMATS`. depth_scale: of PNG, world units a step. frame: its number,
-    for the one who reads STEM.json. In PNG, and as ids in EXR, a row is its number + 1 and 0 is nothing; in PNG depths
-    that 16 bits do not reach are 0, too, which is a warning. Raises ValueError for what a format cannot hold, before
-    any file is written, ImportError, OSError.
+    folder: one that is there. stem: of the files' names. formats: some of `FORMATS`. depth_scale: of PNG, world units a
+    step. frame: its number, for the one who reads STEM.json. In PNG, and as ids in EXR, a row is its number + 1 and 0
+    is nothing; in PNG depths that 16 bits do not reach are 0, too, which is a warning. Raises ValueError for what a
+    format cannot hold, before any file is written, ImportError, OSError.
     """
+    folder = Path(folder)
     check_formats(formats, labels.labels)
     if not depth_scale > 0.0:
         raise ValueError(f"save_labels: depth_scale must be above 0, got {depth_scale}")
