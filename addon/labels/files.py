@@ -125,10 +125,15 @@ def save_labels(
         meaning["exr"] = _save_exr(channels, folder / f"{stem}.exr", made)
     if has_manifest:
         with replacing(manifest) as name:
-            text = json.dumps(_described(labels, frame, warnings) | meaning, indent=1, allow_nan=False)
-            name.write_text(text + "\n", encoding="utf-8")
+            name.write_text(_json(_described(labels, frame, warnings) | meaning), encoding="utf-8")
         made.append(manifest)
     return SavedLabels(tuple(made), warnings)
+
+
+def _json(facts: dict[str, Any]) -> str:
+    """A line for each fact: Python indents many things slowly."""
+    lines = [f"{json.dumps(name)}: {json.dumps(fact, allow_nan=False)}" for name, fact in facts.items()]
+    return "{\n" + ",\n".join(lines) + "\n}\n"
 
 
 def _left_out(labels: Labels) -> list[str]:
