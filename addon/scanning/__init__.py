@@ -29,7 +29,7 @@ point_nodes    the nodes that show it
 """
 
 from .formats import save_cloud
-from .light import Beam, Detection, Light, Noise, Optics
+from .light.model import Beam, Detection, Light, Noise, Optics
 from .more_patterns import DepthCamera, Raster, Rosette
 from .patterns import CameraGrid, Pattern, Rays, SpinningLidar
 from .point_cloud import PointCloud

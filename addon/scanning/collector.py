@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ..sync.label_columns import LabelColumn
-from .light import LUMINANCE
+from .light.model import LUMINANCE
 from .point_cloud import COLUMNS, PointCloud
 
 if TYPE_CHECKING:
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
     from ..live.scene_sync import SceneSync
     from ..sync.label_columns import LabelTable, SceneLabel
-    from .beams import Returns
+    from .light.beams import Returns
     from .patterns import Rays
 
 EMPTY = {

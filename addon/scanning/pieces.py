@@ -11,7 +11,7 @@ from ..pieces.folder import PieceFolder
 from ..pieces.piece import Piece, runs_of
 from .format_columns import label_columns
 from .formats import save_cloud
-from .light import Light
+from .light.model import Light
 from .patterns import Pattern
 from .point_cloud import PointCloud
 

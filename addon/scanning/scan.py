@@ -24,11 +24,11 @@ from ..live.scene_sync import UpdateCommit
 from ..support.memory import check_fits
 from ..sync.records import AttributeRequest
 from .collector import Collector
-from .light import Light
+from .light.model import Light
+from .light.ray_noise import RayNoise
 from .patterns import Float64Array, Pattern, View
 from .point_cloud import PointCloud
 from .poses import Path, bend
-from .ray_noise import RayNoise
 from .sensor_files import Sensor
 from .stretch_sync import StretchSync
 from .stretches import Stretch, rays_before, stretches_of
@@ -84,7 +84,7 @@ def scan(
         no such label has -1, or NaN among numbers that are not whole. They are as they are where a stretch begins.
     threads: at most so many; 0 for all.
     light: what light does to the beams: how wide they are, which echoes are kept, glass, mirrors, noise. See `Light`
-        and `README.md` beside this file. None, the default: the sensor's own; a pattern has none, and is an ideal
+        and `light/README.md` beside this file. None, the default: the sensor's own; a pattern has none, and is an ideal
         sensor: one thin ray, whose first hit is the point, whatever it is made of.
     seed: of noise and dropout, 0 to 2 ** 64 - 1: the same one gives the same points, whatever threads, parts and
         processors do the work.

@@ -22,8 +22,8 @@ from typing import Any
 
 import numpy as np
 
-from .light import Light
-from .light_tables import TABLES, read_light
+from .light.model import Light
+from .light.tables import TABLES, read_light
 from .more_patterns import DepthCamera, Raster, Rosette
 from .patterns import Pattern, SpinningLidar
 from .words import listed, nearest, shown

@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..sync.records import VISIBLE_TO_CAMERA
-from .beam_rays import axis_across
-from .beams import Batch, BeamCaster
 from .collector import Collector
-from .light import Light
+from .light.beam_rays import axis_across
+from .light.beams import Batch, BeamCaster
+from .light.model import Light
+from .light.ray_noise import RayNoise
 from .patterns import Float64Array, Pattern, Rays
 from .poses import Path
-from .ray_noise import RayNoise
 from .second_eye import drop_hidden
 
 if TYPE_CHECKING:

@@ -7,8 +7,8 @@ import pytest
 
 pytest.importorskip("bpy")
 
-from perfect_bvh_addon.scanning.echoes import are_detected, choose, merge, numbered
-from perfect_bvh_addon.scanning.light import Detection
+from perfect_bvh_addon.scanning.light.echoes import are_detected, choose, merge, numbered
+from perfect_bvh_addon.scanning.light.model import Detection
 
 
 def arrivals(seed: int, count: int = 400) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -13,8 +13,8 @@ bpy = pytest.importorskip("bpy")
 from blender.clouds import add_cloud  # noqa: E402
 from blender.light_scenes import empty_scene, principled, simple  # noqa: E402
 from perfect_bvh_addon import AttributeRequest, Optics, SceneSync  # noqa: E402
-from perfect_bvh_addon.scanning.light_paths import LEAST_SHARE, Arrivals, Cast, follow_light, ways_of  # noqa: E402
-from perfect_bvh_addon.scanning.surface_reader import SurfaceReader  # noqa: E402
+from perfect_bvh_addon.scanning.light.paths import LEAST_SHARE, Arrivals, Cast, follow_light, ways_of  # noqa: E402
+from perfect_bvh_addon.scanning.light.surface_reader import SurfaceReader  # noqa: E402
 
 COUNT = 400
 

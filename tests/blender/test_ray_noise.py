@@ -15,8 +15,8 @@ bpy = pytest.importorskip("bpy")
 from blender.light_scenes import add_plate, diffuse, empty_scene, simple  # noqa: E402
 from perfect_bvh_addon import Beam, Light, Noise, PointCloud, Raster, SpinningLidar, scan  # noqa: E402
 from perfect_bvh_addon.scanning import traced_stretch  # noqa: E402
+from perfect_bvh_addon.scanning.light.ray_noise import RayNoise, _mixed, _normal_of  # noqa: E402
 from perfect_bvh_addon.scanning.point_cloud import COLUMNS  # noqa: E402
-from perfect_bvh_addon.scanning.ray_noise import RayNoise, _mixed, _normal_of  # noqa: E402
 
 COUNT = 20_000
 MASK = 2**64 - 1

@@ -9,8 +9,8 @@ from collections.abc import Mapping
 from dataclasses import fields
 from typing import Any
 
-from .light import Beam, Detection, Light, Noise, Optics
-from .words import listed, nearest, shown
+from ..words import listed, nearest, shown
+from .model import Beam, Detection, Light, Noise, Optics
 
 TABLES: dict[str, type[Any]] = {"beam": Beam, "light": Optics, "detection": Detection, "noise": Noise}
 NUMBER = (int, float)

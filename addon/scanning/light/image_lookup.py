@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 from perfect_bvh.appearance import ImageTexture
 
-from .patterns import Float64Array
+from ..patterns import Float64Array
 
 MISSING_TILE = (1.0, 0.0, 1.0, 1.0)  # magenta, as in Cycles
 TILES_A_ROW = 10

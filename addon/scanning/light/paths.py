@@ -13,11 +13,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
+from ..patterns import Float64Array
+from ..second_eye import drop_hidden
 from .beam_rays import dot, length_of, unit
-from .light import Optics
-from .patterns import Float64Array
+from .model import Optics
 from .reflectance import Surfaces
-from .second_eye import drop_hidden
 from .surface_reader import SurfaceReader
 
 if TYPE_CHECKING:

@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from .light import Detection
-from .patterns import Float64Array
+from ..patterns import Float64Array
+from .model import Detection
 
 IntArray = npt.NDArray[Any]
 

@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from ..patterns import Float64Array
 from .beam_rays import unit
-from .light import Noise
-from .patterns import Float64Array
+from .model import Noise
 from .ray_noise import RayNoise
 
 IntArray = npt.NDArray[Any]

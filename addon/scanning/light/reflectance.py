@@ -11,7 +11,7 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
-from .patterns import Float64Array
+from ..patterns import Float64Array
 
 # Of lobes: a mirror that is met straight on would send all of the light into a point.
 LEAST_ALPHA = 0.01

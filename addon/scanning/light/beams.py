@@ -9,19 +9,19 @@ import numpy as np
 import numpy.typing as npt
 from perfect_bvh import Hits
 
+from ..patterns import Float64Array, Rays
 from .beam_rays import disc_places, spread_over_disc
 from .echoes import Echoes, are_detected, choose, merge, numbered
-from .light import Light
-from .light_paths import Arrivals, Cast, follow_light, ways_of
 from .measuring import are_lost, measured_directions, measured_distances
-from .patterns import Float64Array, Rays
+from .model import Light
+from .paths import Arrivals, Cast, follow_light, ways_of
 from .ray_noise import RayNoise
 from .surface_reader import SurfaceReader
 
 if TYPE_CHECKING:
     from perfect_bvh import Snapshot
 
-    from ..live.scene_sync import SceneSync
+    from ...live.scene_sync import SceneSync
 
 FOUND = ("instance_ids", "mesh_ids", "primitive_ids")
 

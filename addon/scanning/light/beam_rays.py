@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from .patterns import Float64Array
+from ..patterns import Float64Array
 
 # Vogel 1979: each seed of a sunflower is turned by so much of a turn from the one before.
 GOLDEN_TURN = math.pi * (3.0 - math.sqrt(5.0))

@@ -12,14 +12,14 @@ import numpy as np
 import numpy.typing as npt
 from perfect_bvh.appearance import Appearance, MeshAppearance
 
+from ..patterns import Float64Array
 from .image_lookup import look_up
-from .patterns import Float64Array
 from .reflectance import Surfaces
 
 if TYPE_CHECKING:
     from perfect_bvh import Hits
 
-    from ..live.scene_sync import SceneSync
+    from ...live.scene_sync import SceneSync
 
 IntArray = npt.NDArray[Any]
 

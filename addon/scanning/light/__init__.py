@@ -1,0 +1,1 @@
+"""What light does to a sensor's beams: from the rays of a beam to the echoes that are reported."""
