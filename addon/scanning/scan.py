@@ -87,7 +87,7 @@ def scan(
         and `light/README.md` beside this file. None, the default: the sensor's own; a pattern has none, and is an ideal
         sensor: one thin ray, whose first hit is the point, whatever it is made of.
     seed: of noise and dropout, 0 to 2 ** 64 - 1: the same one gives the same points, whatever threads, parts and
-        processors do the work.
+        processes do the work.
     progress: called with 0 to 1, also while trees are built; returning False raises `perfect_bvh.Cancelled`, within
         about a tenth of a second, as Ctrl-C raises KeyboardInterrupt. The frame is set back either way.
 
