@@ -61,12 +61,18 @@ def kind_of(words: str) -> str:
     return next((kind for part, kind in parts.items() if part in words), "other")  # as compilers are
 
 
-def complete(folder: Path, name: str, out: Path, killer: Killer, most: int, workers: int = 2) -> int:
+def complete(
+    folder: Path, name: str, out: Path, killer: Killer, most: int, workers: int = 2, frames: str = "1-12"
+) -> int:
     """Runs a job until it is complete, while processes of it are killed; how many runs that took."""
     for count in range(1, 1000):
         more = ("--workers", workers, *(("--resume",) if count > 1 else ()))
         with subprocess.Popen(
-            command(name, out, *more), cwd=folder, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True
+            command(name, out, *more, frames=frames),
+            cwd=folder,
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.PIPE,
+            text=True,
         ) as process:
             killer.attend(process, most)
             errors = process.stderr.read()
@@ -81,6 +87,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--kills", type=int, default=100)
     parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--frames", default="1-200", help="of each job")
     parser.add_argument("--each", type=int, default=8, help="most kills until a job is left to complete itself")
     parser.add_argument("--rate", type=float, default=0.5, help="kills a second")
     asked = parser.parse_args()
@@ -90,14 +97,14 @@ def main() -> int:
         save_scene(folder)
         expected = {}
         for job in JOBS:
-            status, errors = run_job(folder, job, folder / f"{job}_whole", "--resume")
+            status, errors = run_job(folder, job, folder / f"{job}_whole", "--resume", frames=asked.frames)
             assert status == 0, errors
             expected[job] = contents(folder / f"{job}_whole")
         while len(killer.killed) < asked.kills:
             job = list(JOBS)[rounds % len(JOBS)]
             out = folder / f"out_{rounds}"
             most = min(asked.kills, len(killer.killed) + asked.each)
-            runs = complete(folder, job, out, killer, most, workers=1 + rounds % 3)
+            runs = complete(folder, job, out, killer, most, workers=1 + rounds % 3, frames=asked.frames)
             rounds += 1
             is_same = contents(out) == expected[job]
             counts = {kind: killer.killed.count(kind) for kind in sorted(set(killer.killed))}

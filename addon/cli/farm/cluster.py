@@ -73,7 +73,7 @@ def _local_cluster(count: int) -> Iterator[LocalCluster]:
                 n_workers=count,
                 threads_per_worker=1,
                 processes=True,
-                dashboard_address=None,
+                dashboard_address="127.0.0.1:0",  # whatever port is free; None would be that of another cluster
                 memory_limit=0,  # Blenders are processes of their own
                 silence_logs=logging.CRITICAL,
                 preload=[worker.__name__],
