@@ -1,7 +1,9 @@
-"""Kills processes of runs with workers, at any time, until enough have died: `python tests/blender/farm_killer.py`.
+"""Kills processes of runs with workers, at any time, until enough have died.
 
 A run that ends, or whose own process was killed, is begun again with --resume until it is complete. Then its folder
-must hold what an undisturbed run without workers has left, byte by byte, and nothing else.
+must hold what an undisturbed run without workers has left, byte by byte, and nothing else:
+
+    PYTHONPATH=tests python tests/blender/farm_killer.py --kills 100 --seed 1
 """
 
 from __future__ import annotations
@@ -89,7 +91,7 @@ def main() -> int:
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--frames", default="1-200", help="of each job")
     parser.add_argument("--each", type=int, default=8, help="most kills until a job is left to complete itself")
-    parser.add_argument("--rate", type=float, default=0.5, help="kills a second")
+    parser.add_argument("--rate", type=float, default=1.0, help="attempts a second")
     asked = parser.parse_args()
     killer, rounds = Killer(asked.seed, asked.rate), 0
     with tempfile.TemporaryDirectory() as name:

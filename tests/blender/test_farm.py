@@ -252,3 +252,32 @@ def test_greys_of_pieces_are_on_the_scale_of_the_first_frame(folder: Path, tmp_p
     assert (tmp_path / "out" / "frame_0003.png").stat().st_mtime_ns == kept
     assert run(*asked, "-o", f"{tmp_path}/out/", "--resume", "--piece", 1, "--samples", 7) == 2
     assert run(*asked, "-o", f"{tmp_path}/out/", "--resume", "--stats") == 2
+
+
+@pytest.mark.parametrize(
+    ("changed", "said"),
+    [
+        ({"version": "0.1.9"}, "not 0.1.9"),
+        ({"inputs": {"files": {"small.blend": "1"}}}, "it sees another files"),
+        ({"inputs": {"blender": "4.2.0"}}, "it sees another blender"),
+        ({"arguments": {"file": "missing.blend"}}, "Blender cannot open it"),
+    ],
+)
+def test_a_worker_that_joins_with_other_software_or_files_refuses(
+    folder: Path, tmp_path: Path, changed: dict[str, Any], said: str
+) -> None:
+    import perfect_bvh
+    from perfect_bvh_addon import unregister
+    from perfect_bvh_addon.cli import build_parser
+    from perfect_bvh_addon.cli.blender import StopRequest
+    from perfect_bvh_addon.cli.farm.child import Bench
+
+    asked = ["labels", str(folder / "small.blend"), "-o", str(tmp_path), "--frames", "1-2"]
+    arguments = {**vars(build_parser("perfect-bvh").parse_args(asked)), **changed.get("arguments", {})}
+    job = {"id": "1", "version": perfect_bvh.__version__, "inputs": {}, **changed, "arguments": arguments}
+    try:
+        answer = Bench(StopRequest()).answer({"job": job, "piece": 0})
+    finally:
+        unregister()
+    assert said in answer["refused"]
+    assert contents(tmp_path) == {}
