@@ -15,9 +15,7 @@ Vec3d on_axis(const Instance& instance, const Hit& hit, float time) noexcept {
 
 Vec3d on_triangle(const Instance& instance, const Hit& hit, float time) noexcept {
   const TriangleIndices corners = instance.blas->mesh.triangles[hit.primitive_index];
-  const WorldTriangle at = place_triangle(instance, corners, time);
-  const auto u = static_cast<double>(hit.u), v = static_cast<double>(hit.v);
-  return at.v0 * (1.0 - u - v) + at.v1 * u + at.v2 * v;
+  return place_triangle(instance, corners, time).at(hit);
 }
 
 }  // namespace

@@ -9,11 +9,6 @@
 namespace perfect_bvh {
 namespace {
 
-Vec3d from_corners(const WorldTriangle& triangle, const Hit& hit) noexcept {
-  const double u = hit.u, v = hit.v;
-  return triangle.v0 * (1.0 - u - v) + triangle.v1 * u + triangle.v2 * v;
-}
-
 Vec3d absolute(Vec3d a) noexcept { return {std::abs(a.x), std::abs(a.y), std::abs(a.z)}; }
 double largest(Vec3d a) noexcept { return std::max({std::abs(a.x), std::abs(a.y), std::abs(a.z)}); }
 
@@ -67,7 +62,7 @@ WorldTriangle world_triangle(const Snapshot& snapshot, const Hit& hit, float tim
 }
 
 Vec3d hit_position(const Snapshot& snapshot, const Hit& hit, float time) noexcept {
-  return from_corners(world_triangle(snapshot, hit, time), hit);
+  return world_triangle(snapshot, hit, time).at(hit);
 }
 
 Vec3d ray_position(const Instance& instance, TriangleIndices corners, const Hit& hit, const Ray& ray) noexcept {
@@ -89,7 +84,7 @@ Vec3d ray_position(const Instance& instance, TriangleIndices corners, const Hit&
   // The point may be off by a millionth of the longest edge.
   const double limit = 0x1p26 * size * std::abs(slope);
   const bool is_exact = spread * largest(d) <= limit && limit > 1e-280 && limit < 1e280;
-  return is_exact ? ray.origin + d * t : from_corners(place_triangle(instance, corners, ray.time), hit);
+  return is_exact ? ray.origin + d * t : place_triangle(instance, corners, ray.time).at(hit);
 }
 
 }  // namespace perfect_bvh

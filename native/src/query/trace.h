@@ -45,6 +45,11 @@ struct WorldTriangle {
 
   // Following the world winding (so not turned towards the ray), as long as twice the area.
   [[nodiscard]] Vec3d scaled_normal() const noexcept { return cross(v1 - v0, v2 - v0); }
+  // The place that the hit's u and v name.
+  [[nodiscard]] Vec3d at(const Hit& hit) const noexcept {
+    const auto u = static_cast<double>(hit.u), v = static_cast<double>(hit.v);
+    return v0 * (1.0 - u - v) + v1 * u + v2 * v;
+  }
 };
 // time: of an instance that moves within the shutter.
 [[nodiscard]] WorldTriangle place_moving_triangle(const Instance& instance, TriangleIndices corners,
