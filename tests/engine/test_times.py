@@ -127,6 +127,42 @@ def test_same_bits_on_every_instruction_set_builder_layout_and_thread_count():
 
 
 @pytest.mark.parametrize("layout", ["default", "compact"])
+@pytest.mark.parametrize("time_range", [(0.0, 1.0), (0.25, 0.75)])
+def test_a_lone_mesh_that_deforms_is_met_as_if_it_were_not_alone(layout, time_range):
+    """Rays enter it as they are, but for those from far away or along an axis; beside others, through the top level."""
+    random = np.random.default_rng(27)
+    positions, triangles = meshes.sphere(24, 32)
+    steps = positions + random.normal(0, 0.1, (3, 1, 3)) + random.normal(0, 0.02, (3, *positions.shape))
+    build = perfect_bvh.BuildConfig(layout=layout)
+    lone, beside = perfect_bvh.Scene(), perfect_bvh.Scene()
+    for scene in (lone, beside):
+        scene.set_mesh_motion(mesh := scene.add_mesh(positions, triangles, build), steps, time_range)
+        scene.add_instance(mesh)
+    beside.add_instance(beside.add_mesh(positions[triangles[0]] + 50.0, [[0, 1, 2]]))
+    origins, times = random.normal(0, 3, (4_000, 3)), random.random(4_000, dtype=np.float32)
+    directions = random.normal(0, 0.5, (4_000, 3)) - origins
+    times[:4] = [-0.5, 1.5, 0.0, 1.0]
+    directions[8:40, :2], origins[8:40, :2] = 0.0, steps[0, :32, :2] / 2
+    origins[-8:] *= 1e6
+    directions[-8:] = -origins[-8:]
+    found = []
+    for scene in (lone, beside):
+        scene.commit()
+        hits = scene.cast_rays(origins, directions, times=times, audit=1.0, fields=FIELDS)
+        assert len(hits.audit.wrong_rows) == 0
+        assert hits.is_hit.sum() > 1_000
+        assert not hits.is_hit[:2].any()
+        assert hits.is_hit[8:40].any()
+        assert hits.is_hit[-8:].any()
+        found.append(hits)
+    assert_alike(found[0], found[1], 1e-5)
+    expected = answers(lone, origins, directions, times)
+    for isa in perfect_bvh.available_isas():
+        perfect_bvh.set_active_isa(isa)
+        assert answers(lone, origins, directions, times) == expected
+
+
+@pytest.mark.parametrize("layout", ["default", "compact"])
 def test_every_query_agrees_with_the_frozen_scene(layout):
     moving = MovingScene(3, seed=9, build=perfect_bvh.BuildConfig(layout=layout))
     still = still_copy(moving, 3, 9)

@@ -324,7 +324,7 @@ void trace_packets(const SceneView& scene, const RayBatch& batch, void* workspac
   Pace pace(scene.interruption);
   packet.scene = &scene, packet.pace = &pace;
   packet.cull = batch.cull;
-  const LoneInstance lone(scene);
+  const LoneInstance lone(scene, false);
   unsigned passed_over = 0, next_passed_over = kPassedOver;
   for (std::size_t begin = 0; begin < batch.count; begin += kPacketRays) {
     packet.count = static_cast<unsigned>(batch.count - begin < kPacketRays ? batch.count - begin : kPacketRays);

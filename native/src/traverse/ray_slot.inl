@@ -139,15 +139,17 @@ inline bool enter_instance(Slot& slot, const SceneView& scene, const Ray& ray) n
 }
 
 // A lone instance in the scene's own frame and scale: most rays need no mapping, and nothing of them is kept for a top
-// level. Null: there is none, and rays take the usual way.
+// level. Null: there is none, and rays take the usual way. `may_deform`: it may change its shape within the shutter;
+// never its place.
 struct LoneInstance {
   const InstanceView* view = nullptr;
   double farthest = 0.0;  // origins no further out, on any axis, are near the scene and the tree
 
-  explicit LoneInstance(const SceneView& scene) noexcept {
+  LoneInstance(const SceneView& scene, bool may_deform) noexcept {
     if (scene.is_empty || scene.root < kInstanceChild) return;
     const InstanceView& instance = scene.instances[scene.root - kInstanceChild];
-    if (instance.root == kUnbuiltRoot || instance.motion != 0 || !is_identity(instance.world_to_local)) return;
+    if (instance.root == kUnbuiltRoot || !is_identity(instance.world_to_local)) return;
+    if (instance.motion != 0 && (!may_deform || scene.motions[instance.motion - 1].backs != nullptr)) return;
     view = &instance;
     farthest = kNearby * static_cast<double>(smaller(scene.reach, instance.extent.reach));
   }
@@ -174,11 +176,14 @@ inline void prepare_slot(Slot& slot, const SceneView& scene, const InstanceView&
 
 // start_ray() and enter_instance() at once, with the same outcome. False if the ray is not a usual one: then it is to
 // be started the usual way. `instance` is the lone one's.
+template <bool kMoves>
 PERFECT_BVH_INLINE bool start_directly(Slot& slot, const SceneView& scene, const LoneInstance& lone,
                                        const Ray& ray) noexcept {
   const InstanceView& instance = *lone.view;
   if (!(ray.t_min <= ray.t_max) || (instance.mask & ray.mask) == 0) return false;
+  if (kMoves && !is_in_shutter(ray.time)) return false;
   if (!load_near(slot.local, ray, static_cast<double>(scene.scale), lone.farthest)) return false;
+  if constexpr (kMoves) take_tree_step(slot, scene, instance, ray.time);
   set_states(slot.box, slot.triangle, slot.local, instance.extent);
   slot.best_t = last_t(ray.t_max);
   slot.time = slot.local.time;

@@ -29,7 +29,7 @@ constexpr std::size_t kLeafPatience = 16;
 
 struct Stream {
   Stream(const SceneView& the_scene, const RayBatch& the_batch, std::size_t the_offset) noexcept
-      : scene(the_scene), batch(the_batch), lone(the_scene), nears_offset(the_offset) {}
+      : scene(the_scene), batch(the_batch), lone(the_scene, true), nears_offset(the_offset) {}
 
   const SceneView& scene;
   const RayBatch& batch;
@@ -242,7 +242,8 @@ inline bool take_next_ray(Stream& stream, Slot& slot) noexcept {
     const std::size_t row = row_of(stream.batch, stream.next_ray++);
     if constexpr (kCounts) stream.batch.counts[row].nodes_visited = stream.batch.counts[row].primitives_tested = 0;
     slot.ray = static_cast<std::uint32_t>(row);
-    if (stream.lone.view != nullptr && start_directly(slot, stream.scene, stream.lone, stream.batch.rays[row])) {
+    if (stream.lone.view != nullptr &&
+        start_directly<kMoves>(slot, stream.scene, stream.lone, stream.batch.rays[row])) {
       if constexpr (kCounts) ++stream.batch.counts[row].nodes_visited;
       return true;
     }
