@@ -102,20 +102,9 @@ class PieceWork(ABC):
 
 def scene_inputs(path: Path, arguments: argparse.Namespace, **options: Any) -> dict[str, Any]:
     """Of a scene that is open, with all the files that it reads; options: of the command."""
-    import bpy
-    import perfect_bvh
+    from ..pieces.scene_inputs import scene_inputs as inputs_of_scene
 
-    from ..pieces.inputs import inputs_of
-
-    read = [Path(name) for name in bpy.utils.blend_paths(absolute=True)]
-    return inputs_of(
-        [path, *read],
-        **options,
-        autoexec=arguments.autoexec,
-        allow_missing=arguments.allow_missing,
-        blender=bpy.app.version_string,
-        version=perfect_bvh.__version__,
-    )
+    return inputs_of_scene(path, autoexec=arguments.autoexec, allow_missing=arguments.allow_missing, **options)
 
 
 def prepare_folder_of(work: PieceWork) -> None:
@@ -123,13 +112,10 @@ def prepare_folder_of(work: PieceWork) -> None:
     from ..pieces.folder import OtherInputsError
 
     try:
-        work.place.check(work.pieces)
+        with explained():
+            work.place.prepare(work.pieces, *work.joined, resume=work.arguments.resume)
     except OtherInputsError as error:
         raise CommandError(f"-o: {error}") from error
-    with explained():
-        work.place.clear(work.pieces, *work.joined)
-        if not work.arguments.resume:
-            work.place.forget(work.pieces)
 
 
 def do_pieces(work: PieceWork) -> Outcome:

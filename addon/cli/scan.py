@@ -11,13 +11,12 @@ from typing import TYPE_CHECKING
 from .arguments import CommandError, check_blend_file, check_pieces, parse_folder
 from .blender import StopRequest, open_scene, stop_on_interrupt
 from .console import quiet_blender
-from .piece_work import Advance, Done, PieceWork, explained, run_pieces, scene_inputs
+from .piece_work import Advance, Done, PieceWork, explained, run_pieces
 
 if TYPE_CHECKING:
     import bpy
 
     from ..pieces.piece import Piece
-    from ..scanning.point_cloud import PointCloud
     from ..scanning.sensor_files import Sensor
 
 
@@ -103,70 +102,46 @@ class ScanWork(PieceWork):
     """The pieces of a scan."""
 
     def __init__(self, scene: bpy.types.Scene, stop: StopRequest, arguments: argparse.Namespace) -> None:
-        from ..pieces.folder import PieceFolder
-        from ..scanning.pieces import BEFORE, pieces_of
+        from ..scanning.piece_scan import ScanPlan
 
         super().__init__(scene, stop, arguments)
         self._carrier = _carrier(scene, arguments.on)
-        self._sensor = _sensor(arguments.sensor)
-        suffix = f".{arguments.format}"
-        self.pieces = pieces_of(self.frames, arguments.piece, suffix)
-        self.place = PieceFolder(Path(arguments.output), self._inputs(suffix), BEFORE, "scan")
+        self._plan = ScanPlan(
+            sensor=_sensor(arguments.sensor),
+            frames=self.frames,
+            is_one_pass=arguments.frames is None,
+            suffix=f".{arguments.format}",
+            size=arguments.piece,
+            steps=arguments.steps,
+            threads=arguments.threads or 0,
+            seed=arguments.seed,
+            labels=tuple(arguments.labels),
+        )
+        self.pieces = self._plan.pieces()
+        how = {"autoexec": arguments.autoexec, "allow_missing": arguments.allow_missing}
+        inputs = self._plan.inputs(Path(arguments.file), self._carrier.name, **how)
+        self.place = self._plan.folder(Path(arguments.output), inputs)
 
     def make(self, piece: Piece, advance: Advance) -> Done | None:
         """By a scene of the engine's own: what a piece holds, ids of instances included, depends on no piece before."""
+        from contextlib import closing
+
         from ..scanning.pieces import write_piece
 
-        cloud = self._scan(piece, advance)
-        if cloud is None:
-            return None
+        try:
+            scanner = self._plan.scanner(piece, self._carrier)
+            with closing(scanner.steps()) as steps:
+                for done in steps:
+                    if advance(done) is False:
+                        return None
+        except ValueError as error:
+            raise CommandError(f"{piece}: {error}") from error
+        except ReferenceError as error:
+            raise CommandError(f"{piece}: the object that carries the sensor is not there any more") from error
+        cloud = scanner.result()
         with explained():
             write_piece(self.place, piece, cloud)
         return Done({"points": len(cloud)}, cloud.warnings)
 
     def join(self) -> None:
         """Nothing: points of all pieces are put together by who reads them."""
-
-    def _inputs(self, suffix: str) -> dict[str, object]:
-        from ..scanning.pieces import light_input, sensor_input
-
-        arguments = self.arguments
-        return scene_inputs(
-            Path(arguments.file),
-            arguments,
-            sensor=sensor_input(self._sensor.pattern),
-            light=light_input(self._sensor.light),
-            seed=arguments.seed,
-            on=self._carrier.name,
-            steps=arguments.steps,
-            begins=min(self.frames),
-            is_one_pass=arguments.frames is None,
-            format=suffix,
-            labels=arguments.labels,
-        )
-
-    def _scan(self, piece: Piece, advance: Advance) -> PointCloud | None:
-        """None if it was stopped."""
-        import perfect_bvh
-
-        from ..scanning import scan
-
-        arguments = self.arguments
-        try:
-            return scan(
-                self._sensor,
-                self._carrier,
-                frames=(piece.first, piece.last) if arguments.frames else None,  # a whole pass of the current one
-                steps_per_frame=arguments.steps,
-                since=min(self.frames) if arguments.frames else None,
-                labels=arguments.labels,
-                threads=arguments.threads or 0,
-                progress=advance,
-                seed=arguments.seed,
-            )
-        except perfect_bvh.Cancelled:
-            return None
-        except ValueError as error:
-            raise CommandError(f"{piece}: {error}") from error
-        except ReferenceError as error:
-            raise CommandError(f"{piece}: the object that carries the sensor is not there any more") from error

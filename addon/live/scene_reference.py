@@ -25,10 +25,13 @@ class SceneReference:
             raise ValueError(f"{self._task}: the view layer {self._layer_name!r} was removed during the {self._task}")
         return scene
 
+    def find_layer(self) -> bpy.types.ViewLayer:
+        """The view layer. Raises ValueError like `find`."""
+        return self.find().view_layers[self._layer_name]
+
     def depsgraph(self) -> bpy.types.Depsgraph:
         """Evaluated, as the scene is now. Raises ValueError like `find`."""
-        scene = self.find()
-        with bpy.context.temp_override(scene=scene, view_layer=scene.view_layers[self._layer_name]):
+        with bpy.context.temp_override(scene=self.find(), view_layer=self.find_layer()):
             return bpy.context.evaluated_depsgraph_get()
 
     def set_frame_back(self, frame: int, subframe: float = 0.0, camera_uid: int = 0) -> None:

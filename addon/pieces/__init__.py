@@ -1,6 +1,7 @@
-"""Long work over frames as files of some frames each, which are recognised when it is run again. Knows no Blender.
+"""Long work over frames as files of some frames each, which are recognised when it is run again.
 
-piece   which frames and files belong together, and how frames are divided
-inputs  what the bytes of pieces depend on: files by their contents, and options
-folder  manifests: what counts as done, and what a folder of other work is
+piece         which frames and files belong together, and how frames are divided
+inputs        what the bytes of pieces depend on: files by their contents, and options
+scene_inputs  what those of a scene depend on that is open in Blender. The others know no Blender
+folder        manifests: what counts as done, and what a folder of other work is
 """

@@ -33,6 +33,14 @@ class PieceFolder:
         self._before = before
         self._what = what
 
+    def prepare(self, pieces: Iterable[Piece], *others: str, resume: bool) -> None:
+        """Before the work: `check`, then `clear`; unless it is to be resumed, `forget`. Raises what these do."""
+        pieces = list(pieces)
+        self.check(pieces)
+        self.clear(pieces, *others)
+        if not resume:
+            self.forget(pieces)
+
     def check(self, pieces: Iterable[Piece]) -> None:
         """Raises OtherInputsError if the folder holds what these pieces cannot stand beside.
 
