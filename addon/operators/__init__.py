@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from . import (
     bench,
+    color_points,
     compare,
     decay,
     preview,
@@ -19,6 +20,7 @@ _MODULES = (
     status_bar,
     preview,
     scan,
+    color_points,
     bench,
     compare,
     decay,

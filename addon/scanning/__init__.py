@@ -23,7 +23,8 @@ point_cloud    the result as columns, and as an .npz file. Knows no Blender.
 format_columns what labels are called in files of each format. Knows no Blender.
 formats        the result in the formats of others: PLY, LAS, LAZ, CSV, Parquet, HDF5. Knows no Blender.
 pieces         a long scan as files of some frames each, which are recognised when it is run again. Knows no Blender.
-point_colors   a colour for each point, by distance, object or intensity. Knows no Blender.
+piece_scan     the same in steps, for the command line and for the button
+point_colors   a colour for each point, by any column. Knows no Blender.
 point_data     the result as an object of Blender's whose points carry the columns as attributes
 point_nodes    the nodes that show it
 """

@@ -7,9 +7,10 @@ beside the columns where a format has a place for them.
 
 from __future__ import annotations
 
-import importlib
+import importlib.util
 import json
 import os
+import sys
 from collections.abc import Callable, Iterable, Mapping
 from datetime import date
 from pathlib import Path
@@ -53,6 +54,18 @@ def check_format(suffix: str, labels: Iterable[str] = ()) -> None:
     for module in MODULES.get(suffix, ()):
         _library(module)
     label_columns(labels, suffix)
+
+
+def how_to_get(suffix: str) -> str | None:
+    """What to do where libraries of a format are missing, in a sentence; None where all are there. Quick to ask."""
+    names = dict.fromkeys(module.partition(".")[0] for module in MODULES.get(suffix, ()))
+    missing = [name for name in names if importlib.util.find_spec(name) is None]
+    if not missing:
+        return None
+    return (
+        f"{suffix[1:]} needs {' and '.join(missing)}, which Blender comes without. To get it: "
+        f"{sys.executable} -m pip install {' '.join(missing)}"
+    )
 
 
 def _library(name: str) -> Any:

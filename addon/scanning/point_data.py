@@ -15,8 +15,9 @@ import numpy as np
 import numpy.typing as npt
 
 from ..extract.scans import COLOR, OBJECT_NAMES, RADIUS
+from ..settings.point_color_items import OTHER, find_color
 from .point_cloud import PointCloud, column_names
-from .point_colors import colors_of
+from .point_colors import colors_of_column, scale_of_column
 from .point_nodes import NAME, add_points_modifier, point_material
 
 # Attribute, its type, the field of its values, the column.
@@ -37,18 +38,20 @@ POSITION = "position"
 MATERIAL_NAMES = "material_names"
 LABELS = "labels"
 HAS_RESIZE = "resize" in bpy.types.PointCloud.bl_rna.functions
+# Fields and widths of the values of attributes whose numbers can be shown as colours.
+SHOWN_TYPES = {"FLOAT": ("value", 1), "INT": ("value", 1), "FLOAT_VECTOR": ("vector", 3)}
 
 
-def make_point_object(cloud: PointCloud, name: str, color_by: str = "DISTANCE") -> bpy.types.Object:
+def make_point_object(cloud: PointCloud, name: str, color_by: str = "DISTANCE", column: str = "") -> bpy.types.Object:
     """A new object in no collection, its points in world space, with the attributes of `ATTRIBUTES` on them.
 
     Beside these are "radius", so that neighbours touch where they were met straight on, and "Color", linear RGBA, by
-    distance, object or intensity (`color_by`); its material shows it. The custom properties "object_names" and
-    "material_names" of the object's data hold what object_id and material_id are rows of. Labels are attributes of
-    their names, whole numbers or floats; "labels", a text of JSON, says what their values stand for.
+    what `color_points` takes; its material shows it. The custom properties "object_names" and "material_names" of the
+    object's data hold what object_id and material_id are rows of. Labels are attributes of their names, whole numbers
+    or floats; "labels", a text of JSON, says what their values stand for.
     """
     make = _make_point_cloud if HAS_RESIZE else _make_converted
-    data = make(cloud, name, color_by)
+    data = make(cloud, name, (color_by, column))
     data[OBJECT_NAMES], data[MATERIAL_NAMES] = list(cloud.object_names), list(cloud.material_names)
     if cloud.labels:
         data[LABELS] = json.dumps(cloud.described_labels(column_names(cloud.labels)))
@@ -58,7 +61,12 @@ def make_point_object(cloud: PointCloud, name: str, color_by: str = "DISTANCE") 
     return made
 
 
-def _make_point_cloud(cloud: PointCloud, name: str, color_by: str) -> Any:
+def column_names_of_points() -> list[str]:
+    """Of the attributes that all points have and that `color_points` can show."""
+    return sorted([POSITION, RADIUS, *(name for name, *_ in ATTRIBUTES)])
+
+
+def _make_point_cloud(cloud: PointCloud, name: str, color_by: tuple[str, str]) -> Any:
     made: Any = bpy.data.pointclouds.new(name)
     try:
         made.resize(len(cloud))
@@ -70,7 +78,7 @@ def _make_point_cloud(cloud: PointCloud, name: str, color_by: str) -> Any:
     return made
 
 
-def _make_converted(cloud: PointCloud, name: str, color_by: str) -> Any:
+def _make_converted(cloud: PointCloud, name: str, color_by: tuple[str, str]) -> Any:
     return _convert(_make_mesh(cloud, name, color_by))
 
 
@@ -94,7 +102,7 @@ def _convert(mesh: bpy.types.Mesh) -> Any:
     return made
 
 
-def _make_mesh(cloud: PointCloud, name: str, color_by: str) -> bpy.types.Mesh:
+def _make_mesh(cloud: PointCloud, name: str, color_by: tuple[str, str]) -> bpy.types.Mesh:
     mesh = bpy.data.meshes.new(name)
     try:
         mesh.vertices.add(len(cloud))
@@ -111,7 +119,7 @@ def _set_position(points: Any, field: str, cloud: PointCloud) -> None:
     points.foreach_set(field, np.ascontiguousarray(cloud.positions, np.float32).ravel())
 
 
-def _add_attributes(data: Any, cloud: PointCloud, color_by: str) -> None:
+def _add_attributes(data: Any, cloud: PointCloud, color_by: tuple[str, str]) -> None:
     for attribute, kind, field, column in ATTRIBUTES:
         values = np.ascontiguousarray(getattr(cloud, column), np.int32 if kind == "INT" else np.float32)
         data.attributes.new(attribute, kind, "POINT").data.foreach_set(field, values.ravel())
@@ -120,9 +128,45 @@ def _add_attributes(data: Any, cloud: PointCloud, color_by: str) -> None:
         kind, dtype = ("INT", np.int32) if table.is_whole else ("FLOAT", np.float32)
         data.attributes.new(column, kind, "POINT").data.foreach_set("value", values.astype(dtype))
     data.attributes.new(RADIUS, "FLOAT", "POINT").data.foreach_set("value", 0.5 * cloud.spacings)
-    colors = data.attributes.new(COLOR, "FLOAT_COLOR", "POINT")
-    colors.data.foreach_set("color", colors_of(cloud, color_by).ravel())
+    data.attributes.new(COLOR, "FLOAT_COLOR", "POINT")
+    color_points(data, *color_by)
     data.materials.append(point_material(COLOR))
+
+
+def color_points(data: Any, color_by: str = "DISTANCE", column: str = "") -> None:
+    """Colours the points of a scan by one of their attributes, once more if they have colours.
+
+    data: of a Point Cloud or mesh that `make_point_object` has made. color_by: an identifier of `POINT_COLORS`, such as
+    "DISTANCE", or "COLUMN": then by the attribute of the name `column`, whole numbers as ids, others along a ramp,
+    vectors as directions. Raises ValueError for an attribute that the points do not have, or that is no number.
+    """
+    scale = None
+    if color_by != OTHER:
+        color = find_color(color_by)
+        column, scale = color.column, color.scale
+    values = read_column(data, column)
+    colors = colors_of_column(values, scale or scale_of_column(values))
+    data.attributes[COLOR].data.foreach_set("color", colors.ravel())
+    data.update_tag()
+
+
+def read_column(data: Any, name: str) -> npt.NDArray[Any]:
+    """(N,) int32 or float32, or (N, 3) float32, of the points of a scan.
+
+    Raises ValueError, with the names that there are, for an attribute that they do not have, or that is no number.
+    """
+    found = data.attributes.get(name)
+    if found is None or found.domain != "POINT" or found.data_type not in SHOWN_TYPES:
+        names = sorted(
+            each.name
+            for each in data.attributes
+            if each.domain == "POINT" and each.data_type in SHOWN_TYPES and not each.name.startswith(".")
+        )
+        raise ValueError(f"color_points: the points of {data.name!r} have no column {name!r}, but {', '.join(names)}")
+    field, width = SHOWN_TYPES[found.data_type]
+    values = np.empty(len(found.data) * width, np.int32 if found.data_type == "INT" else np.float32)
+    found.data.foreach_get(field, values)
+    return values if width == 1 else values.reshape(-1, width)
 
 
 # Read again ----------------------------------------------------------------------------------------------------------

@@ -4,27 +4,71 @@ from __future__ import annotations
 
 import bpy
 
+from . import point_color_items
+from .sensor_items import sensor_items
+
 # Blender warns of paths that begin with // where a property does not say that it takes them; older ones do not ask.
 _KNOWS_RELATIVE_PATHS = "is_path_supports_blend_relative" in bpy.types.Property.bl_rna.properties
 PATH_OPTIONS = {"PATH_SUPPORTS_BLEND_RELATIVE"} if _KNOWS_RELATIVE_PATHS else set()
+# Which frames, as two switches keep it: files had the first one alone.
+FRAMES = ("CURRENT", "SCENE", "RANGE")
+MOST = 1_048_574  # frames, as Blender has it
+FORMATS = (
+    ("npz", "NumPy", "An .npz file with all columns and names; needs no library"),
+    ("ply", "PLY", "Polygon file format, with all columns; by the library plyfile"),
+    ("las", "LAS", "As surveyors exchange point clouds; by the library laspy"),
+    ("laz", "LAZ", "LAS, compressed; by the libraries laspy and lazrs"),
+    ("csv", "CSV", "A table as text, with commas between; by the library pyarrow"),
+    ("parquet", "Parquet", "A compressed table of columns; by the library pyarrow"),
+    ("h5", "HDF5", "An array for each column; by the library h5py"),
+)
+
+
+def _get_frames(settings: PERFECT_BVH_PG_scan) -> int:
+    return 0 if not settings.use_frame_range else 2 if settings.use_own_range else 1
+
+
+def _set_frames(settings: PERFECT_BVH_PG_scan, number: int) -> None:
+    settings.use_frame_range, settings.use_own_range = number > 0, number == 2
+
+
+def suggest_columns(settings: PERFECT_BVH_PG_scan, context: bpy.types.Context, text: str) -> list[str]:
+    """Attributes of the points of scans, and labels that the next one is to have."""
+    clouds = [cloud.attributes for cloud in (*bpy.data.pointclouds, *bpy.data.meshes) if "object_names" in cloud]
+    names = {found.name for attributes in clouds for found in attributes if not found.name.startswith(".")}
+    names |= set(label_names(settings))
+    return sorted(name for name in names if text.lower() in name.lower())
+
+
+def label_names(settings: PERFECT_BVH_PG_scan) -> tuple[str, ...]:
+    """Of the further columns that are asked for."""
+    return tuple(name.strip() for name in settings.labels.split(",") if name.strip())
 
 
 class PERFECT_BVH_PG_scan(bpy.types.PropertyGroup):
     """What the Scan button casts, from where, and what it makes of it."""
 
     pattern: bpy.props.EnumProperty(
-        name="Pattern",
-        description="Which rays the sensor casts",
+        name="Sensor",
+        description="Which rays are cast: those of a camera, of a LiDAR with numbers of your own, or of a known sensor",
         items=[
             ("CAMERA", "Camera Grid", "One ray through the center of each pixel of the camera's picture", 0),
-            ("LIDAR", "Spinning LiDAR", "Several lines, one above the other, that turn about the sensor's axis", 1),
+            ("LIDAR", "Spinning LiDAR", "Lines one above the other that turn about the sensor's axis: your numbers", 1),
+            *sensor_items(),
+            ("FILE", "From File...", "A sensor of your own, as a TOML file describes it", 2),
         ],
         default="CAMERA",
     )
+    sensor_file: bpy.props.StringProperty(
+        name="Sensor File",
+        description="The TOML file that describes the sensor, as those that come with the add-on do",
+        subtype="FILE_PATH",
+        options=PATH_OPTIONS,
+    )
     sensor: bpy.props.PointerProperty(
-        name="Sensor",
+        name="Carried By",
         description=(
-            "Object that casts the rays; the active camera if empty. A camera looks along its own -Z with +Y up, "
+            "Object that carries the sensor; the active camera if empty. A camera looks along its own -Z with +Y up, "
             "anything else along +Y with +Z up"
         ),
         type=bpy.types.Object,
@@ -59,8 +103,43 @@ class PERFECT_BVH_PG_scan(bpy.types.PropertyGroup):
     max_distance: bpy.props.FloatProperty(
         name="Range", description="How far the sensor can measure", default=100.0, min=0.001, subtype="DISTANCE"
     )
+    seed: bpy.props.IntProperty(
+        name="Noise Seed",
+        description="Of the sensor's noise and of the points that it drops: the same one gives the same points",
+        default=0,
+        min=0,
+    )
+    labels: bpy.props.StringProperty(
+        name="Labels",
+        description=(
+            "Further attributes of the points, with commas between: custom properties by name, of objects, instancers, "
+            "data or materials; or object, instancer, material, collection"
+        ),
+        default="",
+    )
     use_frame_range: bpy.props.BoolProperty(
-        name="Frame Range", description="Scan the scene's frame range instead of the current frame", default=False
+        name="Frame Range", description="Scan a range of frames instead of the current one", default=False
+    )
+    use_own_range: bpy.props.BoolProperty(
+        name="Own Range", description="Scan frames of your choice instead of the scene's range", default=False
+    )
+    frames: bpy.props.EnumProperty(
+        name="Frames",
+        description="Which frames are scanned",
+        items=[
+            ("CURRENT", "Current Frame", "One whole pass of the sensor, of the scene as it stands", 0),
+            ("SCENE", "Scene Range", "From the scene's first frame to its last one", 1),
+            ("RANGE", "Custom Range", "From a frame of your choice to another", 2),
+        ],
+        get=_get_frames,
+        set=_set_frames,
+        options=set(),
+    )
+    frame_start: bpy.props.IntProperty(
+        name="Start", description="The first frame that is scanned", default=1, min=-MOST, max=MOST
+    )
+    frame_end: bpy.props.IntProperty(
+        name="End", description="The last frame that is scanned", default=24, min=-MOST, max=MOST
     )
     steps_per_frame: bpy.props.IntProperty(
         name="Steps per Frame",
@@ -73,32 +152,47 @@ class PERFECT_BVH_PG_scan(bpy.types.PropertyGroup):
         min=1,
         max=1000,
     )
+    use_points: bpy.props.BoolProperty(
+        name="Points in Scene",
+        description="Add the points to the scene, as an object. Those of many frames take much memory",
+        default=True,
+    )
     point_color: bpy.props.EnumProperty(
         name="Color",
         description="What the colors of the points mean",
-        items=[
-            ("DISTANCE", "Distance", "How far away the sensor was: yellow near, violet far", 0),
-            ("OBJECT", "Object", "Which object was met", 1),
-            (
-                "INTENSITY",
-                "Intensity",
-                "How much comes back: the viewport color of the material, darker where rays graze it",
-                2,
-            ),
-        ],
+        items=point_color_items.items(),
         default="DISTANCE",
     )
-    labels: bpy.props.StringProperty(
-        name="Labels",
-        description=(
-            "Further attributes of the points, with commas between: custom properties by name, of objects, instancers, "
-            "data or materials; or object, instancer, material, collection"
-        ),
-        default="",
+    point_column: bpy.props.StringProperty(
+        name="Column",
+        description="Which attribute of the points is shown: a label, or any other",
+        search=suggest_columns,
+        search_options={"SUGGESTION"},
     )
-    filepath: bpy.props.StringProperty(
-        name="File",
-        description="Also write the points into this .npz file; none if empty",
-        subtype="FILE_PATH",
+    use_files: bpy.props.BoolProperty(
+        name="Files", description="Write the points into files of some frames each", default=False
+    )
+    folder: bpy.props.StringProperty(
+        name="Folder",
+        description="Where the files go: one of points and one that tells what is in it for each piece of the frames",
+        subtype="DIR_PATH",
         options=PATH_OPTIONS,
+    )
+    file_format: bpy.props.EnumProperty(
+        name="Format",
+        description="How points are written",
+        items=[(*item, number) for number, item in enumerate(FORMATS)],
+        default="npz",
+    )
+    frames_per_file: bpy.props.IntProperty(
+        name="Frames per File",
+        description="How many frames go into a file at most; what is stopped loses no more than that",
+        default=10,
+        min=1,
+        max=1_000_000,
+    )
+    use_resume: bpy.props.BoolProperty(
+        name="Resume",
+        description="Keep the files that are there and whole, and scan only what is missing or damaged",
+        default=True,
     )

@@ -19,7 +19,14 @@ from perfect_bvh_addon.view3d import pointer  # noqa: E402
 OPERATORS = [
     found
     for module in (
-        *(operators.preview, operators.scan, operators.bench, operators.compare, operators.decay),
+        *(
+            operators.preview,
+            operators.scan,
+            operators.color_points,
+            operators.bench,
+            operators.compare,
+            operators.decay,
+        ),
         *(operators.select_updated, operators.select_not_shown),
         *(operators.walk_ray, operators.walk_step, pointer),
     )

@@ -87,12 +87,29 @@ def test_a_panorama_can_be_set_up_without_cycles() -> None:
         drawn(panels.camera.PERFECT_BVH_PT_panorama)
 
 
-def test_the_scan_panel_shows_what_belongs_to_the_pattern() -> None:
+def test_the_scan_panel_shows_what_belongs_to_the_sensor() -> None:
     settings = bpy.context.scene.perfect_bvh.scan
     (panel,) = panels.scan.CLASSES
-    assert {"width", "height"} <= set(drawn(panel)) and "rate" not in drawn(panel)
-    settings.pattern, settings.use_frame_range = "LIDAR", True
-    assert {"elevations", "columns", "rate", "steps_per_frame"} <= set(drawn(panel)) and "width" not in drawn(panel)
+    assert {"width", "height", "sensor", "labels"} <= set(drawn(panel)) and "rate" not in drawn(panel)
+    settings.pattern = "LIDAR"
+    assert {"elevations", "columns", "rate"} <= set(drawn(panel)) and "width" not in drawn(panel)
+    settings.pattern = "spinning-64"
+    assert "seed" in drawn(panel) and not {"elevations", "width", "sensor_file"} & set(drawn(panel))
+    settings.pattern = "FILE"
+    assert "sensor_file" in drawn(panel)
+
+
+def test_the_scan_panel_shows_what_belongs_to_frames_and_files() -> None:
+    settings = bpy.context.scene.perfect_bvh.scan
+    (panel,) = panels.scan.CLASSES
+    assert not {"frame_start", "steps_per_frame", "folder", "point_column"} & set(drawn(panel))
+    settings.frames = "SCENE"
+    assert "steps_per_frame" in drawn(panel) and "frame_start" not in drawn(panel)
+    settings.frames, settings.use_files, settings.point_color = "RANGE", True, "COLUMN"
+    shown = {"frame_start", "frame_end", "folder", "file_format", "frames_per_file", "use_resume", "point_column"}
+    assert shown <= set(drawn(panel)) and drawn(panel)[-1] == "Start Scan"
+    settings.frames = "CURRENT"
+    assert {"folder", "use_resume"} <= set(drawn(panel)) and "frames_per_file" not in drawn(panel)
 
 
 def test_panels_for_materials_lights_and_the_world_stay_usable() -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -13,8 +12,6 @@ bpy = pytest.importorskip("bpy")
 from blender.scanned_room import LIDAR, lidar_rays, values_of  # noqa: E402
 from perfect_bvh_addon import CameraGrid, SceneSync, scan  # noqa: E402
 from perfect_bvh_addon.extract import scans  # noqa: E402
-from perfect_bvh_addon.scanning.collector import LUMINANCE  # noqa: E402
-from perfect_bvh_addon.scanning.point_colors import colors_of  # noqa: E402
 from perfect_bvh_addon.scanning.point_data import ATTRIBUTES, may_have_points, read_points  # noqa: E402
 from perfect_bvh_addon.view3d import scan_points  # noqa: E402
 from perfect_bvh_addon.view3d.scan_points import shown_scans  # noqa: E402
@@ -22,9 +19,9 @@ from perfect_bvh_addon.view3d.scan_points import shown_scans  # noqa: E402
 pytestmark = pytest.mark.usefixtures("registered")
 
 
-def test_the_button_makes_an_object_with_attributes(room, tmp_path: Path) -> None:
+def test_the_button_makes_an_object_with_attributes(room) -> None:
     settings = room.perfect_bvh.scan
-    settings.width, settings.height, settings.filepath = 32, 18, str(tmp_path / "made")
+    settings.width, settings.height = 32, 18
     before, meshes = (bpy.context.view_layer.objects.active, bpy.context.selected_objects), len(bpy.data.meshes)
     assert bpy.ops.perfect_bvh.scan() == {"FINISHED"}
     made = bpy.data.objects["Scan"]
@@ -43,41 +40,6 @@ def test_the_button_makes_an_object_with_attributes(room, tmp_path: Path) -> Non
         np.testing.assert_array_equal(found, expected.astype(np.int32 if kind == "INT" else np.float32))
     np.testing.assert_array_equal(values_of(made, "radius", "value"), 0.5 * cloud.spacings)
     assert list(made.data["object_names"]) == list(cloud.object_names)
-    assert (tmp_path / "made.npz").is_file()
-
-
-@pytest.mark.parametrize("color_by", ["DISTANCE", "OBJECT", "INTENSITY"])
-def test_points_are_colored_by_what_was_chosen_and_the_material_shows_it(room, color_by: str) -> None:
-    settings = room.perfect_bvh.scan
-    settings.width, settings.height, settings.point_color = 32, 18, color_by
-    bpy.data.materials["red"].diffuse_color = (1.0, 0.0, 0.0, 1.0)
-    assert bpy.ops.perfect_bvh.scan() == {"FINISHED"}
-    made, cloud = bpy.data.objects["Scan"], scan(CameraGrid(32, 18))
-    colors = values_of(made, "Color", "color", 4)
-    np.testing.assert_array_equal(colors, colors_of(cloud, color_by))
-    (material,) = made.data.materials
-    (attribute,) = [node for node in material.node_tree.nodes if node.type == "ATTRIBUTE"]
-    assert (attribute.attribute_name, attribute.outputs["Color"].links[0].to_socket.name) == ("Color", "Base Color")
-    assert bpy.ops.perfect_bvh.scan() == {"FINISHED"}
-    assert list(bpy.data.objects["Scan.001"].data.materials) == [material]
-
-
-def test_colors_tell_near_from_far_and_one_object_from_another(room) -> None:
-    bpy.data.materials["red"].diffuse_color = (1.0, 0.0, 0.0, 1.0)
-    cloud = scan(CameraGrid(64, 36))
-    assert len(cloud.object_names) == 3
-    of_object = [colors_of(cloud, "OBJECT")[cloud.object_ids == row] for row in range(3)]
-    assert all((np.ptp(colors, axis=0) == 0.0).all() for colors in of_object)
-    assert len({tuple(colors[0]) for colors in of_object}) == 3
-    lightness = colors_of(cloud, "DISTANCE")[:, :3] @ LUMINANCE
-    order = np.argsort(cloud.distances)
-    assert (np.diff(lightness[order]) <= 1e-6).all() and lightness[order[0]] > 5.0 * lightness[order[-1]]
-    red = cloud.object_ids == cloud.object_names.index("Red")
-    ratio = cloud.intensities / cloud.incidences
-    np.testing.assert_allclose(ratio[red], LUMINANCE[0], rtol=1e-5)
-    np.testing.assert_allclose(ratio[~red], 0.8, rtol=1e-5)
-    greys = colors_of(cloud, "INTENSITY")
-    assert greys[:, :3].max() == 1.0 and (np.ptp(greys[:, :3], axis=1) == 0.0).all()
 
 
 def test_points_know_their_line_how_they_were_met_and_how_far_their_neighbours_are(room) -> None:

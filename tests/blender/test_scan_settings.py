@@ -14,7 +14,7 @@ bpy = pytest.importorskip("bpy")
 from blender.scanned_room import LIDAR, values_of  # noqa: E402
 from perfect_bvh_addon import CameraGrid, SpinningLidar, scan  # noqa: E402
 from perfect_bvh_addon.extract.camera import panorama_settings  # noqa: E402
-from perfect_bvh_addon.operators.scan import parse_elevations  # noqa: E402
+from perfect_bvh_addon.operators.scan_request import parse_elevations  # noqa: E402
 
 needs_proc = pytest.mark.skipif(
     sys.platform != "linux", reason="only Linux has /proc, where not even root can make a file"
@@ -45,12 +45,10 @@ def test_elevations_can_be_written_in_two_ways(text: str, angles: tuple[float, .
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"filepath": "/nowhere/at/all/points"}, "Cannot write /nowhere/at/all/points.npz: No such file or directory"),
-        pytest.param({"filepath": "/proc/points"}, "Cannot write /proc/points.npz", marks=needs_proc),
-        ({"filepath": "//points"}, "is relative to the .blend file: save that first"),
+        pytest.param({"use_files": True, "folder": "/proc/a"}, "Cannot write into /proc/a", marks=needs_proc),
+        ({"use_files": True, "folder": "//points"}, "is relative to the .blend file: save that first"),
         ({"pattern": "LIDAR", "elevations": "up"}, "Elevations must be degrees .* got 'up'"),
         ({"pattern": "LIDAR", "elevations": "0:9:1000000000"}, "with a count of at most 4,096, got '0:9:1000000000'"),
-        ({"filepath": "/tmp/"}, "/tmp is a folder: name a file in it"),
         ({"pattern": "LIDAR", "elevations": ""}, "elevations must be degrees from -90 to 90, at least one"),
         ({"pattern": "LIDAR", "elevations": "0:100:3"}, "elevations must be degrees from -90 to 90"),
         ({"use_frame_range": True, "sensor": "Red"}, "camera grid needs a camera as its sensor, got 'Red', a MESH"),
@@ -86,11 +84,16 @@ def test_the_button_needs_a_sensor_and_object_mode(room) -> None:
 
 def test_points_are_kept_when_the_file_cannot_be_written(room, tmp_path: Path) -> None:
     settings = room.perfect_bvh.scan
-    settings.width, settings.height, settings.filepath = 64, 36, str(tmp_path / "points")
-    with full_disk(4096), pytest.raises(RuntimeError, match=r"points on .* but cannot write .*: File too large"):
+    settings.width, settings.height, settings.use_files, settings.folder = 64, 36, True, str(tmp_path)
+    with full_disk(4096), pytest.raises(RuntimeError, match=r"Cannot write .*points_0001-0001.npz: File too large"):
         bpy.ops.perfect_bvh.scan()
-    assert len(bpy.data.objects["Scan"].data.attributes["distance"].data)
+    assert len(bpy.data.objects["Scan 1-1"].data.attributes["distance"].data)
     assert not list(tmp_path.iterdir())
+    bpy.data.objects.remove(bpy.data.objects["Scan 1-1"])
+    settings.use_points = False
+    with full_disk(4096), pytest.raises(RuntimeError, match="File too large"):
+        bpy.ops.perfect_bvh.scan()
+    assert not any(obj.name.startswith("Scan") for obj in bpy.data.objects)
 
 
 # Scripts -------------------------------------------------------------------------------------------------------------

@@ -18,6 +18,7 @@ from scan_steps import scans
 
 RENDER_MENU = (125, 14)  # from the upper left
 LONG_SCAN = 16  # frames
+FIRST_PIECE = "points_0001-0001.npz"
 SMALL_DISK = "/tmp/small_disk"
 
 
@@ -144,7 +145,7 @@ def scan_onto_bad_disks() -> Step:
     """One that may only be read is named before the work; on one that is full the points are kept, and no half file."""
     scan = settings().scan
     size = scan.width, scan.height
-    scan.filepath, scan.width, scan.height = f"{SMALL_DISK}/points.npz", 200, 100
+    scan.use_files, scan.folder, scan.width, scan.height = True, SMALL_DISK, 200, 100
     os.makedirs(SMALL_DISK, exist_ok=True)
     mount("-t", "tmpfs", "-o", "size=64k,ro", "tmpfs")
 
@@ -152,14 +153,14 @@ def scan_onto_bad_disks() -> Step:
         area = area_of("VIEW_3D")
         forget_reports()
         yield from press(area, button)
-        yield from wait_for_report(f"Cannot write {SMALL_DISK}/points.npz: Read-only file system")
+        yield from wait_for_report(f"Cannot write into {SMALL_DISK}: Read-only file system")
         yield from redrawn()
         screenshot("scan_onto_a_disk_to_read")
         check(not scans() and not is_working(), "a scan whose file cannot be written has begun")
         yield from dismiss_error()
         mount("-o", "remount,rw,size=64k")
         yield from press(area, button)
-        yield from wait_for_report(f"cannot write {SMALL_DISK}/points.npz: No space left on device")
+        yield from wait_for_report(f"Cannot write {SMALL_DISK}/{FIRST_PIECE}: No space left on device")
         yield from redrawn()
         screenshot("scan_onto_a_full_disk")
         check([len(points_of(made)) > 1000 for made in scans()] == [True], "the points are lost with their file")
@@ -170,7 +171,7 @@ def scan_onto_bad_disks() -> Step:
         yield from with_scan_button(work)
     finally:
         subprocess.run(["umount", SMALL_DISK], check=True)
-    scan.filepath, scan.width, scan.height = "", *size
+    scan.use_files, scan.folder, scan.width, scan.height = False, "", *size
     for made in scans():
         bpy.data.batch_remove([made.data])
     bpy.ops.ed.undo_push(message="bad disks")

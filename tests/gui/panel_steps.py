@@ -150,13 +150,17 @@ def switch_thresholds(buttons: list[Button]) -> Step:
 
 def fill_in_the_scan_panel() -> Step:
     scan = settings().scan
-    camera_fields = {"pattern": None, "sensor": None, "width": "64", "height": "48", "use_frame_range": None}
-    camera_fields |= {"point_color": None, "labels": "object"}
-    yield from open_sidebar("Scan", change_all(scan, camera_fields | {"filepath": "/tmp/points.npz"}, "VIEW_3D"))
-    scan.pattern, scan.use_frame_range = "LIDAR", True
+    camera_fields = {"pattern": None, "sensor": None, "width": "64", "height": "48", "frames": None}
+    camera_fields |= {"labels": "collection", "point_color": None, "use_points": None}
+    yield from open_sidebar("Scan", change_all(scan, camera_fields, "VIEW_3D"))
+    scan.pattern, scan.frames, scan.use_files = "LIDAR", "RANGE", True
     lidar_fields = {"elevations": "0:10:5", "columns": "100", "rate": "5", "max_distance": "20"}
-    yield from open_sidebar("Scan", change_all(scan, lidar_fields | {"steps_per_frame": "3"}, "VIEW_3D"))
-    scan.pattern, scan.use_frame_range = "CAMERA", False
+    lidar_fields |= {"frame_start": "2", "frame_end": "9", "steps_per_frame": "3"}
+    file_fields = {"folder": "/tmp/points", "file_format": None, "frames_per_file": "4", "use_resume": None}
+    yield from open_sidebar("Scan into Files", change_all(scan, lidar_fields | file_fields, "VIEW_3D"))
+    scan.pattern, scan.frames, scan.use_files, scan.folder = "CAMERA", "CURRENT", False, ""
+    scan.labels = ""
+    scan.use_points = scan.use_resume = True
 
 
 def press_simplify() -> Step:

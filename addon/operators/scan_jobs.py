@@ -1,0 +1,151 @@
+"""The work of the Scan button, in steps: points of all frames at once, or pieces of the frames into files."""
+
+from __future__ import annotations
+
+from collections.abc import Generator
+from contextlib import closing
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import bpy
+
+from ..settings.scan_settings import label_names
+from ..statistics.words import duration
+from ..support.files import prepare_folder
+from .scan_request import carrier_of, check_colors, folder_of, frames_of, plan_of, sensor_of, threads_of
+from .scanned_file import ScannedFile
+
+if TYPE_CHECKING:
+    from ..pieces.piece import Piece
+    from ..scanning import PointCloud
+
+
+_folders_in_use: set[Path] = set()
+
+
+class PointsJob:
+    """All points, as one object. Raises ValueError for what cannot be scanned."""
+
+    def __init__(self, scene: bpy.types.Scene) -> None:
+        from ..scanning import Scanner
+
+        settings = scene.perfect_bvh.scan
+        check_colors(settings)
+        self._scanner: Any = Scanner(
+            sensor_of(settings),
+            carrier_of(scene),
+            frames=frames_of(scene),
+            steps_per_frame=settings.steps_per_frame,
+            threads=threads_of(scene),
+            labels=label_names(settings),
+            seed=settings.seed,
+        )
+        self.where = ""
+        """What is worked on, for the status bar."""
+
+    @property
+    def built_share(self) -> float | None:
+        return self._scanner.built_share
+
+    def steps(self) -> Generator[float, None, None]:
+        """Yields the share done, 0 to 1."""
+        yield from self._scanner.steps()
+
+    def release(self) -> None:
+        """At the end, however it came."""
+
+    def stopped(self) -> str:
+        """What to tell who has stopped it."""
+        return "The scan was stopped: nothing was made"
+
+    def result(self) -> tuple[list[tuple[str, PointCloud]], list[str]]:
+        """Points to be added, with the names of their objects, and warnings."""
+        cloud = self._scanner.result()
+        if not len(cloud):
+            none = f"None of {cloud.ray_count:,} rays met anything: no points were made"
+            return [], [*cloud.warnings, none]
+        return [("Scan", cloud)], list(cloud.warnings)
+
+    def summary(self, names: list[str], seconds: float) -> str:
+        """What was made, in a sentence. names: of the objects that were."""
+        cloud = self._scanner.result()
+        found = f"{len(cloud):,} points on {len(cloud.object_names):,} objects, {cloud.ray_count:,} rays"
+        return f"{names[0]}: {found}, {duration(1e3 * seconds)}"
+
+
+class FilesJob:
+    """Pieces of the frames, as files, and as objects as well if that is asked for: one a piece.
+
+    Raises ValueError for what cannot be scanned and for a folder of another scan, OSError for one that takes no files.
+    """
+
+    def __init__(self, scene: bpy.types.Scene, file: ScannedFile) -> None:
+        from ..scanning.piece_scan import PieceScan
+
+        settings = scene.perfect_bvh.scan
+        if settings.use_points:
+            check_colors(settings)
+        plan, carrier = plan_of(scene), carrier_of(scene)
+        plan.scanner(plan.pieces()[0], carrier)  # what cannot be scanned is refused before a folder is made
+        self._folder: Path = folder_of(settings).resolve()
+        if self._folder in _folders_in_use:
+            raise ValueError(f"Another scan is writing into {self._folder}: let it end, or stop it with Esc")
+        prepare_folder(self._folder)
+        self._file = file
+        self._keeps = settings.use_points
+        self._clouds: list[tuple[str, PointCloud]] = []
+        place = plan.folder(self._folder, file.inputs_of(plan, carrier))
+        place.prepare(plan.pieces(), resume=settings.use_resume)
+        self._pieces = PieceScan(plan, carrier, place, on_piece=self._take)
+        self._resumes = settings.use_resume
+        _folders_in_use.add(self._folder)
+
+    @property
+    def built_share(self) -> float | None:
+        return self._pieces.built_share
+
+    @property
+    def where(self) -> str:
+        """What is worked on, for the status bar."""
+        return f", piece {self._pieces.number} of {len(self._pieces.pieces)}"
+
+    def steps(self) -> Generator[float, None, None]:
+        """Yields the share done, 0 to 1."""
+        with closing(self._pieces.steps()) as steps:
+            for done in steps:
+                yield done / len(self._pieces.pieces)
+
+    def release(self) -> None:
+        """At the end, however it came: other scans may write there."""
+        _folders_in_use.discard(self._folder)
+
+    def stopped(self) -> str:
+        """What to tell who has stopped it."""
+        how = "Start Scan goes on" if self._resumes else "Start Scan goes on if Resume is chosen"
+        return f"The scan was stopped: {self._there()} in {self._folder}; {how}"
+
+    def result(self) -> tuple[list[tuple[str, PointCloud]], list[str]]:
+        """Points to be added, with the names of their objects, and warnings."""
+        warnings = list(self._pieces.warnings)
+        if self._keeps and self._pieces.kept:
+            warnings.append(
+                f"The points of {self._pieces.kept} pieces that were there are not added; without Resume all are"
+            )
+        return [(name, cloud) for name, cloud in self._clouds if len(cloud)], warnings
+
+    def summary(self, names: list[str], seconds: float) -> str:
+        """What was made, in a sentence. names: of the objects that were."""
+        pieces = self._pieces
+        kept = f", {pieces.kept} were there" if pieces.kept else ""
+        added = f", {len(names)} objects" if self._keeps else ""
+        count = f"{pieces.written} of {len(pieces.pieces)} pieces written{kept}"
+        return f"{self._folder}: {count}; {pieces.points:,} points{added}, {duration(1e3 * seconds)}"
+
+    def _there(self) -> str:
+        done = self._pieces.written + self._pieces.kept
+        return f"{done} of {len(self._pieces.pieces)} pieces {'is' if done == 1 else 'are'} whole"
+
+    def _take(self, piece: Piece, cloud: PointCloud) -> None:
+        self._file.check_unedited(piece.first)
+        if self._keeps:
+            self._clouds.append((f"Scan {piece.first}-{piece.last}", cloud))
