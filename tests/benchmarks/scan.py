@@ -152,13 +152,13 @@ def world_rays(pattern: CameraGrid | SpinningLidar, sync: SceneSync, limit: int)
     )
 
 
-def cast_all(pattern: CameraGrid | SpinningLidar, sync: SceneSync) -> object:
+def cast_all(pattern: CameraGrid | SpinningLidar, sync: SceneSync, threads: int = 1) -> object:
     """The rays of a scan through trees that are there."""
     rays, matrix = all_rays(pattern, sync)
     origins, directions = rays.origins @ matrix[:3, :3].T + matrix[:3, 3], rays.directions @ matrix[:3, :3].T
     fields = ("instance_ids", "mesh_ids", "primitive_ids", "geometric_normals", "positions", "distances")
     limits = {"t_min": rays.t_min, "t_max": rays.t_max, "mask": VISIBLE_TO_CAMERA}
-    return sync.scene.cast_rays(origins, directions, **limits, fields=fields, threads=1)
+    return sync.scene.cast_rays(origins, directions, **limits, fields=fields, threads=threads)
 
 
 def blender_distances(rays: WorldRays) -> Iterator[float]:
