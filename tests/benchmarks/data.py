@@ -40,6 +40,7 @@ from tqdm import tqdm
 SIZE = (640, 480)
 SEED = 11
 EMPTY_TASKS = 2000
+FARM_FRAMES = 6  # as many times the frames of `stages`: what starts a process counts little
 Row = dict[str, Any]
 
 
@@ -190,7 +191,7 @@ def compare_alone(labels: Any, things: list[bpy.types.Object], count: int) -> Ro
 
 def measure_workers(chosen: Any, _: Row) -> Row:
     """The command line as users call it, start of its processes included."""
-    found: Row = {"frames": chosen.frames * 4}
+    found: Row = {"frames": chosen.frames * FARM_FRAMES}
     for round_number in range(chosen.rounds):
         for workers in (0, *chosen.workers):
             with tempfile.TemporaryDirectory() as folder:
@@ -204,28 +205,19 @@ def measure_workers(chosen: Any, _: Row) -> Row:
 def run_scan(chosen: Any, workers: int, folder: Path) -> float:
     """Seconds."""
     blend = REPOSITORY / "blend_scenes" / f"{chosen.scene}.blend"
-    command = [sys.executable, "-m", "perfect_bvh_addon.cli", "scan", str(blend), "-o", str(folder), "-q"]
-    command += ["--sensor", chosen.sensor, "--frames", f"1-{chosen.frames * 4}", "--piece", "2"]
-    command += ["--workers", str(workers)] if workers else []
+    command = [str(Path(sys.executable).with_name("perfect-bvh")), "scan", str(blend), "-o", str(folder), "-q"]
+    command += ["--sensor", chosen.sensor, "--frames", f"1-{chosen.frames * FARM_FRAMES}", "--piece", "10"]
+    command += ["--threads", "1", *(["--workers", str(workers)] if workers else [])]
     started = time.perf_counter()
     subprocess.run(command, check=True)
     return time.perf_counter() - started
 
 
 def measure_scheduler(chosen: Any, _: Row) -> Row:
-    """Tasks that do nothing, one after the other has begun."""
-    from distributed import Client, LocalCluster
-
-    with (
-        LocalCluster(n_workers=1, threads_per_worker=1, dashboard_address=None) as cluster,
-        Client(cluster) as client,
-    ):
-        client.gather(client.map(abs, range(100)))
-
-        def run() -> None:
-            client.gather(client.map(abs, range(-EMPTY_TASKS, 0), pure=False))
-
-        _, seconds = timed(chosen.rounds, run)
+    """Tasks that do nothing."""
+    command = [sys.executable, str(Path(__file__).with_name("empty_tasks.py")), str(EMPTY_TASKS)]
+    runs = [subprocess.run(command, check=True, capture_output=True, text=True) for _ in range(chosen.rounds)]
+    seconds = Spread.of([float(run.stdout) for run in runs]).median
     return {"tasks": EMPTY_TASKS, "microseconds_a_task": 1e6 * seconds / EMPTY_TASKS}
 
 
