@@ -14,6 +14,7 @@
 // Rays: see ray_race.h; ratios are to the first peer. How many nodes and triangles a ray visits is counted in another
 // run of ours.
 #include <algorithm>
+#include <cmath>
 #include <cstdio>
 #include <functional>
 #include <memory>
@@ -183,8 +184,10 @@ std::vector<Ray> bounces(const Snapshot& snapshot, const std::vector<Ray>& prima
   std::mt19937 random(5);
   for (std::size_t i = 0; i < primary.size(); ++i) {
     if (!hits[i].found()) continue;
-    Vec3d normal = geometric_normal(snapshot, hits[i]);
-    if (dot(normal, normal) < 0.5) continue;
+    Vec3d normal = world_triangle(snapshot, hits[i]).scaled_normal();
+    const double length = std::sqrt(dot(normal, normal));
+    if (!(length > 0)) continue;
+    normal = normal * (1.0 / length);
     if (dot(normal, primary[i].direction) > 0) normal = -normal;
     const Vec3d origin = hit_position(snapshot, hits[i]) + normal * (1e-4 * diagonal);
     result.push_back(diffuse_ray(origin, normal, random));
