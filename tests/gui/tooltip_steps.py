@@ -16,7 +16,6 @@ from places import area_of, front_window, main_area, middle_of, panel_region
 TOOLTIP_BYTES = 6000  # of the screen that a tooltip changes, at least
 # In pixels: what lights up at once, up and down from the middle of the button, and the status bar with its hints.
 LIT, STATUS_BAR = 16, 30
-TRIES = 3  # a mouse that comes while Blender is busy with something else shows none
 
 
 def around(button: Button) -> npt.NDArray[np.uint8]:
@@ -50,17 +49,19 @@ def same_twice(look: Callable[[], npt.NDArray[np.uint8]]) -> Step:
 def rest_on(button: Button, name: str, kind: str = "PROPERTIES") -> Step:
     """One in each step: Blender lets a second one wait for more than the mouse. kind: of the button's area."""
     region = panel_region(area_of(kind))
-    for _ in range(TRIES):
-        yield from let_the_screen_rest()
-        before = around(button)
-        hover(region.x + region.width * button.column, button.y)
-        for _ in range(10):  # and what is shown stays
-            now = yield from same_twice(lambda: around(button))
-            if (now != before).sum() > TOOLTIP_BYTES:
-                screenshot(f"tooltip_{name}")
-                yield from let_the_screen_rest()
-                return
-    raise StepError(f"{button.what} has no tooltip")
+    yield from let_the_screen_rest()
+    before = around(button)
+    hover(region.x + region.width * button.column, button.y)
+    yield from handled()
+    x_tool("mousemove_relative", "--", 1, 0)  # where a sidebar scrolls, the move that enters it shows none
+    for _ in range(20):  # and what is shown stays
+        now = yield from same_twice(lambda: around(button))
+        if (now != before).sum() > TOOLTIP_BYTES:
+            break
+    else:
+        raise StepError(f"{button.what} has no tooltip")
+    screenshot(f"tooltip_{name}")
+    yield from let_the_screen_rest()
 
 
 def show_tooltips() -> Step:
