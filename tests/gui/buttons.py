@@ -73,9 +73,9 @@ def list_buttons(
     return [Button(what, sum(heights) / len(heights), column) for what, heights in rows.items()]
 
 
-def find_button(area: bpy.types.Area, what: str) -> Step:
+def find_button(area: bpy.types.Area, what: str, column: float = COLUMN) -> Step:
     """Returns the button of a property or an operator, by the end of its data path or a part of its call."""
-    buttons = yield from list_buttons(area)
+    buttons = yield from list_buttons(area, column=column)
     for button in buttons:
         if button.what.endswith(what) or f"{what}(" in button.what:
             return button
@@ -97,8 +97,8 @@ def press(area: bpy.types.Area, button: Button) -> Step:
     yield from press_here()
 
 
-def find_and_press(area: bpy.types.Area, what: str) -> Step:
-    button = yield from find_button(area, what)
+def find_and_press(area: bpy.types.Area, what: str, column: float = COLUMN) -> Step:
+    button = yield from find_button(area, what, column)
     yield from press(area, button)
 
 

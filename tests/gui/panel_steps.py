@@ -151,7 +151,7 @@ def switch_thresholds(buttons: list[Button]) -> Step:
 def fill_in_the_scan_panel() -> Step:
     scan = settings().scan
     camera_fields = {"pattern": None, "sensor": None, "width": "64", "height": "48", "frames": None}
-    camera_fields |= {"labels": "collection", "point_color": None, "use_points": None}
+    camera_fields |= {"labels": "collection", "point_color": None, "use_points": None, "use_files": None}
     yield from open_sidebar("Scan", change_all(scan, camera_fields, "VIEW_3D"))
     scan.pattern, scan.frames, scan.use_files = "LIDAR", "RANGE", True
     lidar_fields = {"elevations": "0:10:5", "columns": "100", "rate": "5", "max_distance": "20"}

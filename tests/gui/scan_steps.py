@@ -7,13 +7,14 @@ from collections.abc import Callable
 import bpy
 from addon_state import forget_reports, is_working, module, settings, wait_for_report
 from builds import is_building, watch_a_build, with_cloud
-from buttons import Button, press
+from buttons import Button, find_and_press, press
 from driver import Step, check, redrawn, screenshot, wait_until
 from gates import Gate, always, gate_of_steps
 from hands import hover, press_key
 from panels import open_sidebar
 from places import area_of, middle_of
 
+COLUMN_OF_REFRESH = 0.83  # of the sidebar's width
 ATTRIBUTES = {"distance", "normal", "time", "object_id", "instance_id", "material_id", "ring", "intensity", "Color"}
 
 
@@ -34,6 +35,18 @@ def press_scan(after: Callable[[], Step]) -> Step:
         forget_reports()
         yield from press(area_of("VIEW_3D"), button)
         yield from after()
+
+    yield from open_sidebar("Scan", work)
+
+
+def color_points_anew() -> Step:
+    """By the small button behind the list of colors."""
+
+    def work(_: list[Button]) -> Step:
+        area = area_of("VIEW_3D")
+        forget_reports()
+        yield from find_and_press(area, "perfect_bvh.color_points", COLUMN_OF_REFRESH)
+        yield from wait_for_report("points are colored anew")
 
     yield from open_sidebar("Scan", work)
 
@@ -87,8 +100,9 @@ def scan() -> Step:
     count = len(made.data.points)
     check(count > 1000, f"only {count} points")
     yield from wait_for_report(f"{count:,} points on")
+    yield from color_points_anew()
     hover(*middle_of(area_of("VIEW_3D")))
-    yield from press_key("ctrl+z")
+    yield from press_key("ctrl+z", "ctrl+z")  # the color, then the points
     yield from wait_until(lambda: not scans(), "undo leaves the points")
     yield from press_key("ctrl+shift+z")
     yield from wait_until(scans, "redo does not bring the points back")
