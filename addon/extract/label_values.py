@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import difflib
 import math
+from abc import ABC, abstractmethod
 from collections.abc import Iterable, Iterator, Sequence
 from typing import Any
 
@@ -93,15 +94,15 @@ class _Names:
         return LabelTable(tuple(self._rows), MISSING)
 
 
-class _Column:
+class _Column(ABC):
     """One label."""
 
     @property
-    def table(self) -> LabelTable:
-        raise NotImplementedError
+    @abstractmethod
+    def table(self) -> LabelTable: ...
 
-    def read(self) -> OwnerValues:
-        raise NotImplementedError
+    @abstractmethod
+    def read(self) -> OwnerValues: ...
 
 
 class _Objects(_Column):

@@ -6,7 +6,7 @@
   all of `scan` without that, for its rays alone, and to write each format; rays and points a second by the whole.
 - `labels`: a room of 300 things at 640 x 480. Seconds for the labels of a frame, for its files and for COCO's; how many
   pixels two visible masks share; how many of a random part of the amodal masks differ from the thing rendered alone.
-- `workers`: the same scan by one worker and by several, and by none; the share of a piece that is not its rays.
+- `workers`: a longer scan by one worker and by several, and by none, of one thread each.
 - `scheduler`: microseconds for a task that does nothing, through Dask's scheduler and one worker.
 - `farm`: what 1,000 workers would saturate first, by these figures (`farm_on_paper.py`).
 """
@@ -102,7 +102,7 @@ def measure_stages(chosen: Any, _: Row) -> Row:
     _, evaluating = timed(chosen.rounds, evaluate)
     cloud, scanning = timed(chosen.rounds, lambda: scan(pattern, scene.camera, frames=frames))
     # Of one moment, through trees that are there: what is left of a frame is reading, trees and columns.
-    cast_seconds = sum(ray_seconds(pattern, chosen.rounds)) * chosen.frames * frame_passes(scene, pattern)
+    cast_seconds = pass_seconds(pattern, chosen.rounds) * chosen.frames * frame_passes(scene, pattern)
     files = {}
     with tempfile.TemporaryDirectory() as folder:
         for suffix in WRITERS:
@@ -129,15 +129,15 @@ def frame_passes(scene: bpy.types.Scene, pattern: Any) -> float:
     return float(scene.render.fps_base / scene.render.fps / pattern.duration)
 
 
-def ray_seconds(pattern: Any, rounds: int) -> list[float]:
-    """Of one whole pass from the camera."""
+def pass_seconds(pattern: Any, rounds: int) -> float:
+    """The rays of one whole pass from the camera."""
     from benchmarks.scan import cast_all
     from perfect_bvh_addon import SceneSync
 
     sync = SceneSync()
     sync.update(bpy.context.evaluated_depsgraph_get())
     _, seconds = timed(rounds, lambda: cast_all(pattern, sync, threads=0))
-    return [seconds]
+    return seconds
 
 
 # Labels --------------------------------------------------------------------------------------------------------------
