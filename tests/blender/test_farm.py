@@ -46,6 +46,20 @@ if "perfect_bvh_addon.cli.farm.child" in sys.orig_argv:
     resource.setrlimit(resource.RLIMIT_FSIZE, (4000, resource.getrlimit(resource.RLIMIT_FSIZE)[1]))
 """
 
+BROKEN = """
+import sys
+if "perfect_bvh_addon.cli.farm.child" in sys.orig_argv:
+    from perfect_bvh_addon.live.scene_sync import SceneSync
+    def fail(*_, **__):
+        raise RuntimeError("nothing can be read")
+    SceneSync.begin_update = SceneSync.begin_scene = SceneSync.update = fail
+"""
+OF_DASK = """
+import os, sys
+if "perfect_bvh_addon.cli.farm.child" in sys.orig_argv and "MALLOC_TRIM_THRESHOLD_" in os.environ:
+    os.abort()
+"""
+
 
 def save_with_script(folder: Path, to: Path, script: str) -> None:
     """A copy of the scene that runs a script when it is opened."""
@@ -96,6 +110,13 @@ def test_whatever_is_killed_the_bytes_are_the_same(
     assert killer.killed
 
 
+def test_what_a_blender_has_died_of_is_told(folder: Path, tmp_path: Path) -> None:
+    save_with_script(folder, tmp_path, BROKEN)
+    status, errors = run_job(tmp_path, "labels", tmp_path / "out", "--workers", 1, "--autoexec", frames="1-2")
+    assert status == 3, errors
+    assert "RuntimeError: nothing can be read" in errors
+
+
 def test_a_piece_of_which_workers_die_fails_and_the_others_go_on(folder: Path, tmp_path: Path) -> None:
     save_with_script(folder, tmp_path, DEADLY)
     out = tmp_path / "out"
@@ -105,6 +126,12 @@ def test_a_piece_of_which_workers_die_fails_and_the_others_go_on(folder: Path, t
     assert "frames 5-6: workers have died of it 3 times" in errors and "SIGABRT" in errors
     assert "1 of 2 pieces failed" in errors
     assert sorted(contents(out)) == ["labels_0007-0008.json", "labels_0007.npz", "labels_0008.npz"]
+
+
+def test_blenders_are_spared_what_dask_sets_for_its_workers(folder: Path, tmp_path: Path) -> None:
+    save_with_script(folder, tmp_path, OF_DASK)
+    status, errors = run_job(tmp_path, "scan", tmp_path / "out", "--workers", 1, "--autoexec", frames="1-2")
+    assert status == 0, errors
 
 
 def test_a_sensor_that_is_not_there_in_a_frame_is_named_and_the_others_go_on(folder: Path, tmp_path: Path) -> None:

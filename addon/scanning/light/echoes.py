@@ -47,7 +47,8 @@ def merge(beams: IntArray, ranges: Float64Array, energies: Float64Array, resolut
     beams, ranges, energies: (A,) each; what has no energy is no part of any.
     """
     present = np.flatnonzero(energies > 0.0)
-    order = present[np.lexsort((ranges[present], beams[present]))]  # stable: equal ones stay in their order
+    order = present[np.argsort(beams[present], kind="stable")]  # beam after beam, as they have arrived
+    order = _sorted_where_apart(order, beams, ranges, resolution)
     of_beam, at, energy = beams[order], ranges[order], energies[order]
     begins = np.ones(len(order), np.bool_)
     begins[1:] = (of_beam[1:] != of_beam[:-1]) | (at[1:] - at[:-1] > resolution)
@@ -56,14 +57,36 @@ def merge(beams: IntArray, ranges: Float64Array, energies: Float64Array, resolut
     sums = np.bincount(groups, weights=energy, minlength=len(firsts))
     means = np.bincount(groups, weights=energy * at, minlength=len(firsts)) / sums
     are_single = np.bincount(groups, minlength=len(firsts)) == 1
-    by_energy = np.lexsort((-energy, groups))[firsts]
     return Echoes(
         beams=of_beam[firsts].astype(np.int64),
         ranges=np.where(are_single, at[firsts], means),
         energies=sums,
-        strongest=order[by_energy],
+        strongest=order[_strongest(energy, groups, firsts)],
         are_single=are_single,
     )
+
+
+def _sorted_where_apart(order: IntArray, beams: IntArray, ranges: Float64Array, resolution: float) -> IntArray:
+    """The arrivals of each beam that is more than one echo sorted by range; equal ones stay in their order.
+
+    Most beams are one echo, and sorting takes longer than all else. order: beam after beam.
+    """
+    of_beam, at = beams[order], ranges[order]
+    firsts = np.flatnonzero(np.diff(of_beam, prepend=-1))
+    if not len(firsts):
+        return order
+    is_apart = np.maximum.reduceat(at, firsts) - np.minimum.reduceat(at, firsts) > resolution
+    apart = np.flatnonzero(np.repeat(is_apart, np.diff(firsts, append=len(order))))
+    order[apart] = order[apart][np.lexsort((at[apart], of_beam[apart]))]
+    return order
+
+
+def _strongest(energy: Float64Array, groups: IntArray, firsts: IntArray) -> IntArray:
+    """Of each group, the row of the first of those with the most energy. firsts: where the groups begin."""
+    if not len(firsts):
+        return firsts
+    rows = np.flatnonzero(energy == np.maximum.reduceat(energy, firsts)[groups])
+    return rows[np.searchsorted(groups[rows], np.arange(len(firsts)))]
 
 
 def are_detected(echoes: Echoes, detection: Detection) -> npt.NDArray[np.bool_]:

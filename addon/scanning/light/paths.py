@@ -74,7 +74,7 @@ class Ways:
 
     def part(self, rows: npt.NDArray[Any]) -> Ways:
         """Some of them."""
-        return Ways(**{field.name: getattr(self, field.name)[rows] for field in fields(self)})
+        return Ways(**{field.name: getattr(self, field.name).take(rows, axis=0) for field in fields(self)})
 
 
 @dataclass(frozen=True, slots=True)
@@ -143,26 +143,28 @@ def follow_light(cast: Cast, ways: Ways) -> Iterator[Arrivals]:
         rows = np.flatnonzero(hits.is_hit)
         if not len(rows):
             return
-        ways, hits = ways.part(rows), _part_of(hits, rows)
+        hits = _part_of(hits, rows)
         surfaces = cast.surfaces.read(hits)
-        ahead = unit(ways.directions)
+        directions, shares = ways.directions.take(rows, axis=0), ways.shares[rows]
+        ahead = unit(directions)
         normals = unit(hits.geometric_normals.astype(np.float64))
         along = dot(ahead, normals)
-        cosines = np.minimum(np.abs(along), 1.0)
-        ranges = ways.before + ways.indices * hits.distances
+        ranges = ways.before[rows] + ways.indices[rows] * hits.distances
+        returned = surfaces.returned(np.minimum(np.abs(along), 1.0))
         yield Arrivals(
-            rows=ways.rows,
+            rows=ways.rows[rows],
             ranges=ranges,
-            energies=_that_count(ways.shares * surfaces.returned(cosines)),
+            energies=_that_count(shares * returned),
             positions=hits.positions,
             normals=hits.geometric_normals,
-            directions=ways.directions,
+            directions=directions,
             **{name: getattr(hits, name) for name in ("instance_ids", "mesh_ids", "primitive_ids")},
-            are_straight=ways.are_straight,
+            are_straight=ways.are_straight[rows],
         )
         if bounce < cast.optics.bounces:
-            met = _Met(cast, ways, hits, ahead, normals, along, cosines, ranges)
-            ways = _joined([way for way in met.go_on(surfaces) if len(way)])
+            on = surfaces.going_on(cast.optics.mirror_roughness)
+            met = _Met(cast, ways.part(rows[on]), _part_of(hits, on), ahead[on], normals[on], along[on], ranges[on])
+            ways = _joined([way for way in met.go_on(surfaces.part(on)) if len(way)])
             if not len(ways):
                 return
 
@@ -186,7 +188,7 @@ def _cast_rays(cast: Cast, ways: Ways, is_first: bool) -> Hits:
 
 @dataclass(frozen=True, slots=True)
 class _Met:
-    """Where all rays are that met something, and how they go on from there."""
+    """Where rays have met what may let light go on, and how it does."""
 
     cast: Cast
     ways: Ways
@@ -194,8 +196,12 @@ class _Met:
     ahead: Float64Array
     normals: Float64Array
     along: Float64Array
-    cosines: Float64Array
     ranges: Float64Array
+
+    @property
+    def cosines(self) -> Float64Array:
+        """(N,) of the angles between rays and normals, whichever side is met."""
+        return np.minimum(np.abs(self.along), 1.0)
 
     def go_on(self, surfaces: Surfaces) -> Iterator[Ways]:
         limit, refracts = self.cast.optics.mirror_roughness, self.cast.optics.refract
@@ -259,7 +265,7 @@ def _that_count(energies: Float64Array) -> Float64Array:
 
 
 def _part_of(hits: Hits, rows: npt.NDArray[np.int64]) -> Hits:
-    return replace(hits, columns={name: column[rows] for name, column in hits.columns.items()})
+    return replace(hits, columns={name: column.take(rows, axis=0) for name, column in hits.columns.items()})
 
 
 def _joined(ways: list[Ways]) -> Ways:

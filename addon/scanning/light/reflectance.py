@@ -8,8 +8,10 @@ met straight on.
 from __future__ import annotations
 
 from dataclasses import dataclass, fields
+from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from ..patterns import Float64Array
 
@@ -68,9 +70,18 @@ class Surfaces:
         shares = metal + clear + self.diffuse * schlick(self.coat, cosines)
         return self.alpha * shares * self._is_smooth(mirror_roughness)
 
-    def part(self, rows: np.ndarray) -> Surfaces:
-        """Some of them."""
-        return Surfaces(**{field.name: getattr(self, field.name)[rows] for field in fields(self)})
+    def going_on(self, mirror_roughness: float) -> npt.NDArray[np.int64]:
+        """Rows of those that may let any light through, or mirror it."""
+        return np.flatnonzero((self.alpha < 1.0) | (self.roughness < mirror_roughness))
+
+    def part(self, rows: npt.NDArray[Any]) -> Surfaces:
+        """Some of them, copied."""
+        return Surfaces(**{field.name: getattr(self, field.name).take(rows) for field in fields(self)})
+
+    def put(self, rows: npt.NDArray[Any], others: Surfaces) -> None:
+        """Those at these rows are the others from now on."""
+        for field in fields(self):
+            getattr(self, field.name)[rows] = getattr(others, field.name)
 
     def _is_smooth(self, mirror_roughness: float) -> Float64Array:
         return (self.roughness < mirror_roughness).astype(np.float64)

@@ -42,14 +42,19 @@ class SurfaceReader:
         self._appearance: Appearance = sync.appearance
         self._spectrum = np.array(spectrum, np.float64) / sum(spectrum)
         self._table = _table_of(self._appearance)
+        self._plain = self._surfaces(self._table)
+        self._has_images = _has_images(self._appearance, len(self._plain.alpha))
         self._order = np.argsort(self._appearance.instances.ids, kind="stable")
 
     def read(self, hits: Hits) -> Surfaces:
         """Of hits, none of them a miss: what they are."""
         rows = self._with_variants(self._sync.material_ids(hits), hits.instance_ids)
-        columns = {name: column[rows] for name, column in self._table.items()}
-        self._show_images(hits, rows, columns)
-        return self._surfaces(columns)
+        surfaces = self._plain.part(rows)
+        with_images = rows[self._has_images[rows]]
+        for row in np.unique(with_images).tolist():
+            at = np.flatnonzero(rows == row)
+            surfaces.put(at, self._surfaces(self._with_its_images(hits, row, at)))
+        return surfaces
 
     def _with_variants(self, materials: IntArray, instance_ids: IntArray) -> IntArray:
         """Rows of the material table, in which variants follow the materials; none is the last row, -1."""
@@ -66,23 +71,19 @@ class SurfaceReader:
         is_variant = (known[found] == wanted) & (rows >= 0)
         return np.where(is_variant, len(self._sync.record.materials) + found, rows)
 
-    def _show_images(self, hits: Hits, rows: IntArray, columns: dict[str, Float64Array]) -> None:
-        """Puts in the colours and alphas of images and of the meshes themselves."""
+    def _with_its_images(self, hits: Hits, row: int, at: IntArray) -> dict[str, Float64Array]:
+        """The columns of a material, with the colours and alphas of its images and of the meshes at the hits `at`."""
+        columns = {name: np.repeat(column[[row]], len(at), axis=0) for name, column in self._table.items()}
         table = self._appearance.materials
-        for row in np.unique(rows[rows >= 0]).tolist():
-            color_image, alpha_image = (
-                -1 if images is None else int(images[row]) for images in (table.color_images, table.alpha_images)
-            )
-            tint = None if table.tints is None else table.tints[row]
-            if color_image < 0 and alpha_image < 0 and tint is None:
-                continue
-            at = np.flatnonzero(rows == row)
-            if color_image >= 0:
-                columns["base_colors"][at] = self._image(hits, at, color_image)[:, :3] * columns["color_scales"][at]
-            if alpha_image >= 0:
-                columns["alphas"][at] *= np.clip(self._image(hits, at, alpha_image)[:, 3], 0.0, 1.0)
-            if tint is not None:
-                columns["base_colors"][at] *= self._layer(hits, at, "corner_colors", "named_colors", tint, 3)
+        if table.color_images is not None and table.color_images[row] >= 0:
+            colors = self._image(hits, at, int(table.color_images[row]))
+            columns["base_colors"] = colors[:, :3] * columns["color_scales"]
+        if table.alpha_images is not None and table.alpha_images[row] >= 0:
+            columns["alphas"] *= np.clip(self._image(hits, at, int(table.alpha_images[row]))[:, 3], 0.0, 1.0)
+        tint = None if table.tints is None else table.tints[row]
+        if tint is not None:
+            columns["base_colors"] *= self._layer(hits, at, "corner_colors", "named_colors", tint, 3)
+        return columns
 
     def _image(self, hits: Hits, at: IntArray, row: int) -> Float64Array:
         image = self._appearance.images[row]
@@ -133,6 +134,18 @@ class SurfaceReader:
     def _gray(self, colors: Float64Array) -> Float64Array:
         red, green, blue = self._spectrum.tolist()
         return colors[:, 0] * red + colors[:, 1] * green + colors[:, 2] * blue
+
+
+def _has_images(appearance: Appearance, count: int) -> npt.NDArray[np.bool_]:
+    """(count,) which materials have images, or colours of the mesh; the last row is of what has no material."""
+    table = appearance.materials
+    found = np.zeros(count, np.bool_)
+    for images in (table.color_images, table.alpha_images):
+        if images is not None:
+            found[: len(images)] |= np.asarray(images) >= 0
+    if table.tints is not None:
+        found[: len(table.tints)] |= np.array([tint is not None for tint in table.tints], np.bool_)
+    return found
 
 
 def _table_of(appearance: Appearance) -> dict[str, Float64Array]:
