@@ -35,6 +35,14 @@ def test_a_sensor_that_is_brought_casts_what_it_promises(name: str) -> None:
     assert [len(part) for part in parts] == [pattern.count(a, b) for a, b in pairwise(cuts)]
 
 
+def test_the_64_lines_are_two_blocks() -> None:
+    pattern = load_sensor("spinning-64").pattern
+    assert isinstance(pattern, SpinningLidar)
+    steps = np.diff(pattern.elevations)
+    assert len(steps) == 63 and steps.min() > 0.2
+    assert steps[:31].mean() == pytest.approx(1 / 2, abs=0.02) and steps[32:].mean() == pytest.approx(1 / 3, abs=0.02)
+
+
 def test_a_rosette_stays_in_its_circle_and_fills_it() -> None:
     rays = Rosette(field_of_view=40.0, duration=1.0).cast(0.0, 1.0, None)
     angles = np.degrees(np.arccos(np.clip(rays.directions @ AHEAD, -1.0, 1.0)))
