@@ -169,8 +169,9 @@ def _save_npy(labels: Labels, folder: Path, plain: dict[str, str], made: list[Pa
             np.save(stream, array, allow_pickle=False)
         files[name] = f"{folder.name}/{file.name}"
         made.append(file)
-    for file in set(folder.glob("[!.]*.npy")) - set(made):  # of an image with more in it
-        file.unlink(missing_ok=True)
+    for file in set(folder.glob("[!.]*.npy")) - set(made):
+        if file.stem in (*ARRAYS, "flow") or file.stem.startswith("label_"):  # of an image with more in it
+            file.unlink(missing_ok=True)
     return {"files": files}
 
 

@@ -329,3 +329,22 @@ def test_the_command_writes_all_formats(labels: Labels, tmp_path: Path, capfd: A
     ):
         assert run(*asked, "-o", tmp_path / "other", *more) == 2
         assert re.search(said, capfd.readouterr().err), more
+
+
+def test_resuming_sweeps_the_folder_of_a_frame_and_keeps_what_is_the_users(labels: Labels, tmp_path: Path) -> None:
+    path, out = tmp_path / "room.blend", tmp_path / "out"
+    bpy.ops.wm.save_as_mainfile(filepath=str(path))
+    asked = ("labels", path, "--size", "200x20", "-q", "-o", out, "--no-coco", "--format", "npy")
+    assert run(*asked) == 0
+    folder = out / "labels_0001"
+    before = {file.name: file.read_bytes() for file in folder.iterdir()}
+    users = {"mine.npy": b"1", "notes.txt": b"2", ".mine.01234567.npy": b"3", ".depth.npy": b"4"}
+    for name, content in users.items():
+        (folder / name).write_bytes(content)
+    for name in (".depth.0a1b2c3d.npy", ".visible_splits.0a1b2c3d.npy", ".0a1b2c3d"):
+        (folder / name).write_bytes(b"half")
+    for damaged in (None, "uvs.npy"):  # kept, then written again
+        if damaged is not None:
+            (folder / damaged).write_bytes(b"")
+        assert run(*asked, "--resume") == 0
+        assert {file.name: file.read_bytes() for file in folder.iterdir()} == before | users
