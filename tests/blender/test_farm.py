@@ -20,7 +20,8 @@ pytest.importorskip("pycocotools")
 import psutil  # noqa: E402
 from blender.command_lines import run  # noqa: E402
 from blender.farm_killer import Killer, complete  # noqa: E402
-from blender.farm_runs import JOBS, command, contents, run_job, save_scene  # noqa: E402
+from blender.farm_runs import JOBS, command, run_job, save_scene  # noqa: E402
+from blender.sensor_flight import contents  # noqa: E402
 
 # Scripts of scenes, for workers alone.
 DEADLY = """
