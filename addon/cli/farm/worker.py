@@ -17,11 +17,13 @@ from pathlib import Path
 from typing import Any
 
 CHILD = "perfect_bvh_addon.cli.farm.child"
+FOLDER_PREFIX = "perfect_bvh_"
 # To itself, so that Ctrl-C in a terminal does not end it.
 OWN_GROUP: dict[str, Any] = (
     {"creationflags": subprocess.CREATE_NEW_PROCESS_GROUP} if sys.platform == "win32" else {"process_group": 0}
 )
 LAST_WORDS = 4000  # bytes of what it has said that are read when it is dead
+KILL_SECONDS = 5  # what is killed may hang in a call of the system, such as one to a server that does not answer
 
 _free: list[BlenderProcess] = []
 _busy: set[BlenderProcess] = set()
@@ -33,16 +35,22 @@ class DeadBlenderError(Exception):
 
 
 class BlenderProcess:
-    """A process that does pieces, one at a time."""
+    """A process that does pieces, one at a time.
+
+    A Blender that is killed leaves its temporary files behind. So it gets a folder for them, which goes with it; if its
+    worker dies first, it removes that itself.
+    """
 
     def __init__(self) -> None:
         self._said = tempfile.TemporaryFile()  # noqa: SIM115 - closed with the process
+        self._folder = tempfile.TemporaryDirectory(prefix=FOLDER_PREFIX, ignore_cleanup_errors=True)
         self._process = subprocess.Popen(
-            [sys.executable, "-m", CHILD],
+            [sys.executable, "-m", CHILD, self._folder.name],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=self._said,
             encoding="utf-8",
+            env={**os.environ, **dict.fromkeys(("TMPDIR", "TEMP", "TMP"), self._folder.name)},
             **OWN_GROUP,
         )
         self._writing = threading.Lock()
@@ -62,13 +70,17 @@ class BlenderProcess:
         self._write({"stop": True})
 
     def end(self) -> None:
-        """Kills it, whatever it does: its files are whole or not there."""
+        """Kills it, whatever it does, and removes its temporary files: its others are whole or not there."""
         self._process.kill()
+        try:
+            self._process.wait(KILL_SECONDS)
+        except subprocess.TimeoutExpired:
+            return
+        self._folder.cleanup()
 
     def close(self) -> None:
-        """Ends it and waits for that."""
+        """Ends it; nobody asks it any more."""
         self.end()
-        self._process.wait()
         self._said.close()
         for pipe in (self._process.stdin, self._process.stdout):
             try:
