@@ -162,7 +162,7 @@ class LabelsWork(PieceWork):
 
         arguments = self.arguments
         made: list[Labels] = []
-        faults: list[ValueError] = []
+        faults: list[Exception] = []
 
         def visit(depsgraph: bpy.types.Depsgraph, frame_set: Callable[[int, float], None]) -> None:
             try:
@@ -179,15 +179,17 @@ class LabelsWork(PieceWork):
                 )
             except perfect_bvh.Cancelled:
                 return
-            except ValueError as error:
+            except Exception as error:  # which Blender would swallow
                 faults.append(error)
                 return
             made.append(labels)
 
         go_to_frame(self.scene, frame, self.is_simulated)
         render_job(self.scene, RenderJob(visit=visit))
-        if faults:
-            raise CommandError(f"frame {frame}: {faults[0]}") from faults[0]
+        for fault in faults:
+            if isinstance(fault, (ValueError, perfect_bvh.EngineError, MemoryError)):
+                raise CommandError(f"frame {frame}: {fault or 'there is not enough memory'}") from fault
+            raise fault
         return made[0] if made else None
 
 

@@ -82,6 +82,8 @@ class PieceWork(ABC):
         done = None if self.stop.is_set else self.make(piece, advance)
         if done is not None:
             self._played_to = piece.last
+        elif not self.stop.is_set:
+            raise CommandError(f"{piece}: Blender has given it up, and says no more")
         return done
 
     @abstractmethod

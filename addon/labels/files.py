@@ -25,7 +25,7 @@ import numpy as np
 from ..support.files import prepare_folder, replacing
 from .exr import Channels, check_exr, exr_channels, write_exr
 from .labels import ARRAYS, Labels
-from .png import MOST, Uint16Array, grey_images, write_grey
+from .png import MOST, Uint16Array, check_png, grey_images, write_grey
 
 FORMATS = ("npz", "npy", "png", "exr")
 DEPTH_SCALE = 0.001  # world units a step of a PNG's depth: a millimetre where a unit is a metre
@@ -69,6 +69,8 @@ def check_formats(formats: Sequence[str], labels: Iterable[str] = ()) -> None:
             raise ValueError(f"formats must be some of {', '.join(FORMATS)}, got {name!r}{hint}")
     if "exr" in formats:
         check_exr()
+    if "png" in formats:
+        check_png()
     if set(formats) - {"npz"}:
         plain_names(labels)
 
@@ -167,8 +169,9 @@ def _save_npy(labels: Labels, folder: Path, plain: dict[str, str], made: list[Pa
             np.save(stream, array, allow_pickle=False)
         files[name] = f"{folder.name}/{file.name}"
         made.append(file)
-    for file in set(folder.glob("[!.]*.npy")) - set(made):  # of an image with more in it
-        file.unlink(missing_ok=True)
+    for file in set(folder.glob("[!.]*.npy")) - set(made):
+        if file.stem in (*ARRAYS, "flow") or file.stem.startswith("label_"):  # of an image with more in it
+            file.unlink(missing_ok=True)
     return {"files": files}
 
 

@@ -1,15 +1,15 @@
-"""Images of labels as PNG files of 16 bits of grey. Knows no Blender.
+"""Images of labels as PNG files of 16 bits of grey, by Pillow. Knows no Blender.
 
 Depth as BOP and KITTI keep it: whole steps of a scale, 0 where there is nothing. Ids are rows and numbers + 1, 0 for
-nothing. The format is PNG's second edition (W3C 2003): the bytes are as they are, so that no reader's colours matter.
+nothing. Files say nothing of gamma or colour profiles, so that readers give the numbers as they are.
 """
 
 from __future__ import annotations
 
-import struct
-import zlib
+import importlib
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -18,8 +18,21 @@ from ..sync.label_columns import LabelColumn
 from .labels import Labels
 
 Uint16Array = npt.NDArray[np.uint16]
+MISSING = "PNG files need Pillow: pip install 'perfect-bvh[data]'"
 MOST = 65535
 NOTHING_IN_SIGHT = 1e9  # depths beyond are of rays that met nothing
+
+
+def check_png() -> None:
+    """Raises ImportError with what to install."""
+    _library()
+
+
+def _library() -> Any:
+    try:
+        return importlib.import_module("PIL.Image")
+    except ImportError as error:
+        raise ImportError(MISSING) from error
 
 
 def grey_images(labels: Labels, depth_scale: float, plain: Mapping[str, str]) -> tuple[dict[str, Uint16Array], int]:
@@ -67,14 +80,6 @@ def _ids(name: str, values: npt.NDArray[np.int32]) -> Uint16Array:
 
 
 def write_grey(path: Path, image: Uint16Array) -> None:
-    """Writes (H, W), row 0 on top. Raises OSError."""
-    height, width = image.shape
-    rows = np.zeros((height, 1 + 2 * width), np.uint8)  # each begins with its filter: none
-    rows[:, 1:] = image.astype(">u2").view(np.uint8).reshape(height, 2 * width)
-    header = struct.pack(">IIBBBBB", width, height, 16, 0, 0, 0, 0)
-    parts = ((b"IHDR", header), (b"IDAT", zlib.compress(rows.tobytes(), 1)), (b"IEND", b""))
+    """Writes (H, W), row 0 on top; the same bytes for the same image. Raises ImportError without Pillow, OSError."""
     with path.open("wb") as file:
-        file.write(b"\x89PNG\r\n\x1a\n")
-        for kind, content in parts:
-            file.write(struct.pack(">I", len(content)) + kind + content)
-            file.write(struct.pack(">I", zlib.crc32(kind + content)))
+        _library().fromarray(image).save(file, format="PNG", compress_level=1)  # a frame has several: speed over size

@@ -72,15 +72,28 @@ def replacing(path: Path) -> Iterator[Path]:
 
 
 def find_remainders(folder: Path, names: Iterable[str]) -> list[Path]:
-    """What a process that was killed meanwhile may have left of writing files of these names into a folder."""
-    wanted = {(Path(name).stem[:_STEM_SHOWN], Path(name).suffix) for name in names}
-    found = []
+    """What a process that was killed meanwhile may have left of writing files of these names into a folder.
+
+    names: as paths from the folder; those of folders in it that are not there are of files not begun.
+    """
+    wanted: dict[Path, set[tuple[str, str]]] = {folder: set()}
+    for name in names:
+        path = folder / name
+        wanted.setdefault(path.parent, set()).add((path.stem[:_STEM_SHOWN], path.suffix))
+    found: list[Path] = []
+    for place, parts in wanted.items():
+        if place == folder or reachable(place).is_dir():
+            found += _remainders_in(place, parts)
+    return sorted(found)
+
+
+def _remainders_in(folder: Path, wanted: set[tuple[str, str]]) -> Iterator[Path]:
+    """wanted: stems as they are shown, and endings."""
     for path in reachable(folder).iterdir():
         match = _REMAINDER.fullmatch(path.name)
         is_trial = match is not None and match[1] is None and match[2] is None
         if is_trial or (match is not None and (match[1], match[2] or "") in wanted):
-            found.append(path)
-    return sorted(found)
+            yield path
 
 
 def _check_place(path: Path) -> None:

@@ -19,7 +19,8 @@ import time
 from pathlib import Path
 
 import psutil
-from blender.farm_runs import JOBS, RUN_MAIN, command, contents, run_job, save_scene
+from blender.farm_runs import JOBS, RUN_MAIN, command, run_job, save_scene
+from blender.sensor_flight import contents
 
 EXIT_FAILED_PIECES, EXIT_ERROR = 3, 2
 KINDS = (*["Blender"] * 6, *["worker"] * 4, "tracker", "run")  # as often as each stands there

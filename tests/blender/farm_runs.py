@@ -6,12 +6,10 @@ import subprocess
 import sys
 from pathlib import Path
 
+from blender.sensor_flight import SENSOR, save_flight
+
 RUN_MAIN = "import sys; sys.argv[0] = 'perfect-bvh'; from perfect_bvh_addon.cli import main; sys.exit(main())"
-SENSOR = """kind = "spinning"
-elevations = { first = -30, last = 30, count = 9 }
-columns = 120
-rate = 12
-[beam]
+BEAM = """[beam]
 divergence = 5
 rays = 3
 returns = 2
@@ -33,20 +31,7 @@ JOBS = {
 
 def save_scene(folder: Path) -> Path:
     """A file with a cube that moves, a sheet that bends and an empty that flies past; beside it a sensor."""
-    import bpy
-    from blender.command_lines import save_small_file
-
-    path = folder / "small.blend"
-    save_small_file(path)
-    bpy.ops.wm.open_mainfile(filepath=str(path))
-    head = bpy.data.objects.new("Head", None)
-    bpy.context.scene.collection.objects.link(head)
-    for frame, x in ((1, -2.0), (13, 2.0)):
-        head.location = (x, -3.0, 1.0)
-        head.keyframe_insert("location", frame=frame)
-    bpy.ops.wm.save_mainfile()
-    (folder / "sensor.toml").write_text(SENSOR)
-    return path
+    return save_flight(folder, SENSOR + BEAM, last_frame=13)
 
 
 def command(name: str, out: Path, *more: object, frames: str = "1-12") -> list[str]:
@@ -62,8 +47,3 @@ def run_job(folder: Path, name: str, out: Path, *more: object, frames: str = "1-
         command(name, out, *more, frames=frames), cwd=folder, capture_output=True, text=True, timeout=TIMEOUT
     )
     return done.returncode, done.stderr
-
-
-def contents(out: Path) -> dict[str, bytes]:
-    """Of all files of a folder, whatever their names are."""
-    return {path.name: path.read_bytes() for path in out.iterdir()}

@@ -11,27 +11,15 @@ import pytest
 
 bpy = pytest.importorskip("bpy")
 
-from blender.command_lines import run, save_small_file  # noqa: E402
+from blender.command_lines import run  # noqa: E402
+from blender.sensor_flight import SENSOR, contents, save_flight  # noqa: E402
 from perfect_bvh_addon import SpinningLidar, load_sensor, scan  # noqa: E402
 from perfect_bvh_addon.scanning.pieces import pieces_of  # noqa: E402
-
-SENSOR = 'kind = "spinning"\nelevations = { first = -30, last = 30, count = 9 }\ncolumns = 120\nrate = 12\n'
 
 
 @pytest.fixture
 def small_file(tmp_path: Path) -> Path:
-    """With an empty that flies past."""
-    path = tmp_path / "small.blend"
-    save_small_file(path)
-    bpy.ops.wm.open_mainfile(filepath=str(path))
-    head = bpy.data.objects.new("Head", None)
-    bpy.context.scene.collection.objects.link(head)
-    for frame, x in ((1, -2.0), (9, 2.0)):
-        head.location = (x, -3.0, 1.0)
-        head.keyframe_insert("location", frame=frame)
-    bpy.ops.wm.save_mainfile()
-    (tmp_path / "sensor.toml").write_text(SENSOR)
-    return path
+    return save_flight(tmp_path)
 
 
 def scanned(small_file: Path, folder: Path, *more: object) -> int:
@@ -83,14 +71,14 @@ def test_what_is_there_and_whole_is_not_done_again(small_file: Path, tmp_path: P
 def test_a_folder_of_another_scan_is_refused(small_file: Path, tmp_path: Path, capfd: Any) -> None:
     out = tmp_path / "out"
     assert scanned(small_file, out) == 0
-    kept = {path.name: path.read_bytes() for path in out.iterdir()}
+    kept = contents(out)
     for changed in (("--steps", 3), ("--on", "Cube"), ("--piece", 4)):
         assert scanned(small_file, out, *changed) == 2
         assert "holds pieces of another scan" in capfd.readouterr().err
     (tmp_path / "sensor.toml").write_text(SENSOR.replace("120", "60"))
     assert scanned(small_file, out, "--resume") == 2
     assert "has another sensor" in capfd.readouterr().err
-    assert {path.name: path.read_bytes() for path in out.iterdir()} == kept
+    assert contents(out) == kept
 
 
 @pytest.mark.parametrize("suffix", ["ply", "laz", "parquet"])

@@ -6,6 +6,7 @@ import os
 import signal
 import subprocess
 import sys
+import tempfile
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -20,7 +21,9 @@ pytest.importorskip("pycocotools")
 import psutil  # noqa: E402
 from blender.command_lines import run  # noqa: E402
 from blender.farm_killer import Killer, complete  # noqa: E402
-from blender.farm_runs import JOBS, command, contents, run_job, save_scene  # noqa: E402
+from blender.farm_runs import JOBS, command, run_job, save_scene  # noqa: E402
+from blender.sensor_flight import contents  # noqa: E402
+from perfect_bvh_addon.cli.farm import child, worker  # noqa: E402
 
 # Scripts of scenes, for workers alone.
 DEADLY = """
@@ -52,7 +55,7 @@ if "perfect_bvh_addon.cli.farm.child" in sys.orig_argv:
     from perfect_bvh_addon.live.scene_sync import SceneSync
     def fail(*_, **__):
         raise RuntimeError("nothing can be read")
-    SceneSync.begin_update = SceneSync.begin_scene = SceneSync.update = fail
+    SceneSync.update = fail
 """
 OF_DASK = """
 import os, sys
@@ -229,6 +232,91 @@ def test_without_dask_it_says_what_to_install(
     monkeypatch.setattr(importlib.util, "find_spec", lambda name: None if name == "distributed" else true_find(name))
     assert run("labels", folder / "small.blend", "-o", tmp_path / "out", "--workers", 2) == 2
     assert "pip install 'perfect-bvh[farm]'" in capfd.readouterr().err
+
+
+def temporary_folders(place: Path) -> list[str]:
+    """Blender's, and those around them."""
+    found = [name for _, folders, _ in os.walk(place) for name in folders]
+    return sorted(name for name in found if name.startswith(("blender_", "perfect_bvh_")))
+
+
+def start_with_temporary(place: Path, folder: Path, out: Path, frames: str) -> subprocess.Popen[str]:
+    """A scan by two workers, which has `place` for temporary files."""
+    place.mkdir()
+    environment = {**os.environ, **dict.fromkeys(("TMPDIR", "TEMP", "TMP"), str(place))}
+    arguments = command("scan", out, "--workers", 2, frames=frames)
+    return subprocess.Popen(arguments, cwd=folder, env=environment, stderr=subprocess.PIPE, text=True)
+
+
+def test_a_run_leaves_no_temporary_folders(folder: Path, tmp_path: Path) -> None:
+    place, seen = tmp_path / "temporary", set()
+    with start_with_temporary(place, folder, tmp_path / "out", "1-4") as started:
+        while started.poll() is None:
+            seen |= set(temporary_folders(place))
+            time.sleep(0.02)
+        assert started.returncode == 0, started.stderr.read()
+    kinds = [name.rpartition("_")[0] for name in seen]
+    assert kinds.count("blender") >= 2 and kinds.count("perfect_bvh") >= 1  # the run's own, and those of its workers
+    assert temporary_folders(place) == []
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="SIGKILL, which Windows has not")
+def test_a_killed_run_leaves_no_process_and_no_temporary_folder_but_its_own(folder: Path, tmp_path: Path) -> None:
+    out, place = tmp_path / "out", tmp_path / "temporary"
+    with start_with_temporary(place, folder, out, "1-400") as started:
+        while not list(out.glob("*.json")):
+            assert started.poll() is None
+            time.sleep(0.02)
+        (own,) = place.glob("blender_*")
+        assert len(temporary_folders(place)) >= 3
+        processes = psutil.Process(started.pid).children(recursive=True)
+        started.kill()
+    psutil.wait_procs(processes, timeout=60)
+    assert not [each for each in processes if each.is_running()]
+    assert temporary_folders(place) == [own.name]
+
+
+@pytest.fixture
+def blender(folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[worker.BlenderProcess]:
+    """A process with a Blender in it, which has found no scene."""
+    import perfect_bvh
+    from perfect_bvh_addon.cli import build_parser
+
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    arguments = vars(build_parser("perfect-bvh").parse_args(["labels", "missing.blend", "-o", str(tmp_path)]))
+    job = {"id": "1", "version": perfect_bvh.__version__, "inputs": {}, "arguments": arguments}
+    made = worker.BlenderProcess()
+    try:
+        assert "cannot open it" in made.ask({"job": job, "piece": 0})["refused"]
+        (around, inside) = sorted(temporary_folders(tmp_path), reverse=True)
+        assert around.startswith("perfect_bvh_") and (tmp_path / around / inside).is_dir()
+        yield made
+    finally:
+        made.close()
+
+
+def test_a_blender_that_is_alone_removes_its_temporary_folder(blender: worker.BlenderProcess, tmp_path: Path) -> None:
+    """As when its worker was killed."""
+    blender._process.stdin.close()
+    assert blender._process.wait(60) == child.EXIT_ALONE
+    assert temporary_folders(tmp_path) == []
+
+
+def test_a_blender_that_dies_is_tidied_up_after(blender: worker.BlenderProcess, tmp_path: Path) -> None:
+    blender._process.kill()
+    with pytest.raises(worker.DeadBlenderError):
+        blender.ask({})
+    assert len(temporary_folders(tmp_path)) == 2
+    blender.close()
+    assert temporary_folders(tmp_path) == []
+
+
+def test_a_blender_that_is_busy_is_ended_with_its_temporary_folder(
+    blender: worker.BlenderProcess, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(worker, "_busy", {blender})
+    worker.end_blenders()
+    assert blender._process.poll() is not None and temporary_folders(tmp_path) == []
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="process groups that a terminal interrupts, which Windows has not")

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import json
 import re
-import struct
-import zlib
 from dataclasses import replace
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 import numpy as np
@@ -16,11 +15,13 @@ import pytest
 
 bpy = pytest.importorskip("bpy")
 OpenEXR = pytest.importorskip("OpenEXR")
+Image = pytest.importorskip("PIL.Image")
 
 from blender.command_lines import run  # noqa: E402
 from blender.labelled_room import PARTS, make_labelled_room  # noqa: E402
+from oracles.png import load_image  # noqa: E402
 from perfect_bvh_addon import CameraGrid, CocoFile, Labels, label_image, save_labels, scan  # noqa: E402
-from perfect_bvh_addon.labels import exr  # noqa: E402
+from perfect_bvh_addon.labels import exr, png  # noqa: E402
 from perfect_bvh_addon.labels.files import check_formats, file_names  # noqa: E402
 
 SIZE = (200, 20)
@@ -34,20 +35,17 @@ def labels(registered: None) -> Labels:
 
 
 def read_png(path: Path) -> npt.NDArray[np.uint16]:
-    """By the standard alone."""
-    content = path.read_bytes()
-    assert content[:8] == b"\x89PNG\r\n\x1a\n"
-    place, parts = 8, {}
-    while place < len(content):
-        (length,) = struct.unpack_from(">I", content, place)
-        kind, data = content[place + 4 : place + 8], content[place + 8 : place + 8 + length]
-        assert struct.unpack_from(">I", content, place + 8 + length)[0] == zlib.crc32(kind + data)
-        parts[kind], place = data, place + 12 + length
-    width, height, depth, kind_of_color = struct.unpack(">IIBB", parts[b"IHDR"][:10])
-    assert (depth, kind_of_color) == (16, 0)
-    rows = np.frombuffer(zlib.decompress(parts[b"IDAT"]), np.uint8).reshape(height, 1 + 2 * width)
-    assert not rows[:, 0].any()
-    return rows[:, 1:].copy().view(">u2").astype(np.uint16)
+    """(H, W), row 0 on top, as Blender reads it, whose reader is another than Pillow."""
+    image = load_image(path)
+    image.colorspace_settings.name = "Non-Color"
+    width, height = image.size
+    pixels = np.empty(width * height * 4, np.float32)
+    image.pixels.foreach_get(pixels)
+    bpy.data.images.remove(image)
+    numbers = pixels.reshape(height, width, 4)[::-1] * 65535.0
+    assert np.abs(numbers - np.rint(numbers)).max() < 0.02  # of 8 bits they would be multiples of 257
+    assert (numbers[..., :3] == numbers[..., :1]).all()
+    return np.rint(numbers[..., 0]).astype(np.uint16)
 
 
 def test_images_and_things_have_labels_as_a_scan_has_them(labels: Labels) -> None:
@@ -125,16 +123,25 @@ def test_png_holds_rows_and_millimetres(labels: Labels, tmp_path: Path) -> None:
     assert meaning["categories"] == list(labels.categories)
 
 
-def test_png_is_what_blender_reads(labels: Labels, tmp_path: Path) -> None:
-    whole = replace(labels, labels={})
-    save_labels(whole, tmp_path, "frame", ("png",))
-    image = bpy.data.images.load(str(tmp_path / "frame_depth.png"))
-    image.colorspace_settings.name = "Non-Color"
-    pixels = np.empty(SIZE[0] * SIZE[1] * 4, np.float32)
-    assert (tuple(image.size) == SIZE and image.is_float) or image.depth in (16, 32, 48, 64)
-    image.pixels.foreach_get(pixels)
-    found = pixels.reshape(SIZE[1], SIZE[0], 4)[::-1, :, 0] * 65535.0
-    assert np.abs(found - read_png(tmp_path / "frame_depth.png")).max() < 0.5
+@pytest.mark.parametrize("size", [(1, 1), (1, 70_000), (3, 1), (40, 257)])
+def test_png_is_16_bits_of_grey_and_the_same_bytes_again(tmp_path: Path, size: tuple[int, int]) -> None:
+    image = np.random.default_rng(1).integers(0, 65_536, size, np.uint16)
+    image[0, -1] = 65_535
+    laid_out = {"rows": image, "columns": np.asfortranarray(image), "part": np.repeat(image, 2, 1)[:, ::2]}
+    for name, array in laid_out.items():
+        png.write_grey(tmp_path / name, array)
+    content = (tmp_path / "rows").read_bytes()
+    assert {path.read_bytes() for path in tmp_path.iterdir()} == {content}
+    with Image.open(tmp_path / "rows") as found:
+        assert found.mode == "I;16" and np.array_equal(np.asarray(found), image)
+    place, kinds = 8, []
+    while place < len(content):
+        kinds.append(content[place + 4 : place + 8])
+        place += 12 + int.from_bytes(content[place : place + 4], "big")
+    assert set(kinds) == {b"IHDR", b"IDAT", b"IEND"}  # no time, no gamma, no profile
+    assert content[24:26] == bytes([16, 0])
+    if size[1] < 65_536:
+        assert np.array_equal(read_png(tmp_path / "rows"), image)
 
 
 def test_png_says_what_it_cannot_hold(labels: Labels, tmp_path: Path) -> None:
@@ -197,19 +204,40 @@ def test_blender_opens_the_exr_as_layers(labels: Labels, tmp_path: Path) -> None
     assert len(image.pixels) == 0 and image.type == "MULTILAYER"
 
 
-def test_exr_refuses_what_floats_do_not_hold(labels: Labels, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_exr_refuses_what_floats_do_not_hold(labels: Labels, tmp_path: Path) -> None:
     column = labels.labels["categoryID"]
     large = replace(labels, labels={"number": replace(column, values=column.values + (1 << 25))})
     with pytest.raises(ValueError, match=r"exr: label 'number' goes up to 33,.*choose npy or npz"):
         save_labels(large, tmp_path, "frame", ("exr",))
+    assert list(tmp_path.iterdir()) == []
 
+
+@pytest.mark.parametrize(("kind", "module", "library"), [("png", png, "Pillow"), ("exr", exr, "OpenEXR")])
+def test_a_library_that_is_missing_is_named_before_the_work(
+    labels: Labels,
+    tmp_path: Path,
+    capfd: Any,
+    monkeypatch: pytest.MonkeyPatch,
+    kind: str,
+    module: ModuleType,
+    library: str,
+) -> None:
     def without(name: str) -> Any:
         raise ImportError(name)
 
-    monkeypatch.setattr(exr.importlib, "import_module", without)
-    with pytest.raises(ImportError, match=r"OpenEXR: pip install 'perfect-bvh\[data\]'"):
-        check_formats(("exr",))
-    assert list(tmp_path.iterdir()) == []
+    path, out = tmp_path / "room.blend", tmp_path / "out"
+    bpy.ops.wm.save_as_mainfile(filepath=str(path))
+    monkeypatch.setattr(module.importlib, "import_module", without)
+    said = f"{library}: pip install 'perfect-bvh[data]'"
+    for call in (
+        lambda: check_formats(("npy", kind)),
+        lambda: save_labels(labels, tmp_path, "frame", ("npz", kind)),
+    ):
+        with pytest.raises(ImportError, match=re.escape(said)):
+            call()
+    assert run("labels", path, "-o", out, "--format", "npz", kind) == 2
+    assert f"--format: {kind.upper()} files need {said}" in capfd.readouterr().err
+    assert [entry.name for entry in tmp_path.iterdir()] == [path.name]
 
 
 def test_npy_is_a_folder_of_arrays(labels: Labels, tmp_path: Path) -> None:
@@ -301,3 +329,22 @@ def test_the_command_writes_all_formats(labels: Labels, tmp_path: Path, capfd: A
     ):
         assert run(*asked, "-o", tmp_path / "other", *more) == 2
         assert re.search(said, capfd.readouterr().err), more
+
+
+def test_resuming_sweeps_the_folder_of_a_frame_and_keeps_what_is_the_users(labels: Labels, tmp_path: Path) -> None:
+    path, out = tmp_path / "room.blend", tmp_path / "out"
+    bpy.ops.wm.save_as_mainfile(filepath=str(path))
+    asked = ("labels", path, "--size", "200x20", "-q", "-o", out, "--no-coco", "--format", "npy")
+    assert run(*asked) == 0
+    folder = out / "labels_0001"
+    before = {file.name: file.read_bytes() for file in folder.iterdir()}
+    users = {"mine.npy": b"1", "notes.txt": b"2", ".mine.01234567.npy": b"3", ".depth.npy": b"4"}
+    for name, content in users.items():
+        (folder / name).write_bytes(content)
+    for name in (".depth.0a1b2c3d.npy", ".visible_splits.0a1b2c3d.npy", ".0a1b2c3d"):
+        (folder / name).write_bytes(b"half")
+    for damaged in (None, "uvs.npy"):  # kept, then written again
+        if damaged is not None:
+            (folder / damaged).write_bytes(b"")
+        assert run(*asked, "--resume") == 0
+        assert {file.name: file.read_bytes() for file in folder.iterdir()} == before | users

@@ -12,29 +12,19 @@ import pytest
 bpy = pytest.importorskip("bpy")
 
 import perfect_bvh_addon  # noqa: E402
-from blender.command_lines import run, save_small_file  # noqa: E402
+from blender.command_lines import run  # noqa: E402
 from blender.long_builds import ESCAPE, TIMER, FakeOperator, FakeWindow, patiently  # noqa: E402
+from blender.sensor_flight import SENSOR, contents, save_flight  # noqa: E402
 from perfect_bvh_addon.operators import scan as scan_operator  # noqa: E402
 from perfect_bvh_addon.operators import scanned_file  # noqa: E402
 from perfect_bvh_addon.operators.scan import PERFECT_BVH_OT_scan  # noqa: E402
 from perfect_bvh_addon.scanning.point_colors import colors_of_column  # noqa: E402
 
-SENSOR = 'kind = "spinning"\nelevations = { first = -30, last = 30, count = 9 }\ncolumns = 120\nrate = 12\n'
-
 
 @pytest.fixture
 def small_file(tmp_path: Path) -> Iterator[Path]:
     """With an empty that flies past; open, with a panel that asks for six frames of it in three files."""
-    path = tmp_path / "small.blend"
-    save_small_file(path)
-    bpy.ops.wm.open_mainfile(filepath=str(path))
-    head = bpy.data.objects.new("Head", None)
-    bpy.context.scene.collection.objects.link(head)
-    for frame, x in ((1, -2.0), (9, 2.0)):
-        head.location = (x, -3.0, 1.0)
-        head.keyframe_insert("location", frame=frame)
-    bpy.ops.wm.save_mainfile()
-    (tmp_path / "sensor.toml").write_text(SENSOR)
+    path = save_flight(tmp_path)
     open_again(path)
     yield path
     perfect_bvh_addon.unregister()
@@ -67,10 +57,6 @@ def scanned_by_command(path: Path, *more: object) -> dict[str, bytes]:
     assert run("scan", path, "-o", out, *asked, *(more or ("--frames", "1-6"))) == 0
     open_again(path)
     return contents(out)
-
-
-def contents(folder: Path) -> dict[str, bytes]:
-    return {path.name: path.read_bytes() for path in sorted(folder.iterdir())}
 
 
 def started() -> tuple[FakeOperator, FakeWindow]:

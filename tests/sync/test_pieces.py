@@ -103,6 +103,20 @@ def test_what_killed_processes_leave_is_found_and_nothing_else(tmp_path: Path) -
     assert sorted(path.name for path in tmp_path.iterdir()) == sorted(others)
 
 
+def test_what_killed_processes_leave_in_folders_of_pieces_is_found_and_nothing_else(tmp_path: Path) -> None:
+    piece = Piece((1,), "x_1-1", ("x_1/depth.npy", "x_1/label_a.b.npy", "x_2/depth.npy", "x_1.json"))
+    left = ["x_1/.01234567", "x_1/.depth.01234567.npy", "x_1/.label_a.b.89abcdef.npy", ".x_1.01234567.json"]
+    others = ["x_1/depth.npy", "x_1/.x_1.01234567.json", "x_1/.mine.01234567.npy", "x_1/.hidden", "x_1/notes.txt"]
+    others += [".depth.01234567.npy", "mine/.depth.01234567.npy", "mine/.01234567"]
+    for folder in ("x_1", "mine"):
+        (tmp_path / folder).mkdir()
+    for name in (*left, *others):
+        (tmp_path / name).touch()
+    folder_with(tmp_path).clear([piece])
+    assert {path.relative_to(tmp_path).as_posix() for path in tmp_path.rglob("*") if path.is_file()} == set(others)
+    assert not (tmp_path / "x_2").exists()
+
+
 def test_what_takes_longest_is_not_left_to_the_end() -> None:
     costs = Costs([piece_of(frame) for frame in range(10)], is_in_order=False)
     assert costs.next_of({7, 3, 5}, 2) == 3

@@ -1,8 +1,9 @@
-"""A process with a Blender, which does pieces that it is asked for: `python -m perfect_bvh_addon.cli.farm.child`.
+"""A process with a Blender, which does pieces that it is asked for: `python -m perfect_bvh_addon.cli.farm.child DIR`.
 
 It reads a request as a line of JSON on its standard input and answers by a line on its standard output. The scene is
 opened once and kept from piece to piece. Whatever is no mistake of the user's ends the process: then the piece is tried
-again elsewhere. It ends as well when nobody is there any more to ask it, be it in the middle of a piece.
+again elsewhere. It ends as well when nobody is there any more to ask it, be it in the middle of a piece. DIR was made
+for its temporary files alone, Blender's among them; who kills it removes that, otherwise it does so itself.
 """
 
 from __future__ import annotations
@@ -11,11 +12,13 @@ import argparse
 import json
 import os
 import queue
+import shutil
 import signal
+import sys
 import threading
 import time
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TextIO
+from typing import TYPE_CHECKING, Any, NoReturn, TextIO
 
 if TYPE_CHECKING:
     from ..blender import StopRequest
@@ -111,7 +114,15 @@ def _take_streams() -> tuple[TextIO, TextIO]:
     return requests, answers
 
 
-def _listen(requests: TextIO, inbox: queue.SimpleQueue[Request], stop: StopRequest) -> None:
+def _leave(folder: str, status: int) -> NoReturn:
+    """Ends this process whatever its other threads do, for which Blender cannot tidy up."""
+    try:
+        shutil.rmtree(folder, ignore_errors=True)
+    finally:
+        os._exit(status)
+
+
+def _listen(requests: TextIO, inbox: queue.SimpleQueue[Request], stop: StopRequest, folder: str) -> None:
     try:
         for line in requests:
             request = json.loads(line)
@@ -119,27 +130,27 @@ def _listen(requests: TextIO, inbox: queue.SimpleQueue[Request], stop: StopReque
             if not stop.is_set:
                 inbox.put(request)
     finally:  # who has asked is gone, in the middle of a line perhaps
-        os._exit(EXIT_ALONE)
+        _leave(folder, EXIT_ALONE)
 
 
-def main() -> None:
-    """Answers until nobody asks."""
+def main(folder: str) -> None:
+    """Answers until nobody asks. folder: for temporary files, as the environment names it as well."""
     from ..blender import StopRequest
 
     requests, answers = _take_streams()
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # who asks decides what Ctrl-C means
     inbox: queue.SimpleQueue[Request] = queue.SimpleQueue()
     stop = StopRequest()
-    threading.Thread(target=_listen, args=(requests, inbox, stop), daemon=True).start()
+    threading.Thread(target=_listen, args=(requests, inbox, stop, folder), daemon=True).start()
     bench = Bench(stop)
     while True:
         try:
             request = inbox.get(timeout=IDLE_SECONDS)
         except queue.Empty:
-            os._exit(0)
+            _leave(folder, 0)
         answers.write(json.dumps(bench.answer(request)) + "\n")
         answers.flush()
 
 
 if __name__ == "__main__":
-    main()
+    main(sys.argv[1])

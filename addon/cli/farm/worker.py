@@ -17,12 +17,14 @@ from pathlib import Path
 from typing import Any
 
 CHILD = "perfect_bvh_addon.cli.farm.child"
+FOLDER_PREFIX = "perfect_bvh_"
 # To itself, so that Ctrl-C in a terminal does not end it.
 OWN_GROUP: dict[str, Any] = (
     {"creationflags": subprocess.CREATE_NEW_PROCESS_GROUP} if sys.platform == "win32" else {"process_group": 0}
 )
 LAST_SECONDS = 5  # in which it may say why it ends
 LAST_WORDS = 4000  # bytes of what it has said that are read when it is dead
+KILL_SECONDS = 5  # what is killed may hang in a call of the system, such as one to a server that does not answer
 
 _free: list[BlenderProcess] = []
 _busy: set[BlenderProcess] = set()
@@ -34,20 +36,30 @@ class DeadBlenderError(Exception):
 
 
 class BlenderProcess:
-    """A process that does pieces, one at a time."""
+    """A process that does pieces, one at a time.
+
+    A Blender that is killed leaves its temporary files behind. So it gets a folder for them, which goes with it; if its
+    worker dies first, it removes that itself.
+    """
 
     def __init__(self) -> None:
         self._said = tempfile.TemporaryFile()  # noqa: SIM115 - closed with the process
+        self._folder = tempfile.TemporaryDirectory(prefix=FOLDER_PREFIX, ignore_cleanup_errors=True)
         self._process = subprocess.Popen(
-            [sys.executable, "-m", CHILD],
+            [sys.executable, "-m", CHILD, self._folder.name],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=self._said,
             encoding="utf-8",
-            env=_environment(),
+            env=_environment(self._folder.name),
             **OWN_GROUP,
         )
         self._writing = threading.Lock()
+
+    @property
+    def is_alive(self) -> bool:
+        """Whether it has not ended."""
+        return self._process.poll() is None
 
     def ask(self, request: dict[str, Any]) -> dict[str, Any]:
         """Its answer. Raises DeadBlenderError."""
@@ -64,13 +76,17 @@ class BlenderProcess:
         self._write({"stop": True})
 
     def end(self) -> None:
-        """Kills it, whatever it does: its files are whole or not there."""
+        """Kills it, whatever it does, and removes its temporary files: its others are whole or not there."""
         self._process.kill()
+        try:
+            self._process.wait(KILL_SECONDS)
+        except subprocess.TimeoutExpired:
+            return
+        self._folder.cleanup()
 
     def close(self) -> None:
-        """Ends it and waits for that."""
+        """Ends it; nobody asks it any more."""
         self.end()
-        self._process.wait()
         self._said.close()
         for pipe in (self._process.stdin, self._process.stdout):
             try:
@@ -105,8 +121,8 @@ class BlenderProcess:
         return how if was_killed or not said else f"{how}: {said[-1]}"
 
 
-def _environment() -> dict[str, str]:
-    """Of a Blender: this process's own, without what Dask sets for its workers.
+def _environment(folder: str) -> dict[str, str]:
+    """Of a Blender with a folder for temporary files: this process's own, without what Dask sets for its workers.
 
     That has the C library give memory back to the system at once, and take it again for each large array: a scan takes
     1.6 times as long.
@@ -114,16 +130,15 @@ def _environment() -> dict[str, str]:
     from dask import config
 
     set_by_dask = config.get("distributed.nanny.pre-spawn-environ", {})
-    return {name: value for name, value in os.environ.items() if value != str(set_by_dask.get(name))}
+    kept = {name: value for name, value in os.environ.items() if value != str(set_by_dask.get(name))}
+    return {**kept, **dict.fromkeys(("TMPDIR", "TEMP", "TMP"), folder)}
 
 
 def do_piece(job: dict[str, Any], number: int) -> dict[str, Any]:
     """A task of Dask: the answer of a Blender, or that it has `died`; and where that was."""
     from distributed import get_worker
 
-    with _lock:
-        blender = _free.pop() if _free else BlenderProcess()
-        _busy.add(blender)
+    blender = _take_blender()
     lives = False
     try:
         answer = blender.ask({"job": job, "piece": number})
@@ -138,6 +153,20 @@ def do_piece(job: dict[str, Any], number: int) -> dict[str, Any]:
         if not lives:
             blender.close()
     return {**answer, "host": socket.gethostname(), "worker": get_worker().address}
+
+
+def _take_blender() -> BlenderProcess:
+    """One that is free, busy from now on; those that have ended themselves, since nobody asked them, are none."""
+    with _lock:
+        while _free:
+            blender = _free.pop()
+            if blender.is_alive:
+                break
+            blender.close()
+        else:
+            blender = BlenderProcess()
+        _busy.add(blender)
+        return blender
 
 
 def stop_pieces() -> None:
