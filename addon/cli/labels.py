@@ -179,7 +179,7 @@ class LabelsWork(PieceWork):
                 )
             except perfect_bvh.Cancelled:
                 return
-            except Exception as error:  # which Blender would swallow
+            except Exception as error:  # noqa: BLE001 - Blender would swallow it
                 faults.append(error)
                 return
             made.append(labels)

@@ -2,11 +2,13 @@
 
     python tests/benchmarks/data.py --json data.json
 
-- `stages`: a scan of some frames, as `perfect-bvh scan` makes it. Seconds to open the file, to evaluate its frames, for
-  all of `scan` without that, for its rays alone, and to write each format; rays and points a second by the whole.
+- `stages`: a scan of some frames, as `perfect-bvh scan` makes it, with what light does to beams. Seconds to open the
+  file, to evaluate its frames, for the scan (evaluation included), for the same scan by a thin ray a beam, for these
+  rays alone through trees that are there, and to write each format; rays and points a second by the whole.
 - `labels`: a room of 300 things at 640 x 480. Seconds for the labels of a frame, for its files and for COCO's; how many
   pixels two visible masks share; how many of a random part of the amodal masks differ from the thing rendered alone.
-- `workers`: a longer scan by one worker and by several, and by none, of one thread each.
+- `workers`: a longer scan by one worker and by several, and by none, of one thread each; the start of all processes is
+  part of it. Seconds of all rounds.
 - `scheduler`: microseconds for a task that does nothing, through Dask's scheduler and one worker.
 - `farm`: what 1,000 workers would saturate first, by these figures (`farm_on_paper.py`).
 """
@@ -40,7 +42,6 @@ from tqdm import tqdm
 SIZE = (640, 480)
 SEED = 11
 EMPTY_TASKS = 2000
-FARM_FRAMES = 6  # as many times the frames of `stages`: what starts a process counts little
 Row = dict[str, Any]
 
 
@@ -52,6 +53,7 @@ def main() -> None:
     parser.add_argument("--frames", type=int, default=8, metavar="N", help="of the scan")
     parser.add_argument("--objects", type=int, default=300, metavar="N", help="in the labelled room")
     parser.add_argument("--alone", type=int, default=20, metavar="N", help="things rendered alone")
+    parser.add_argument("--farm-frames", type=int, default=80, metavar="N", help="of the scan by workers")
     parser.add_argument("--workers", type=int, nargs="+", default=[1, 2], metavar="N", help="to compare")
     parser.add_argument("--parts", nargs="+", choices=list(PARTS), default=list(PARTS), help="to measure")
     chosen = options.parse(parser)
@@ -92,7 +94,7 @@ def measure_stages(chosen: Any, _: Row) -> Row:
     """One piece, in this process."""
     path = str(REPOSITORY / "blend_scenes" / f"{chosen.scene}.blend")
     _, opening = timed(chosen.rounds, lambda: bpy.ops.wm.open_mainfile(filepath=path))
-    scene, pattern = bpy.context.scene, load_sensor(chosen.sensor).pattern
+    scene, sensor = bpy.context.scene, load_sensor(chosen.sensor)
     frames = (scene.frame_start, scene.frame_start + chosen.frames - 1)
 
     def evaluate() -> None:
@@ -100,9 +102,11 @@ def measure_stages(chosen: Any, _: Row) -> Row:
             scene.frame_set(frame)
 
     _, evaluating = timed(chosen.rounds, evaluate)
-    cloud, scanning = timed(chosen.rounds, lambda: scan(pattern, scene.camera, frames=frames))
+    cloud, scanning = timed(chosen.rounds, lambda: scan(sensor, scene.camera, frames=frames))
+    _, thin = timed(chosen.rounds, lambda: scan(sensor.pattern, scene.camera, frames=frames))
     # Of one moment, through trees that are there: what is left of a frame is reading, trees and columns.
-    cast_seconds = pass_seconds(pattern, chosen.rounds) * chosen.frames * frame_passes(scene, pattern)
+    passes = chosen.frames * frame_passes(scene, sensor.pattern)
+    cast_seconds = pass_seconds(sensor.pattern, chosen.rounds) * passes
     files = {}
     with tempfile.TemporaryDirectory() as folder:
         for suffix in WRITERS:
@@ -110,16 +114,19 @@ def measure_stages(chosen: Any, _: Row) -> Row:
             _, seconds = timed(chosen.rounds, lambda target=target: save_cloud(cloud, target))
             files[suffix] = {"seconds": seconds, "megabytes": target.stat().st_size / 1e6}
     whole = opening + scanning + min(file["seconds"] for file in files.values())
+    rays = cloud.ray_count * (sensor.light.beam.rays if sensor.light else 1)
     return {
         "frames": chosen.frames,
-        "rays": cloud.ray_count,
+        "beams": cloud.ray_count,
+        "rays": rays,
         "points": len(cloud),
         "open_seconds": opening,
         "evaluate_seconds": evaluating,
         "scan_seconds": scanning,
-        "ray_seconds": cast_seconds,
+        "thin_scan_seconds": thin,
+        "thin_ray_seconds": cast_seconds,
         "files": files,
-        "mrays_per_second": cloud.ray_count / whole / 1e6,
+        "mrays_per_second": rays / whole / 1e6,
         "mpoints_per_second": len(cloud) / whole / 1e6,
     }
 
@@ -191,22 +198,23 @@ def compare_alone(labels: Any, things: list[bpy.types.Object], count: int) -> Ro
 
 def measure_workers(chosen: Any, _: Row) -> Row:
     """The command line as users call it, start of its processes included."""
-    found: Row = {"frames": chosen.frames * FARM_FRAMES}
+    found: dict[str, dict[str, float]] = {}
     for round_number in range(chosen.rounds):
         for workers in (0, *chosen.workers):
             with tempfile.TemporaryDirectory() as folder:
-                found.setdefault(str(workers), []).append(run_scan(chosen, workers, Path(folder) / f"{round_number}"))
-    medians = {name: Spread.of(times).median for name, times in found.items() if isinstance(times, list)}
+                seconds = run_scan(chosen, workers, Path(folder) / "out")
+            found.setdefault(str(workers), {})[f"round {round_number + 1}"] = seconds
+    medians = {name: Spread.of(list(times.values())).median for name, times in found.items()}
     first, *others = (str(workers) for workers in chosen.workers)
     speedups = {f"{name} of {first}": medians[first] / medians[name] for name in others}
-    return {"frames": found["frames"], "seconds": medians, "speedup": speedups}
+    return {"frames": chosen.farm_frames, "seconds": medians, "speedup": speedups, "rounds": found}
 
 
 def run_scan(chosen: Any, workers: int, folder: Path) -> float:
     """Seconds."""
     blend = REPOSITORY / "blend_scenes" / f"{chosen.scene}.blend"
     command = [str(Path(sys.executable).with_name("perfect-bvh")), "scan", str(blend), "-o", str(folder), "-q"]
-    command += ["--sensor", chosen.sensor, "--frames", f"1-{chosen.frames * FARM_FRAMES}", "--piece", "10"]
+    command += ["--sensor", chosen.sensor, "--frames", f"1-{chosen.farm_frames}", "--piece", "10"]
     command += ["--threads", "1", *(["--workers", str(workers)] if workers else [])]
     started = time.perf_counter()
     subprocess.run(command, check=True)
