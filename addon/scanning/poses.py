@@ -27,8 +27,8 @@ class Path:
     ) -> tuple[Float64Array, Float64Array]:
         """(R, 3) origins and directions of the sensor's space in the world, each at its share, 0 to 1, of the way."""
         if np.array_equal(self.first, self.last):
-            linear = self.first[:3, :3].T
-            return origins @ linear + self.first[:3, 3], directions @ linear
+            linear = self.first[:3, :3]
+            return _turned(origins, linear) + self.first[:3, 3], _turned(directions, linear)
         way = self.first[:3, 3] + shares[:, None] * (self.last[:3, 3] - self.first[:3, 3])
         return self._turn(origins, shares) + way, self._turn(directions, shares)
 
@@ -37,18 +37,31 @@ class Path:
         start = self.first[:3, :3]
         between = np.linalg.solve(start, self.last[:3, :3])
         if np.abs(between @ between.T - np.eye(3)).max() > ROUNDING or np.linalg.det(between) < 0.0:
-            straight = vectors @ start.T  # sheared or mirrored on the way: there is no rotation between them
-            return straight + shares[:, None] * (vectors @ self.last[:3, :3].T - straight)
+            straight = _turned(vectors, start)  # sheared or mirrored on the way: there is no rotation between them
+            return straight + shares[:, None] * (_turned(vectors, self.last[:3, :3]) - straight)
         axis = np.array([between[2, 1] - between[1, 2], between[0, 2] - between[2, 0], between[1, 0] - between[0, 1]])
         sine, cosine = float(np.linalg.norm(axis)) / 2.0, (float(np.trace(between)) - 1.0) / 2.0
         if sine < ROUNDING**2:
-            return vectors @ start.T
+            return _turned(vectors, start)
         axis /= 2.0 * sine
         angles = shares * np.arctan2(sine, cosine)
-        along = axis * (vectors @ axis)[:, None]
+        along = axis * _along(vectors, axis)[:, None]
         across = np.cross(axis, vectors)
         turned = along + np.cos(angles)[:, None] * (vectors - along) + np.sin(angles)[:, None] * across
-        return turned @ start.T
+        return _turned(turned, start)
+
+
+# Not by `@`: that is a library's, which rounds as it likes on each processor, and starts threads of its own.
+
+
+def _along(vectors: Float64Array, axis: Float64Array) -> Float64Array:
+    """(R,) the vectors' components along an axis."""
+    return vectors[:, 0] * axis[0] + vectors[:, 1] * axis[1] + vectors[:, 2] * axis[2]
+
+
+def _turned(vectors: Float64Array, linear: Float64Array) -> Float64Array:
+    """(R, 3) vectors through a (3, 3) matrix."""
+    return np.stack([_along(vectors, row) for row in linear], axis=1)
 
 
 def bend(before: Float64Array, here: Float64Array, after: Float64Array, distance: float) -> float:

@@ -7,8 +7,8 @@
   rays alone through trees that are there, and to write each format; rays and points a second by the whole.
 - `labels`: a room of 300 things at 640 x 480. Seconds for the labels of a frame, for its files and for COCO's; how many
   pixels two visible masks share; how many of a random part of the amodal masks differ from the thing rendered alone.
-- `workers`: a longer scan by one worker and by several, and by none, of one thread each; the start of all processes is
-  part of it. Seconds of all rounds.
+- `workers`: a longer scan by none, one and several workers, and by as many commands that each have a part of its frames
+  ("by hand": the most that the machine gives), of one thread each; the start of all processes is part of it.
 - `scheduler`: microseconds for a task that does nothing, through Dask's scheduler and one worker.
 - `farm`: what 1,000 workers would saturate first, by these figures (`farm_on_paper.py`).
 """
@@ -20,6 +20,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -54,7 +55,7 @@ def main() -> None:
     parser.add_argument("--objects", type=int, default=300, metavar="N", help="in the labelled room")
     parser.add_argument("--alone", type=int, default=20, metavar="N", help="things rendered alone")
     parser.add_argument("--farm-frames", type=int, default=80, metavar="N", help="of the scan by workers")
-    parser.add_argument("--workers", type=int, nargs="+", default=[1, 2], metavar="N", help="to compare")
+    parser.add_argument("--workers", type=int, nargs="+", default=[2], metavar="N", help="to compare with one")
     parser.add_argument("--parts", nargs="+", choices=list(PARTS), default=list(PARTS), help="to measure")
     chosen = options.parse(parser)
     results: Row = {}
@@ -200,25 +201,46 @@ def measure_workers(chosen: Any, _: Row) -> Row:
     """The command line as users call it, start of its processes included."""
     found: dict[str, dict[str, float]] = {}
     for round_number in range(chosen.rounds):
-        for workers in (0, *chosen.workers):
-            with tempfile.TemporaryDirectory() as folder:
-                seconds = run_scan(chosen, workers, Path(folder) / "out")
-            found.setdefault(str(workers), {})[f"round {round_number + 1}"] = seconds
+        for workers in (0, 1, *chosen.workers):
+            seconds = {str(workers): run_scans(chosen, 1, workers)}
+            if workers > 1:
+                seconds[f"{workers} by hand"] = run_scans(chosen, workers, 0)
+            for name, took in seconds.items():
+                found.setdefault(name, {})[f"round {round_number + 1}"] = took
     medians = {name: Spread.of(list(times.values())).median for name, times in found.items()}
-    first, *others = (str(workers) for workers in chosen.workers)
-    speedups = {f"{name} of {first}": medians[first] / medians[name] for name in others}
+    speedups = {f"{name} of 1": medians["1"] / seconds for name, seconds in medians.items() if name != "1"}
     return {"frames": chosen.farm_frames, "seconds": medians, "speedup": speedups, "rounds": found}
 
 
-def run_scan(chosen: Any, workers: int, folder: Path) -> float:
-    """Seconds."""
+def run_scans(chosen: Any, count: int, workers: int) -> float:
+    """Seconds for so many commands at once, each of its part of the frames."""
     blend = REPOSITORY / "blend_scenes" / f"{chosen.scene}.blend"
-    command = [str(Path(sys.executable).with_name("perfect-bvh")), "scan", str(blend), "-o", str(folder), "-q"]
-    command += ["--sensor", chosen.sensor, "--frames", f"1-{chosen.farm_frames}", "--piece", "10"]
-    command += ["--threads", "1", *(["--workers", str(workers)] if workers else [])]
-    started = time.perf_counter()
-    subprocess.run(command, check=True)
-    return time.perf_counter() - started
+    program = str(Path(sys.executable).with_name("perfect-bvh"))
+    options = ("-q", "--sensor", chosen.sensor, "--piece", "10", "--threads", "1")
+    how = ("--workers", str(workers)) if workers else ()
+    bounds = np.linspace(0, chosen.farm_frames, count + 1).astype(int).tolist()
+    with tempfile.TemporaryDirectory() as folder:
+        started = time.perf_counter()
+        running = [
+            subprocess.Popen(
+                [
+                    program,
+                    "scan",
+                    str(blend),
+                    "-o",
+                    f"{folder}/{first}",
+                    "--frames",
+                    f"{first + 1}-{last}",
+                    *options,
+                    *how,
+                ]
+            )
+            for first, last in pairwise(bounds)
+        ]
+        statuses = [process.wait() for process in running]
+        if any(statuses):
+            raise SystemExit("a scan has failed: what it says is above")
+        return time.perf_counter() - started
 
 
 def measure_scheduler(chosen: Any, _: Row) -> Row:

@@ -28,6 +28,15 @@ if TYPE_CHECKING:
 CONNECT_SECONDS = 20
 CLOSE_SECONDS = 5
 POLL_SECONDS = 0.2
+LOCAL_SETTINGS = {
+    # The first death of a worker is told at once, not after several: they are counted here, by piece.
+    "distributed.scheduler.allowed-failures": 0,
+    # Dask watches itself oftener than tasks of seconds need: a ninth of a core less for scans and renders.
+    "distributed.worker.profile.enabled": False,
+    "distributed.admin.tick.interval": "500ms",
+    "distributed.admin.system-monitor.interval": "5s",
+    "distributed.admin.system-monitor.gil.enabled": False,
+}
 
 
 @contextmanager
@@ -66,8 +75,7 @@ def _local_cluster(count: int) -> Iterator[LocalCluster]:
     import dask
     from distributed import LocalCluster
 
-    # The first death of a worker is told at once, not after several: they are counted here, by piece.
-    with dask.config.set({"distributed.scheduler.allowed-failures": 0}):
+    with dask.config.set(LOCAL_SETTINGS):
         try:
             cluster = LocalCluster(
                 n_workers=count,

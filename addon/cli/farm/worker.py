@@ -22,6 +22,7 @@ FOLDER_PREFIX = "perfect_bvh_"
 OWN_GROUP: dict[str, Any] = (
     {"creationflags": subprocess.CREATE_NEW_PROCESS_GROUP} if sys.platform == "win32" else {"process_group": 0}
 )
+TRIM = "MALLOC_TRIM_THRESHOLD_"
 LAST_SECONDS = 5  # in which it may say why it ends
 LAST_WORDS = 4000  # bytes of what it has said that are read when it is dead
 KILL_SECONDS = 5  # what is killed may hang in a call of the system, such as one to a server that does not answer
@@ -122,15 +123,15 @@ class BlenderProcess:
 
 
 def _environment(folder: str) -> dict[str, str]:
-    """Of a Blender with a folder for temporary files: this process's own, without what Dask sets for its workers.
+    """Of a Blender with a folder for temporary files: this process's own, but for a setting of Dask's workers.
 
-    That has the C library give memory back to the system at once, and take it again for each large array: a scan takes
+    By that the C library gives memory back to the system at once, and takes it again for each large array: a scan takes
     1.6 times as long.
     """
     from dask import config
 
-    set_by_dask = config.get("distributed.nanny.pre-spawn-environ", {})
-    kept = {name: value for name, value in os.environ.items() if value != str(set_by_dask.get(name))}
+    by_dask = config.get("distributed.nanny.pre-spawn-environ", {}).get(TRIM)
+    kept = {name: value for name, value in os.environ.items() if name != TRIM or value != str(by_dask)}
     return {**kept, **dict.fromkeys(("TMPDIR", "TEMP", "TMP"), folder)}
 
 
