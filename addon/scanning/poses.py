@@ -51,11 +51,11 @@ class Path:
         return _turned(turned, start)
 
 
-# Not by `@`: that is a library's, which rounds as it likes on each processor, and starts threads of its own.
-
-
 def _along(vectors: Float64Array, axis: Float64Array) -> Float64Array:
-    """(R,) the vectors' components along an axis."""
+    """(R,) the vectors' components along an axis.
+
+    Not by `@`: that is a library's, which rounds as it likes on each processor, and starts threads of its own.
+    """
     return vectors[:, 0] * axis[0] + vectors[:, 1] * axis[1] + vectors[:, 2] * axis[2]
 
 
