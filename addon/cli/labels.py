@@ -186,9 +186,10 @@ class LabelsWork(PieceWork):
 
         go_to_frame(self.scene, frame, self.is_simulated)
         render_job(self.scene, RenderJob(visit=visit))
-        for fault in faults:
-            if isinstance(fault, (ValueError, perfect_bvh.EngineError, MemoryError)):
-                raise CommandError(f"frame {frame}: {fault or 'there is not enough memory'}") from fault
+        if faults:
+            (fault,) = faults
+            if isinstance(fault, ValueError):
+                raise CommandError(f"frame {frame}: {fault}") from fault
             raise fault
         return made[0] if made else None
 

@@ -201,7 +201,7 @@ def measure_workers(chosen: Any, _: Row) -> Row:
     """The command line as users call it, start of its processes included."""
     found: dict[str, dict[str, float]] = {}
     for round_number in range(chosen.rounds):
-        for workers in (0, 1, *chosen.workers):
+        for workers in sorted({0, 1, *chosen.workers}):
             seconds = {str(workers): run_scans(chosen, 1, workers)}
             if workers > 1:
                 seconds[f"{workers} by hand"] = run_scans(chosen, workers, 0)
@@ -214,33 +214,26 @@ def measure_workers(chosen: Any, _: Row) -> Row:
 
 def run_scans(chosen: Any, count: int, workers: int) -> float:
     """Seconds for so many commands at once, each of its part of the frames."""
-    blend = REPOSITORY / "blend_scenes" / f"{chosen.scene}.blend"
-    program = str(Path(sys.executable).with_name("perfect-bvh"))
-    options = ("-q", "--sensor", chosen.sensor, "--piece", "10", "--threads", "1")
-    how = ("--workers", str(workers)) if workers else ()
     bounds = np.linspace(0, chosen.farm_frames, count + 1).astype(int).tolist()
     with tempfile.TemporaryDirectory() as folder:
         started = time.perf_counter()
         running = [
-            subprocess.Popen(
-                [
-                    program,
-                    "scan",
-                    str(blend),
-                    "-o",
-                    f"{folder}/{first}",
-                    "--frames",
-                    f"{first + 1}-{last}",
-                    *options,
-                    *how,
-                ]
-            )
+            subprocess.Popen(scan_command(chosen, f"{folder}/{first}", f"{first + 1}-{last}", workers))
             for first, last in pairwise(bounds)
         ]
         statuses = [process.wait() for process in running]
         if any(statuses):
             raise SystemExit("a scan has failed: what it says is above")
         return time.perf_counter() - started
+
+
+def scan_command(chosen: Any, output: str, frames: str, workers: int) -> list[str]:
+    """`perfect-bvh scan`. workers: 0 for none."""
+    program = str(Path(sys.executable).with_name("perfect-bvh"))
+    blend = str(REPOSITORY / "blend_scenes" / f"{chosen.scene}.blend")
+    options = ("-q", "--sensor", chosen.sensor, "--piece", "10", "--threads", "1")
+    how = ("--workers", str(workers)) if workers else ()
+    return [program, "scan", blend, "-o", output, "--frames", frames, *options, *how]
 
 
 def measure_scheduler(chosen: Any, _: Row) -> Row:

@@ -19,7 +19,7 @@ def arrivals(seed: int, count: int = 400) -> tuple[np.ndarray, np.ndarray, np.nd
 
 
 @pytest.mark.parametrize("seed", range(5))
-@pytest.mark.parametrize("resolution", [0.0, 0.15, 0.55])
+@pytest.mark.parametrize("resolution", [0.0, 0.15, 0.55, 10.0])
 def test_echoes_are_runs_of_arrivals(seed: int, resolution: float) -> None:
     beams, ranges, energies = arrivals(seed)
     expected = []

@@ -10,6 +10,7 @@ import tempfile
 import time
 from collections.abc import Iterator
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -57,7 +58,7 @@ if "perfect_bvh_addon.cli.farm.child" in sys.orig_argv:
         raise RuntimeError("nothing can be read")
     SceneSync.update = fail
 """
-OF_DASK = """
+GIVES_BACK = """
 import os, sys
 if "perfect_bvh_addon.cli.farm.child" in sys.orig_argv and "MALLOC_TRIM_THRESHOLD_" in os.environ:
     os.abort()
@@ -131,8 +132,8 @@ def test_a_piece_of_which_workers_die_fails_and_the_others_go_on(folder: Path, t
     assert sorted(contents(out)) == ["labels_0007-0008.json", "labels_0007.npz", "labels_0008.npz"]
 
 
-def test_blenders_are_spared_what_dask_sets_for_its_workers(folder: Path, tmp_path: Path) -> None:
-    save_with_script(folder, tmp_path, OF_DASK)
+def test_blenders_are_spared_how_dask_has_memory_given_back(folder: Path, tmp_path: Path) -> None:
+    save_with_script(folder, tmp_path, GIVES_BACK)
     status, errors = run_job(tmp_path, "scan", tmp_path / "out", "--workers", 1, "--autoexec", frames="1-2")
     assert status == 0, errors
 
@@ -255,8 +256,8 @@ def test_a_run_leaves_no_temporary_folders(folder: Path, tmp_path: Path) -> None
             seen |= set(temporary_folders(place))
             time.sleep(0.02)
         assert started.returncode == 0, started.stderr.read()
-    kinds = [name.rpartition("_")[0] for name in seen]
-    assert kinds.count("blender") >= 2 and kinds.count("perfect_bvh") >= 1  # the run's own, and those of its workers
+    kinds = {kind: sum(name.startswith(kind) for name in seen) for kind in ("blender_", "perfect_bvh_")}
+    assert kinds["blender_"] >= 2 and kinds["perfect_bvh_"] >= 1  # the run's own, and those of its workers
     assert temporary_folders(place) == []
 
 
@@ -317,6 +318,48 @@ def test_a_blender_that_is_busy_is_ended_with_its_temporary_folder(
     monkeypatch.setattr(worker, "_busy", {blender})
     worker.end_blenders()
     assert blender._process.poll() is not None and temporary_folders(tmp_path) == []
+
+
+class StandIn:
+    """A Blender of a worker that answers, or has ended with a status."""
+
+    def __init__(self, status: int | None) -> None:
+        self.has_left = status == 0
+        self.status = status
+        self.is_closed = False
+
+    def ask(self, _: object) -> dict[str, Any]:
+        if self.status is not None:
+            raise worker.DeadBlenderError(f"status {self.status}")
+        return {"done": {}}
+
+    def close(self) -> None:
+        self.is_closed = True
+
+
+@pytest.mark.parametrize(
+    ("free", "fresh", "answer"),
+    [
+        ([0, 0], None, {"done": {}}),
+        ([0], 0, {"died": "status 0"}),
+        ([1], None, {"died": "status 1"}),
+        ([], 0, {"died": "status 0"}),
+    ],
+)
+def test_a_blender_that_has_left_for_idleness_is_no_death(
+    monkeypatch: pytest.MonkeyPatch, free: list[int], fresh: int | None, answer: dict[str, Any]
+) -> None:
+    import distributed
+
+    blenders = [StandIn(status) for status in free]
+    made = StandIn(fresh)
+    monkeypatch.setattr(worker, "_free", [*blenders])
+    monkeypatch.setattr(worker, "BlenderProcess", lambda: made)
+    monkeypatch.setattr(distributed, "get_worker", lambda: SimpleNamespace(address="here"))
+    found = worker.do_piece({}, 0)
+    assert found.items() >= answer.items()
+    assert all(each.is_closed for each in blenders) and made.is_closed == (fresh is not None)
+    assert worker._free == ([made] if "done" in answer else []) and not worker._busy
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="process groups that a terminal interrupts, which Windows has not")

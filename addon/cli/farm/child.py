@@ -3,7 +3,8 @@
 It reads a request as a line of JSON on its standard input and answers by a line on its standard output. The scene is
 opened once and kept from piece to piece. Whatever is no mistake of the user's ends the process: then the piece is tried
 again elsewhere. It ends as well when nobody is there any more to ask it, be it in the middle of a piece. DIR was made
-for its temporary files alone, Blender's among them; who kills it removes that, otherwise it does so itself.
+for its temporary files alone, Blender's among them: its worker removes that when it is dead, or it does so itself if
+its worker has died first.
 """
 
 from __future__ import annotations

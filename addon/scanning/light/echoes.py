@@ -61,7 +61,7 @@ def merge(beams: IntArray, ranges: Float64Array, energies: Float64Array, resolut
         beams=of_beam[firsts].astype(np.int64),
         ranges=np.where(are_single, at[firsts], means),
         energies=sums,
-        strongest=order[_strongest(energy, groups, firsts)],
+        strongest=order[_strongest(energy, at, groups, firsts)],
         are_single=are_single,
     )
 
@@ -81,11 +81,13 @@ def _sorted_where_apart(order: IntArray, beams: IntArray, ranges: Float64Array, 
     return order
 
 
-def _strongest(energy: Float64Array, groups: IntArray, firsts: IntArray) -> IntArray:
-    """Of each group, the row of the first of those with the most energy. firsts: where the groups begin."""
+def _strongest(energy: Float64Array, at: Float64Array, groups: IntArray, firsts: IntArray) -> IntArray:
+    """Of each group, the row of what has the most energy; of several the nearest. firsts: where the groups begin."""
     if not len(firsts):
         return firsts
     rows = np.flatnonzero(energy == np.maximum.reduceat(energy, firsts)[groups])
+    if len(rows) > len(firsts):
+        rows = rows[np.lexsort((at[rows], groups[rows]))]  # stable: equal ones stay in their order
     return rows[np.searchsorted(groups[rows], np.arange(len(firsts)))]
 
 
