@@ -187,10 +187,9 @@ class LabelsWork(PieceWork):
         go_to_frame(self.scene, frame, self.is_simulated)
         render_job(self.scene, RenderJob(visit=visit))
         if faults:
-            (fault,) = faults
-            if isinstance(fault, ValueError):
-                raise CommandError(f"frame {frame}: {fault}") from fault
-            raise fault
+            if isinstance(faults[0], ValueError):
+                raise CommandError(f"frame {frame}: {faults[0]}") from faults[0]
+            raise faults[0]
         return made[0] if made else None
 
 

@@ -133,7 +133,7 @@ def do_pieces(work: PieceWork) -> Outcome:
             if work.place.is_done(piece):
                 outcome.kept += 1
             else:
-                done = None if work.stop.is_set else work.do(piece, advance)
+                done = None if work.stop.is_set else _do(work, piece, advance)
                 if done is None:
                     outcome.is_stopped = True
                     break
@@ -141,6 +141,16 @@ def do_pieces(work: PieceWork) -> Outcome:
                 teller.tell(done)
             bar.update(number + 1 - bar.n)
     return outcome
+
+
+def _do(work: PieceWork, piece: Piece, advance: Advance) -> Done | None:
+    """As `PieceWork.do`, where there is no other worker that could try it again."""
+    import perfect_bvh
+
+    try:
+        return work.do(piece, advance)
+    except (perfect_bvh.EngineError, MemoryError) as error:
+        raise CommandError(f"{piece}: {str(error) or 'there is not enough memory'}") from error
 
 
 def piece_bar(work: PieceWork) -> Any:

@@ -13,11 +13,11 @@ from pathlib import Path
 from typing import Any, TextIO
 
 from ..support.files import replacing
+from ..support.libraries import data_library
 from .labels import Labels
 from .masks import Masks
 from .run_lengths import run_lengths
 
-MISSING = "COCO files need pycocotools: pip install 'perfect-bvh[data]'"
 # What of a row are things, and whether of what is seen: those that are hidden altogether stand apart.
 SEEN, HIDDEN = "annotations", "hidden"
 
@@ -26,10 +26,7 @@ Row = dict[str, Any]
 
 def check_coco() -> None:
     """Raises ImportError, with what to install, if no such file can be made here."""
-    try:
-        import pycocotools.mask  # noqa: F401
-    except ImportError as error:
-        raise ImportError(MISSING) from error
+    data_library("pycocotools.mask", "COCO files need pycocotools")
 
 
 def image_row(labels: Labels, file_name: str) -> Row:

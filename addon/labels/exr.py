@@ -6,7 +6,6 @@ are numbers are 32-bit floats, ids are unsigned whole numbers of 32 bits. Compre
 
 from __future__ import annotations
 
-import importlib
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -14,11 +13,11 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from ..support.libraries import data_library
 from ..sync.label_columns import LabelColumn
 from .labels import Labels
 
 LAYER = "Labels"
-MISSING = "EXR files need OpenEXR: pip install 'perfect-bvh[data]'"
 MOST_EXACT = 1 << 24  # of whole numbers as floats
 Channels = dict[str, npt.NDArray[Any]]
 
@@ -29,10 +28,7 @@ def check_exr() -> None:
 
 
 def _library() -> Any:
-    try:
-        return importlib.import_module("OpenEXR")
-    except ImportError as error:
-        raise ImportError(MISSING) from error
+    return data_library("OpenEXR", "EXR files need OpenEXR")
 
 
 def exr_channels(labels: Labels, plain: Mapping[str, str]) -> Channels:

@@ -6,7 +6,6 @@ nothing. Files say nothing of gamma or colour profiles, so that readers give the
 
 from __future__ import annotations
 
-import importlib
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -14,11 +13,11 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from ..support.libraries import data_library
 from ..sync.label_columns import LabelColumn
 from .labels import Labels
 
 Uint16Array = npt.NDArray[np.uint16]
-MISSING = "PNG files need Pillow: pip install 'perfect-bvh[data]'"
 MOST = 65535
 NOTHING_IN_SIGHT = 1e9  # depths beyond are of rays that met nothing
 
@@ -29,10 +28,7 @@ def check_png() -> None:
 
 
 def _library() -> Any:
-    try:
-        return importlib.import_module("PIL.Image")
-    except ImportError as error:
-        raise ImportError(MISSING) from error
+    return data_library("PIL.Image", "PNG files need Pillow")
 
 
 def grey_images(labels: Labels, depth_scale: float, plain: Mapping[str, str]) -> tuple[dict[str, Uint16Array], int]:

@@ -20,6 +20,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ..support.files import replacing
+from ..support.libraries import data_library
 from .format_columns import label_columns
 from .point_cloud import AXES, COLUMNS, SINGULAR, PointCloud
 
@@ -69,10 +70,7 @@ def how_to_get(suffix: str) -> str | None:
 
 
 def _library(name: str) -> Any:
-    try:
-        return importlib.import_module(name)
-    except ImportError as error:
-        raise ImportError(f"this format needs {name}: pip install 'perfect-bvh[data]'") from error
+    return data_library(name, f"this format needs {name}")
 
 
 def _table(cloud: PointCloud, labels: Mapping[str, str]) -> dict[str, npt.NDArray[Any]]:

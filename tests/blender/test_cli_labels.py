@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import builtins
 import json
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -78,14 +78,8 @@ def test_mistakes_are_named(
 def test_without_pycocotools_it_says_what_to_do(
     small_file: Path, tmp_path: Path, capfd: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    true_import = builtins.__import__
-
-    def without(name: str, *rest: Any) -> Any:
-        if name.startswith("pycocotools"):
-            raise ImportError(name)
-        return true_import(name, *rest)
-
-    monkeypatch.setattr(builtins, "__import__", without)
+    for name in ("pycocotools", "pycocotools.mask"):
+        monkeypatch.setitem(sys.modules, name, None)  # so that importing it fails
     assert run("labels", small_file, "-o", tmp_path / "labels") == 2
     error = capfd.readouterr().err
     assert "pip install 'perfect-bvh[data]'" in error and "--no-coco" in error
@@ -133,3 +127,33 @@ def test_pieces_together_number_images_and_things_as_one_file(small_file: Path, 
     assert [image["id"] for image in content["images"]] == [1, 2, 3, 4]
     ids = [row["id"] for row in content["annotations"] + content["hidden"]]
     assert sorted(ids) == list(range(1, len(ids) + 1))
+
+
+@pytest.mark.parametrize(("fault", "said"), [("engine", "its tree is gone"), ("memory", "there is not enough memory")])
+def test_what_the_engine_fails_by_is_told(
+    small_file: Path, tmp_path: Path, capfd: Any, monkeypatch: pytest.MonkeyPatch, fault: str, said: str
+) -> None:
+    """Blender swallows what is raised while it renders."""
+    import perfect_bvh
+    from perfect_bvh_addon.live.scene_sync import SceneSync
+
+    error = perfect_bvh.EngineError("its tree is gone") if fault == "engine" else MemoryError()
+
+    def fail(*_: object, **__: object) -> None:
+        raise error
+
+    monkeypatch.setattr(SceneSync, "update", fail)
+    assert run("labels", small_file, "-o", tmp_path / "out", "--frames", "1-2", "-q") == 2
+    told = capfd.readouterr().err
+    assert "frames 1-2" in told and said in told
+    assert list((tmp_path / "out").iterdir()) == []
+
+
+def test_a_piece_that_blender_gives_up_is_no_stop(
+    small_file: Path, tmp_path: Path, capfd: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from perfect_bvh_addon.cli import labels
+
+    monkeypatch.setattr(labels, "render_job", lambda *_: None)
+    assert run("labels", small_file, "-o", tmp_path / "out", "--frames", "1-2", "-q") == 2
+    assert "Blender has given it up" in capfd.readouterr().err

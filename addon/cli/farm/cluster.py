@@ -31,7 +31,7 @@ POLL_SECONDS = 0.2
 LOCAL_SETTINGS = {
     # The first death of a worker is told at once, not after several: they are counted here, by piece.
     "distributed.scheduler.allowed-failures": 0,
-    # Dask watches itself oftener than tasks of seconds need: with one worker it took 11 % of a core, and takes 2.4 %.
+    # Dask watches itself oftener than tasks of seconds need.
     "distributed.worker.profile.enabled": False,
     "distributed.admin.tick.interval": "500ms",
     "distributed.admin.system-monitor.interval": "5s",

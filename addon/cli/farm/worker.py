@@ -135,8 +135,7 @@ class BlenderProcess:
 def _environment(folder: str) -> dict[str, str]:
     """Of a Blender with a folder for temporary files: this process's own, but for a setting of Dask's workers.
 
-    By that the C library gives memory back to the system at once, and takes it again for each large array: a scan of 20
-    frames took 37 s instead of 23.
+    By that the C library gives memory back to the system at once, and takes it again for each large array.
     """
     from dask import config
 
