@@ -90,7 +90,7 @@ class _Farm:
         if self._work.stop.is_set:
             if not self._is_stopping:
                 self._is_stopping = True
-                self._ask(lambda: self._client.run(worker.stop_pieces, on_error="return"))
+                self._ask(lambda: self._client.run(worker.stop_pieces, self._job["id"], on_error="return"))
             return
         addresses = list(self._ask(self._client.nthreads))
         if not addresses and not self._is_alone:
@@ -194,6 +194,6 @@ class _Farm:
         if self._client.status != "running":
             return
         try:
-            self._ask(lambda: self._client.run(worker.end_blenders, on_error="return"))
+            self._ask(lambda: self._client.run(worker.end_blenders, self._job["id"], on_error="return"))
         except CommandError:
-            sys.stderr.write("perfect-bvh: the workers are not reached; what they do, they end by themselves\n")
+            sys.stderr.write("perfect-bvh: cannot reach the workers; they will stop by themselves\n")
