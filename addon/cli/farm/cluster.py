@@ -14,6 +14,7 @@ from collections import Counter
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from pathlib import Path
+from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 from ..arguments import CommandError
@@ -28,6 +29,8 @@ if TYPE_CHECKING:
 CONNECT_SECONDS = 20
 CLOSE_SECONDS = 5
 POLL_SECONDS = 0.2
+MOST_STARTS = 3
+SAFE_PATH = "PYTHONSAFEPATH"
 LOCAL_SETTINGS = {
     # The first death of a worker is told at once, not after several: they are counted here, by piece.
     "distributed.scheduler.allowed-failures": 0,
@@ -73,11 +76,22 @@ def _silence() -> None:
 @contextmanager
 def _local_cluster(count: int) -> Iterator[LocalCluster]:
     import dask
+
+    with _without_users_modules(), dask.config.set(LOCAL_SETTINGS):
+        cluster = _start_cluster(count)
+        try:
+            yield cluster
+        finally:
+            cluster.close(timeout=CLOSE_SECONDS)
+
+
+def _start_cluster(count: int) -> LocalCluster:
+    """Starts all workers again if one dies while it starts. Raises CommandError after the third time."""
     from distributed import LocalCluster
 
-    with dask.config.set(LOCAL_SETTINGS):
+    for start in range(MOST_STARTS):
         try:
-            cluster = LocalCluster(
+            return LocalCluster(
                 n_workers=count,
                 threads_per_worker=1,
                 processes=True,
@@ -87,11 +101,29 @@ def _local_cluster(count: int) -> Iterator[LocalCluster]:
                 preload=[worker.__name__],
             )
         except (OSError, RuntimeError) as error:
-            raise CommandError(f"--workers {count}: they could not be started ({error})") from error
+            if isinstance(error, OSError) or start + 1 == MOST_STARTS:
+                raise CommandError(f"--workers {count}: they could not be started ({error})") from error
+            sys.stderr.write("perfect-bvh: a worker has died while it started; starting them again\n")
+    raise AssertionError("the last start returns or raises")
+
+
+@contextmanager
+def _without_users_modules() -> Iterator[None]:
+    """Keeps workers that start meanwhile, the first ones and those after a death, from running the user's modules.
+
+    They look for no modules in the current folder, and do not run the user's script again, as multiprocessing would to
+    find its functions: a script then needs no `if __name__ == "__main__"`.
+    """
+    main, safe_path = sys.modules["__main__"], os.environ.get(SAFE_PATH)
+    sys.modules["__main__"], os.environ[SAFE_PATH] = ModuleType("__main__"), "1"
     try:
-        yield cluster
+        yield
     finally:
-        cluster.close(timeout=CLOSE_SECONDS)
+        sys.modules["__main__"] = main
+        if safe_path is None:
+            del os.environ[SAFE_PATH]
+        else:
+            os.environ[SAFE_PATH] = safe_path
 
 
 @contextmanager
