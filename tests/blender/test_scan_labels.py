@@ -172,7 +172,7 @@ def test_pieces_have_one_table_whatever_is_met_in_them(room: Any, tmp_path: Path
     assert tables[0] == tables[1] == tables[2]
     assert tables[0]["part"]["names"] == sorted(part for part in PARTS.values() if part)
     assert run(*asked, "-o", tmp_path / "out", "--labels", "part") == 2
-    assert "has another labels" in capfd.readouterr().err
+    assert "differs in 'labels'" in capfd.readouterr().err
     assert run(*asked, "-o", tmp_path / "new", "--format", "ply", "--labels", "a b", "a_b") == 2
     assert "labels 'a b' and 'a_b' would both be column 'a_b'" in capfd.readouterr().err
     assert run(*asked, "-o", tmp_path / "new", "--labels", "prat") == 2

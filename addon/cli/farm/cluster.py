@@ -29,7 +29,6 @@ if TYPE_CHECKING:
 CONNECT_SECONDS = 20
 CLOSE_SECONDS = 5
 POLL_SECONDS = 0.2
-MOST_STARTS = 3
 SAFE_PATH = "PYTHONSAFEPATH"
 LOCAL_SETTINGS = {
     # The first death of a worker is told at once, not after several: they are counted here, by piece.
@@ -76,23 +75,15 @@ def _silence() -> None:
 @contextmanager
 def _local_cluster(count: int) -> Iterator[LocalCluster]:
     import dask
-
-    with _without_users_modules(), dask.config.set(LOCAL_SETTINGS):
-        cluster = _start_cluster(count)
-        try:
-            yield cluster
-        finally:
-            cluster.close(timeout=CLOSE_SECONDS)
-
-
-def _start_cluster(count: int) -> LocalCluster:
-    """Starts all workers again if one dies while it starts. Raises CommandError after the third time."""
     from distributed import LocalCluster
 
-    for start in range(MOST_STARTS):
+    from .nanny import PatientNanny
+
+    with _without_users_modules(), dask.config.set(LOCAL_SETTINGS):
         try:
-            return LocalCluster(
+            cluster = LocalCluster(
                 n_workers=count,
+                worker_class=PatientNanny,
                 threads_per_worker=1,
                 processes=True,
                 dashboard_address="127.0.0.1:0",  # whatever port is free; None would be that of another cluster
@@ -101,10 +92,11 @@ def _start_cluster(count: int) -> LocalCluster:
                 preload=[worker.__name__],
             )
         except (OSError, RuntimeError) as error:
-            if isinstance(error, OSError) or start + 1 == MOST_STARTS:
-                raise CommandError(f"--workers {count}: they could not be started ({error})") from error
-            sys.stderr.write("perfect-bvh: a worker has died while it started; starting them again\n")
-    raise AssertionError("the last start returns or raises")
+            raise CommandError(f"--workers {count}: they could not be started ({error})") from error
+        try:
+            yield cluster
+        finally:
+            cluster.close(timeout=CLOSE_SECONDS)
 
 
 @contextmanager
@@ -209,9 +201,9 @@ def _fault_of(seen: Any, arguments: argparse.Namespace) -> str | None:
     if not seen["has_blender"]:
         return "its Python has no module bpy: pip install 'perfect-bvh[blender]'"
     if seen["size"] is None:
-        return f"it does not see {arguments.file}; all machines have to find the scene and all that it reads there"
+        return f"it does not see {arguments.file}; the scene and its files have to be at the same path on all machines"
     if seen["size"] != os.path.getsize(arguments.file):
-        return f"it sees another file as {arguments.file}, of {seen['size']:,} bytes"
+        return f"{arguments.file} is another file there, of {seen['size']:,} bytes"
     if not seen["sees_output"]:
         folder = Path(arguments.output)
         return f"it does not see the output folder of -o {folder}; all machines have to write into the same"

@@ -48,11 +48,14 @@ def _job_of(work: PieceWork, threads: int) -> dict[str, Any]:
     """All that a worker has to know, as plain data."""
     import perfect_bvh
 
+    from ...pieces.inputs import known_checksums
+
     return {
         "id": secrets.token_hex(8),
         "version": perfect_bvh.__version__,
         "arguments": {**vars(work.arguments), "threads": threads},
         "inputs": work.place.inputs,
+        "checksums": known_checksums(),
     }
 
 
