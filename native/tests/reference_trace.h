@@ -46,7 +46,7 @@ inline void add_triangles(std::vector<ReferenceHit>& found, const ReferenceInsta
     for (Vec3f& corner : p) corner = corner * at.instance.blas->wide.scale;
     const float* const rows[3] = {&p[0].x, &p[1].x, &p[2].x};
     TriangleHit hit;
-    if (!intersect_triangle(triangle_ray, at.local.origin, at.local.direction, rows, hit)) continue;
+    if (!intersect_triangle(triangle_ray, exact_ray(at.local), rows, hit)) continue;
     const double t = to_ray_t(at.local.time, hit.t);
     if (!is_in_reference_range(t, ray)) continue;
     if (cull != Cull::kNone && (hit.is_front != at.instance.mirrored) == (cull == Cull::kFront)) continue;
@@ -87,7 +87,8 @@ inline std::vector<ReferenceHit> reference_hits(const Snapshot& snapshot, const 
     world.origin[axis] *= static_cast<double>(snapshot.view.scale);
     world.direction[axis] *= static_cast<double>(snapshot.view.scale);
   }
-  if (!bring_near(world, static_cast<double>(snapshot.view.reach))) return found;
+  ObjectRay near = world;
+  if (!bring_near(near, static_cast<double>(snapshot.view.reach))) return found;
   for (std::size_t index = 0; index < snapshot.instances.size(); ++index) {
     const Instance& instance = snapshot.instances[index];
     const InstanceView& view = snapshot.instance_views[index];
