@@ -80,13 +80,13 @@ inline void add_rounds(std::vector<ReferenceHit>& found, const ReferenceInstance
 inline std::vector<ReferenceHit> reference_hits(const Snapshot& snapshot, const Ray& ray, Cull cull) {
   std::vector<ReferenceHit> found;
   if (!is_valid(ray)) return found;
-  ObjectRay world{{ray.origin.x, ray.origin.y, ray.origin.z, 0.0},
-                  {ray.direction.x, ray.direction.y, ray.direction.z, 0.0},
-                  {0.0, 1.0, true}};
+  ObjectRay world{};
+  const double scale = static_cast<double>(snapshot.view.scale);
+  const Vec3d origin = ray.origin * scale, direction = ray.direction * scale;
   for (int axis = 0; axis < 3; ++axis) {
-    world.origin[axis] *= static_cast<double>(snapshot.view.scale);
-    world.direction[axis] *= static_cast<double>(snapshot.view.scale);
+    world.origin[axis] = (&origin.x)[axis], world.direction[axis] = (&direction.x)[axis];
   }
+  world.time = {0.0, 1.0, true};
   ObjectRay near = world;
   if (!bring_near(near, static_cast<double>(snapshot.view.reach))) return found;
   for (std::size_t index = 0; index < snapshot.instances.size(); ++index) {
