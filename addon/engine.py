@@ -18,6 +18,7 @@ from .image.data_previews import render_preview
 from .image.passes import PassSpec, enabled_passes, write_passes
 from .image.plan import RenderPlan, plan_render
 from .image.still import Frame, Images, Progress, render_frame
+from .image.throttle import Throttle
 from .settings.motion_blur import has_motion_blur
 from .settings.preferences import native_error
 from .settings.scene_settings import ENGINE_NAME, preview_settings, read_settings
@@ -32,7 +33,7 @@ from .view3d.rendered.viewport import Viewport
 
 T = TypeVar("T")
 
-# Without a window the rounds before the last one are not shown.
+# Without a window rounds are not shown: the image is written when it is finished.
 SHOWS_ROUNDS = not bpy.app.background
 
 
@@ -198,7 +199,7 @@ class PerfectBVHRenderEngine(bpy.types.RenderEngine):
             self.update_result(result)
 
         try:
-            frame = self._render_frame(depsgraph, plan, show if SHOWS_ROUNDS else None, view)
+            frame = self._render_frame(depsgraph, plan, Throttle(show) if SHOWS_ROUNDS else None, view)
             if frame is not None and frame.images:
                 write_passes(result.layers[0], specs, frame.images, plan.window)
         finally:
