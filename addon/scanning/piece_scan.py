@@ -1,4 +1,6 @@
-"""A scan over frames into a folder, piece by piece, in steps: for the command line and for the button alike.
+"""A scan over frames into a folder, piece by piece: its plan, and its steps for the button.
+
+The command line takes the plan alone: what runs its pieces, here or by workers, runs other commands' pieces as well.
 
 What a piece holds depends on its frames and on the plan alone: each is scanned by a scene of the engine's own, so that
 it is the same bytes whoever asked for it, and whatever pieces were there before.
