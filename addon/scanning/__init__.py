@@ -19,6 +19,9 @@ beams          beams of light through the scene, and what the sensor measures of
   echoes         echoes of a beam: merged, detected, chosen
   measuring, ray_noise  noise that belongs to each ray
 collector      hits of many batches as one cloud. Knows no Blender.
+outcomes       what became of each ray, in numbers. Knows no Blender.
+complaints     why a scan is of no use, in words. Knows no Blender.
+mount          the object that carries the sensor, with its children, and how rays go through them
 point_cloud    the result as columns, and as an .npz file. Knows no Blender.
 format_columns what labels are called in files of each format. Knows no Blender.
 formats        the result in the formats of others: PLY, LAS, LAZ, CSV, Parquet, HDF5. Knows no Blender.
@@ -32,6 +35,7 @@ point_nodes    the nodes that show it
 from .formats import save_cloud
 from .light.model import Beam, Detection, Light, Noise, Optics
 from .more_patterns import DepthCamera, Raster, Rosette
+from .outcomes import RayCounts
 from .patterns import CameraGrid, Pattern, Rays, SpinningLidar
 from .point_cloud import PointCloud
 from .point_data import make_point_object
@@ -49,6 +53,7 @@ __all__ = [
     "Pattern",
     "PointCloud",
     "Raster",
+    "RayCounts",
     "Rays",
     "Rosette",
     "Scanner",

@@ -14,15 +14,18 @@ from ..sync.records import VISIBLE_TO_CAMERA, SceneRecord
 
 @dataclass(frozen=True, slots=True)
 class Mount:
-    """name: of the object that carries the sensor. uids: session uids of it and of its children, and theirs."""
+    """name, uid: of the object that carries the sensor. uids: of it and of its children, and theirs; session uids."""
 
     name: str
+    uid: int
     uids: frozenset[int]
 
     @classmethod
     def of(cls, sensor: bpy.types.Object) -> Mount:
         """Reads who belongs to it. A parent does not: a sensor on an empty sees the car that carries the empty."""
-        return cls(sensor.name, frozenset(obj.session_uid for obj in (sensor, *sensor.children_recursive)))
+        return cls(
+            sensor.name, sensor.session_uid, frozenset(obj.session_uid for obj in (sensor, *sensor.children_recursive))
+        )
 
     def find(self, record: SceneRecord) -> npt.NDArray[np.bool_] | None:
         """(I,) bool: which instances of a record are of the mount; None if none is."""

@@ -122,7 +122,7 @@ class MissJudge:
         *,
         has_second_eye: bool,
     ) -> None:
-        """Marks the rays at `rows`, which met nothing in range. origins, directions, times: of all rays of the batch."""
+        """Marks the rays at `rows`, which met nothing in range. origins, directions, times: of all rays."""
         at = np.broadcast_to(times, len(outcomes))[rows]
         is_in_way = self._test(origins[rows], directions[rows], 0.0, np.inf, at)
         outcomes[rows] = np.where(is_in_way, Outcome.OUT_OF_RANGE, Outcome.HIT_NOTHING)
@@ -134,4 +134,4 @@ class MissJudge:
         self, origins: Float64Array, directions: Float64Array, t_min: float, t_max: float, times: npt.NDArray[Any]
     ) -> BoolArray:
         how = {"mask": self.mask, "times": times, "threads": self.threads}
-        return np.asarray(self.snapshot.test_occlusions(origins, directions, t_min, t_max, **how))
+        return np.asarray(self.snapshot.test_occlusions(origins, directions, t_min=t_min, t_max=t_max, **how))
