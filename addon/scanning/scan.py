@@ -85,7 +85,8 @@ def scan(
         instancer that shows it, of the object's data, of the instancer's data, of the material that is met), or
         "object", "instancer", "material" or "collection" (the first by name that holds the object itself). Texts become
         rows of a table of all that the file has, sorted, so that parts of a scan have the same; numbers stay. What has
-        no such label has -1, or NaN among numbers that are not whole. They are as they are where a stretch begins.
+        no such label has -1, or NaN among floats: numbers of which one has a fraction or is -1 itself. They are as they
+        are where a stretch begins.
     threads: at most so many; 0 for all.
     light: what light does to the beams: how wide they are, which echoes are kept, glass, mirrors, noise. See `Light`
         and `light/README.md` beside this file. None, the default: the sensor's own; a pattern has none, and is an ideal
