@@ -223,6 +223,11 @@ def _add_scan(commands: argparse._SubParsersAction) -> None:
     )
     parser.add_argument("--list-sensors", action="store_true", help="name the sensors, one a line, and do nothing else")
     parser.add_argument("--on", metavar="OBJECT", help="the object that carries it (default: the scene's camera)")
+    parser.add_argument(
+        "--exclude-mount",
+        action=argparse.BooleanOptionalAction,
+        help="make that object and its children invisible to the rays (default: if the sensor is inside of its mesh)",
+    )
     _add_frames(parser, "one whole pass in the current one")
     parser.add_argument("--steps", type=_positive, default=1, metavar="N", help="key moments of a frame (default: 1)")
     parser.add_argument(

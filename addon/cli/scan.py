@@ -22,6 +22,8 @@ if TYPE_CHECKING:
 
 def run_scan(arguments: argparse.Namespace) -> int:
     """Scan what the arguments say; the exit status."""
+    from ..scanning.outcomes import RayCounts
+
     if arguments.list_sensors:
         _list_sensors()
         return 0
@@ -42,9 +44,11 @@ def run_scan(arguments: argparse.Namespace) -> int:
         if not arguments.quiet:
             seconds = time.perf_counter() - started
             recognised = f", {outcome.kept} were there" if outcome.kept else ""
-            points = outcome.counts.get("points", 0)
+            points = outcome.counts.pop("points", 0)
             pieces = f"{outcome.written} of {len(work.pieces)} pieces"
             out.write(f"{folder}: {pieces}{recognised}; {points:,} points in {seconds:.2f} s\n")
+            if outcome.written:
+                out.write(f"{RayCounts(**outcome.counts)}\n")
     return status
 
 
@@ -116,6 +120,7 @@ class ScanWork(PieceWork):
             threads=arguments.threads or 0,
             seed=arguments.seed,
             labels=tuple(arguments.labels),
+            exclude_mount=arguments.exclude_mount,
         )
         self.pieces = self._plan.pieces()
         how = {"autoexec": arguments.autoexec, "allow_missing": arguments.allow_missing}
@@ -141,7 +146,7 @@ class ScanWork(PieceWork):
         cloud = scanner.result()
         with explained():
             write_piece(self.place, piece, cloud)
-        return Done({"points": len(cloud)}, cloud.warnings)
+        return Done({"points": len(cloud), **cloud.ray_outcomes.named}, cloud.warnings)
 
     def join(self) -> None:
         """Nothing: points of all pieces are put together by who reads them."""

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import bpy
 
 from ..settings.preferences import native_error
+from ..statistics import messages
 from . import scanned_file
 from .scanned_file import ScannedFile
 from .ticking import Ticking
@@ -141,6 +142,9 @@ class PERFECT_BVH_OT_scan(Ticking, bpy.types.Operator):
         clouds, warnings = self._job.result()
         for warning in warnings:
             self._complain(warning, "WARNING")
+        outcomes = self._job.ray_outcomes()
+        if outcomes.cast:
+            messages.add(context.scene, self.bl_label, str(outcomes), is_note=True)
         if not clouds and self._file is None:
             return {"CANCELLED"}
         made = self._add(context, clouds)

@@ -81,6 +81,11 @@ def carrier_of(scene: bpy.types.Scene) -> bpy.types.Object:
     return carrier
 
 
+def exclude_mount_of(scene: bpy.types.Scene) -> bool | None:
+    """As `scan` has it; None to decide by the object."""
+    return {"AUTO": None, "EXCLUDE": True, "SCAN": False}[scene.perfect_bvh.scan.mount]
+
+
 def threads_of(scene: bpy.types.Scene) -> int:
     """As many as renders take."""
     return scene.render.threads if scene.render.threads_mode == "FIXED" else 0
@@ -107,6 +112,7 @@ def plan_of(scene: bpy.types.Scene) -> ScanPlan:
         threads=threads_of(scene),
         labels=label_names(settings),
         seed=settings.seed,
+        exclude_mount=exclude_mount_of(scene),
     )
 
 

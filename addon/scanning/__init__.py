@@ -13,6 +13,9 @@ poses          where a sensor is between two key moments. Needs no Blender.
 scene_bend     how far the scene's paths are from straight lines. Needs no Blender.
 second_eye     what the second eye of a depth camera does not see. Needs no Blender.
 collector      hits of many batches as one cloud. Needs no Blender.
+outcomes       what became of each ray, in numbers. Needs no Blender.
+complaints     why a scan is of no use, in words. Needs no Blender.
+mount          the object that carries the sensor, with its children, and how rays go through them
 point_cloud    the result as columns, and as an .npz file. Needs no Blender.
 format_columns what labels are called in files of each format. Needs no Blender.
 formats        the result in the formats of others: PLY, LAS, LAZ, CSV, Parquet, HDF5. Needs no Blender.
@@ -27,6 +30,7 @@ words          suggestions for misspelt names. Needs no Blender.
 from .formats import save_cloud
 from .light.model import Beam, Detection, Light, Noise, Optics
 from .more_patterns import DepthCamera, Raster, Rosette
+from .outcomes import RayCounts
 from .patterns import CameraGrid, Pattern, Rays, SpinningLidar
 from .point_cloud import PointCloud
 from .point_data import make_point_object
@@ -44,6 +48,7 @@ __all__ = [
     "Pattern",
     "PointCloud",
     "Raster",
+    "RayCounts",
     "Rays",
     "Rosette",
     "Scanner",

@@ -21,6 +21,7 @@ from ..live.scene_reference import SceneReference
 from ..pieces.folder import PieceFolder
 from ..pieces.piece import Piece
 from ..pieces.scene_inputs import scene_inputs
+from .outcomes import RayCounts
 from .pieces import BEFORE, light_input, pieces_of, sensor_input, write_piece
 from .point_cloud import PointCloud
 from .scan import Scanner
@@ -34,7 +35,7 @@ class ScanPlan:
     frames: in any order; of them pieces are made of at most `size` that follow each other. is_one_pass: a whole pass of
     the sensor in the current frame, which `frames` names. suffix: of the format, such as ".npz". steps: key moments of
     a frame. threads: 0 for all. seed: of the sensor's noise.
-    labels: names of further columns.
+    labels: names of further columns. exclude_mount: as `scan` has it.
     """
 
     sensor: Sensor
@@ -46,6 +47,7 @@ class ScanPlan:
     threads: int = 0
     seed: int = 0
     labels: tuple[str, ...] = ()
+    exclude_mount: bool | None = None
 
     def pieces(self) -> list[Piece]:
         """In the order of their frames."""
@@ -70,6 +72,7 @@ class ScanPlan:
             is_one_pass=self.is_one_pass,
             format=self.suffix,
             labels=list(self.labels),
+            exclude_mount=self.exclude_mount,
         )
 
     def scanner(self, piece: Piece, carrier: bpy.types.Object) -> Scanner:
@@ -83,6 +86,7 @@ class ScanPlan:
             threads=self.threads,
             seed=self.seed,
             labels=self.labels,
+            exclude_mount=self.exclude_mount,
         )
 
 
@@ -105,6 +109,7 @@ class PieceScan:
         self.number = 1
         """Of the piece that is worked on, from 1."""
         self.written = self.kept = self.points = 0
+        self.counts = RayCounts()
         self.warnings: dict[str, None] = {}
         """Of the pieces that were scanned, each once."""
         self._plan = plan
@@ -165,6 +170,7 @@ class PieceScan:
             self._on_piece(piece, cloud)
         write_piece(self._place, piece, cloud)
         self.written, self.points = self.written + 1, self.points + len(cloud)
+        self.counts += cloud.ray_outcomes
         self.warnings |= dict.fromkeys(cloud.warnings)
 
     def _find_carrier(self, scene: bpy.types.Scene) -> bpy.types.Object:

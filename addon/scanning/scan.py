@@ -10,6 +10,7 @@ like any other, so that a long scan of a scene in which little moves reads and b
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Generator, Sequence
 from contextlib import closing
 from typing import Any
@@ -24,12 +25,14 @@ from ..live.scene_sync import UpdateCommit
 from ..support.memory import check_fits
 from ..sync.records import AttributeRequest
 from .collector import Collector
+from .complaints import complaints_of, mount_left_out, unit_complaints
 from .light.model import Light
 from .light.ray_noise import RayNoise
+from .mount import Mount, surrounds
 from .patterns import Float64Array, Pattern, View
 from .point_cloud import PointCloud
 from .poses import Path, bend
-from .sensor_files import Sensor
+from .sensor_files import Sensor, sensor_names
 from .stretch_sync import StretchSync
 from .stretches import Stretch, rays_before, stretches_of
 from .traced_stretch import TracedStretch
@@ -60,6 +63,7 @@ def scan(
     progress: Progress | None = None,
     light: Light | None = None,
     seed: int = 0,
+    exclude_mount: bool | None = None,
 ) -> PointCloud:
     """Casts a pattern of rays in the current scene and returns the points that they meet, as a `PointCloud`.
 
@@ -81,13 +85,18 @@ def scan(
         instancer that shows it, of the object's data, of the instancer's data, of the material that is met), or
         "object", "instancer", "material" or "collection" (the first by name that holds the object itself). Texts become
         rows of a table of all that the file has, sorted, so that parts of a scan have the same; numbers stay. What has
-        no such label has -1, or NaN among numbers that are not whole. They are as they are where a stretch begins.
+        no such label has -1, or NaN among floats: numbers of which one has a fraction or is -1 itself. They are as they
+        are where a stretch begins.
     threads: at most so many; 0 for all.
     light: what light does to the beams: how wide they are, which echoes are kept, glass, mirrors, noise. See `Light`
         and `light/README.md` beside this file. None, the default: the sensor's own; a pattern has none, and is an ideal
         sensor: one thin ray, whose first hit is the point, whatever it is made of.
     seed: of noise and dropout, 0 to 2 ** 64 - 1: the same one gives the same points, whatever threads, parts and
         processes do the work.
+    exclude_mount: whether the mount is invisible to the rays: the sensor's object and its children, and theirs, with
+        the instances that they make; not its parents. None, the default: for a `Sensor` (not for a bare pattern) whose
+        object is a mesh around it, that is if the object's origin is inside of the bounds of its mesh (without
+        modifiers); `PointCloud.warnings` then says so.
     progress: called with 0 to 1, also while trees are built; returning False raises `perfect_bvh.Cancelled`, within
         about a tenth of a second, as Ctrl-C raises KeyboardInterrupt. The frame is set back either way.
 
@@ -98,7 +107,7 @@ def scan(
     has or whose values are neither numbers, texts nor data-blocks, and what the engine raises.
     """
     how = {"frames": frames, "steps_per_frame": steps_per_frame, "since": since, "labels": labels, "threads": threads}
-    how |= {"light": light, "seed": seed}
+    how |= {"light": light, "seed": seed, "exclude_mount": exclude_mount}
     scanner = Scanner(pattern, sensor, **how)
     with closing(scanner.steps()) as steps:
         for done in steps:
@@ -127,7 +136,10 @@ class Scanner:
         threads: int = 0,
         light: Light | None = None,
         seed: int = 0,
+        exclude_mount: bool | None = None,
     ) -> None:
+        is_named = isinstance(pattern, Sensor) and pattern.name in sensor_names()
+        is_sensor = isinstance(pattern, Sensor)
         if isinstance(pattern, Sensor):
             pattern, light = pattern.pattern, light or pattern.light
         if light is not None and not isinstance(light, Light):
@@ -145,6 +157,10 @@ class Scanner:
         self._labels = LabelReader("scan", labels)
         self._collector = Collector(rays_before(pattern, self._stretches))
         self._warnings: dict[str, None] = {}
+        self._exclude_mount = exclude_mount if is_sensor or exclude_mount is not None else False
+        self._mount: Mount | None = None
+        if is_named:
+            self._warnings |= dict.fromkeys(unit_complaints(scene.unit_settings, self._limits[1]))
         self._poses: list[Float64Array] = []
         self._pose_error = self._scene_error = 0.0
         self.built_share: float | None = None
@@ -153,7 +169,8 @@ class Scanner:
     def result(self) -> PointCloud:
         """What the finished scan has found."""
         errors = self._pose_error, self._scene_error
-        return self._collector.point_cloud(tuple(self._warnings), *errors, self._labels.tables)
+        complaints = complaints_of(self._collector.counts, self._limits)
+        return self._collector.point_cloud((*self._warnings, *complaints), *errors, self._labels.tables)
 
     def steps(self) -> Generator[float, None, None]:
         """Does the scan; yields the share done, 0 to 1, every few tenths of a second, oftener while trees are built.
@@ -192,7 +209,8 @@ class Scanner:
         )
         rays = self._pattern.cast(stretch.start, stretch.end, view)
         shares = (rays.times - stretch.start) / max(stretch.end - stretch.start, MOST_SHORT)
-        cast = TracedStretch(sync, snapshot, self._pattern, rays, path, shares, labels, self._threads)
+        is_mount = None if self._mount is None else self._mount.find(sync.record)
+        cast = TracedStretch(sync, snapshot, self._pattern, rays, path, shares, labels, self._threads, is_mount)
         farthest = 0.0
         for traced, distance in cast.collect(self._collector, self._light, self._random):
             farthest = max(farthest, distance)
@@ -206,6 +224,7 @@ class Scanner:
         if stretch.frame is not None:
             _set_frame(scene, stretch.frame, stretch.subframe)
         sensor = self._find_sensor(scene)
+        self._find_mount(sensor, sync)
         depsgraph = self._place.depsgraph()
         count = self._pattern.count(stretch.start, stretch.end)
         view, reading = None, self._labels.read()
@@ -251,6 +270,21 @@ class Scanner:
         self.built_share = None
         building.result()
         return share
+
+    @property
+    def _limits(self) -> tuple[float, float]:
+        """The nearest and the farthest that the sensor measures, in scene units."""
+        return getattr(self._pattern, "min_distance", 0.0), getattr(self._pattern, "max_distance", math.inf)
+
+    def _find_mount(self, sensor: bpy.types.Object, sync: StretchSync) -> None:
+        """Finds what is of the sensor's object, and hides it from the rays if that is asked for, or is the default."""
+        if self._mount is not None and self._mount.uid == sensor.session_uid:
+            return
+        self._mount = Mount.of(sensor)
+        is_default = self._exclude_mount is None and surrounds(sensor)
+        sync.hidden = self._mount if self._exclude_mount or is_default else None
+        if is_default:
+            self._warnings |= {mount_left_out(self._mount.name): None}
 
     def _find_sensor(self, scene: bpy.types.Scene) -> bpy.types.Object:
         found = scene.objects.get(self._sensor_name)

@@ -73,6 +73,16 @@ class PERFECT_BVH_PG_scan(bpy.types.PropertyGroup):
         ),
         type=bpy.types.Object,
     )
+    mount: bpy.props.EnumProperty(
+        name="Mount",
+        description="Whether the rays meet the object that carries the sensor, its children and their instances",
+        items=[
+            ("AUTO", "Automatic", "Excluded where the sensor is inside of its object's mesh: within the mesh's bounds"),
+            ("EXCLUDE", "Exclude", "The rays go through the object and its children"),
+            ("SCAN", "Scan", "The rays meet the object and its children as they meet all others"),
+        ],
+        default="AUTO",
+    )
     width: bpy.props.IntProperty(
         name="Resolution X", description="How many rays are in a row", default=640, min=1, max=65536, subtype="PIXEL"
     )
