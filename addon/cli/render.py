@@ -29,6 +29,8 @@ if TYPE_CHECKING:
 def run_render(arguments: argparse.Namespace) -> int:
     """Render what the arguments say; the exit status."""
     check_mode(arguments.mode)
+    if arguments.piece is not None and not _is_in_pieces(arguments):
+        raise CommandError("--piece needs --resume, --workers or --scheduler; without them there are no pieces")
     check_pieces(arguments)
     if _is_in_pieces(arguments) and (arguments.stats or arguments.audit is not None):
         raise CommandError("--stats and --audit are of one process that begins anew: not with --resume or workers")
@@ -90,6 +92,7 @@ class RenderSession:
         self._wants_stats: bool = arguments.stats
         self._is_quiet: bool = arguments.quiet
         self._writer = ImageWriter(scene)
+        self._for_viewport: bool = arguments.viewport
         self._is_simulated = has_simulations(scene)
         self._times: list[FrameTimes] = []
         self._reports: list[SyncReport] = []
@@ -123,7 +126,7 @@ class RenderSession:
             return not self._stop.is_set
 
         start = time.perf_counter()
-        frame = render_frame(self._scene, number, advance, self._is_simulated)
+        frame = render_frame(self._scene, number, advance, self._is_simulated, self._for_viewport)
         if frame is None:
             return False
         rendered = time.perf_counter()

@@ -44,6 +44,12 @@ class PERFECT_BVH_OT_bench(Ticking, bpy.types.Operator):
         subtype="DIR_PATH",
     )
 
+    for_viewport: bpy.props.BoolProperty(
+        name="As in Viewports",
+        description="Measure the objects and modifier levels that viewports show, instead of a render's",
+        default=False,
+    )
+
     _bench: Any
     _steps: Generator[tuple[float, str], None, None]
     _place: SceneReference
@@ -104,7 +110,7 @@ class PERFECT_BVH_OT_bench(Ticking, bpy.types.Operator):
         self._scene_uid = context.scene.session_uid
         self._place = SceneReference("bench", context.scene, context.view_layer)
         self._frame = context.scene.frame_current, context.scene.frame_subframe
-        self._bench = SceneBench(subject_of(context.scene), self.seconds)
+        self._bench = SceneBench(subject_of(context.scene, for_viewport=self.for_viewport), self.seconds)
         self._steps = self._bench.steps()
         return True
 

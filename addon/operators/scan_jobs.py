@@ -39,6 +39,7 @@ class PointsJob:
             threads=threads_of(scene),
             labels=label_names(settings),
             seed=settings.seed,
+            for_viewport=settings.use_viewport,
         )
         self.where = ""
         """What is worked on, for the status bar."""
