@@ -197,8 +197,8 @@ class _Labelling:
         of_frame = slice(rows_cut.start + rows.start, rows_cut.start + rows.stop)
         parts = self.camera.pixel_rays(self.frame, of_frame)
         origins, directions = (part[:, columns].reshape(-1, 3) for part in parts)
-        rays = (origins, directions, self.camera.clip_start, self.camera.clip_end)
-        how = {"mask": VISIBLE_TO_CAMERA, "threads": self.threads, "times": MIDDLE if self.flow else 0.0}
+        rays, limits = (origins, directions), {"t_min": self.camera.clip_start, "t_max": self.camera.clip_end}
+        how = {**limits, "mask": VISIBLE_TO_CAMERA, "threads": self.threads, "times": MIDDLE if self.flow else 0.0}
         listed = snapshot.list_intersections(*rays, fields=LISTED, **how)
         first_pixel = rows.start * self.size[0]
         counts = np.diff(listed.ray_splits)

@@ -185,8 +185,8 @@ def wrong_of(sync: SceneSync, rays: WorldRays, rows: npt.NDArray[np.int64]) -> i
     hits = sync.scene.cast_rays(
         rays.origins[rows],
         rays.directions[rows],
-        rays.nearest[rows].astype(np.float32),
-        rays.farthest[rows].astype(np.float32),
+        t_min=rays.nearest[rows].astype(np.float32),
+        t_max=rays.farthest[rows].astype(np.float32),
         mask=VISIBLE_TO_CAMERA,
         audit=1.0,
     )

@@ -152,8 +152,8 @@ def test_what_the_engine_fails_by_is_told(
 def test_a_piece_that_blender_gives_up_is_no_stop(
     small_file: Path, tmp_path: Path, capfd: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from perfect_bvh_addon.cli import labels
+    from perfect_bvh_addon.live import scene_view
 
-    monkeypatch.setattr(labels, "render_job", lambda *_: None)
+    monkeypatch.setattr(scene_view, "serve_visit", lambda *_: True)
     assert run("labels", small_file, "-o", tmp_path / "out", "--frames", "1-2", "-q") == 2
-    assert "Blender has given it up" in capfd.readouterr().err
+    assert "Blender cannot read scene 'Scene' as a render does" in capfd.readouterr().err
