@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, TextIO
 
 from . import EXIT_INTERRUPTED
 from .arguments import CommandError, check_blend_file, parse_folder
-from .blender import StopRequest, active_view_layer, open_scene, stop_on_interrupt
+from .blender import StopRequest, active_view_layer, go_to_frame, open_scene, stop_on_interrupt
 from .console import quiet_blender
 
 if TYPE_CHECKING:
@@ -39,6 +39,7 @@ def _measure(
 
     if arguments.threads is not None:
         perfect_bvh.set_thread_count(min(arguments.threads, 1024))
+    go_to_frame(scene, scene.frame_current, arguments.viewport)
     view = SceneView("bench", scene, active_view_layer(scene), for_viewport=arguments.viewport)
     bench = SceneBench(subject_of(scene, for_viewport=arguments.viewport), arguments.seconds)
     bar_format = "{l_bar}{bar}| {elapsed}"

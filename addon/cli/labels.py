@@ -93,7 +93,7 @@ class LabelsWork(PieceWork):
 
     def make(self, piece: Piece, advance: Advance) -> Done | None:
         """By a scene of the engine's own: what a piece holds, ids of instances included, depends on no piece before."""
-        go_to_frame(self.scene, piece.first, self.is_simulated)
+        go_to_frame(self.scene, piece.first, self.is_simulated or self.arguments.viewport)
         try:
             return self._view.hold(lambda: self._make(piece, advance))
         except ValueError as error:

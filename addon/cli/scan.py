@@ -127,7 +127,7 @@ class ScanWork(PieceWork):
         """By a scene of the engine's own: what a piece holds, ids of instances included, depends on no piece before."""
         from ..scanning.pieces import write_piece
 
-        go_to_frame(self.scene, piece.first, self.is_simulated)
+        go_to_frame(self.scene, piece.first, self.is_simulated or self.arguments.viewport)
         try:
             scanner = self._plan.scanner(piece, self._carrier)
             if not scanner.run(advance):
