@@ -23,6 +23,7 @@ from .scene_reference import SceneReference
 T = TypeVar("T")
 
 SLOT = "Perfect BVH"  # of Blender's Render Result: renders without an image leave the user's one alone
+BUSY = "it renders something else: wait until that has ended"
 # What a render does beside asking its engine is not wanted, and is put back afterwards.
 SETTINGS: dict[str, Any] = {
     "use_compositing": False,
@@ -134,9 +135,11 @@ class SceneView(SceneReference):
         """Calls `work` in a render of the scene."""
         global _visit
         scene = self.find()
+        if bpy.app.is_job_running("RENDER"):  # F12, whose next frame would serve the reading
+            raise self._refusal(scene, BUSY)
         visit = _Visit(self._key, work, has_simulations(scene))
         before, _visit = _visit, visit
-        reason = "it renders something else: wait until that has ended"
+        reason = BUSY
         try:
             with _without_image(scene) as visit.stand_in:
                 bpy.ops.render.render(scene=scene.name, layer=self._layer_name)
@@ -147,8 +150,11 @@ class SceneView(SceneReference):
         if visit.error is not None:
             raise visit.error
         if not visit.results:
-            raise ValueError(f"{self._task}: Blender cannot read scene {scene.name!r} as a render does: {reason}")
+            raise self._refusal(scene, reason)
         return visit.results[0]
+
+    def _refusal(self, scene: bpy.types.Scene, reason: str) -> ValueError:
+        return ValueError(f"{self._task}: Blender cannot read scene {scene.name!r} as a render does: {reason}")
 
 
 class _Visit:
