@@ -52,11 +52,11 @@ def parse_size(text: str) -> tuple[int, int]:
     if match is None:
         raise argparse.ArgumentTypeError(f"expected WIDTHxHEIGHT such as 960x540, got {text!r}")
     size = int(match[1]), int(match[2])
-    if not all(MIN_SIZE <= side <= MAX_SIZE for side in size):
-        raise argparse.ArgumentTypeError(
-            f"width and height must be {MIN_SIZE} to {MAX_SIZE}, as Blender has it, got {text}; "
-            "make a larger image and cut it"
-        )
+    if min(size) < MIN_SIZE:
+        way_out = "make a larger image and cut it"
+        raise argparse.ArgumentTypeError(f"Blender renders no side below {MIN_SIZE} pixels, got {text}; {way_out}")
+    if max(size) > MAX_SIZE:
+        raise argparse.ArgumentTypeError(f"Blender renders no side above {MAX_SIZE} pixels, got {text}")
     return size
 
 
