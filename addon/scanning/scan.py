@@ -235,8 +235,8 @@ class Scanner:
             if stretch.frame is None:
                 building = sync.begin_moment(depsgraph, count)
             else:
-                uid = sensor.session_uid  # its camera, wherever a marker may change to another one
-                building = sync.begin_stretch(depsgraph, count, lambda: self._go_on(stretch, moment, uid, poses))
+                which = sensor.name, sensor.session_uid  # its camera, wherever a marker may change to another one
+                building = sync.begin_stretch(depsgraph, count, lambda: self._go_on(stretch, moment, which, poses))
         self._warnings |= dict.fromkeys(sync.warnings)
         if self._light is not None:
             left_out = [str(row) for row in sync.record.not_shown if row.kind in ("material", "image")]
@@ -244,10 +244,10 @@ class Scanner:
         self._scene_error = sync.scene_error
         return view, Path(poses[0], poses[-1]), building, reading
 
-    def _go_on(self, stretch: Stretch, moment: SceneMoment, sensor_uid: int, poses: list[Float64Array]) -> Any:
+    def _go_on(self, stretch: Stretch, moment: SceneMoment, sensor: tuple[str, int], poses: list[Float64Array]) -> Any:
         """Goes to the stretch's end; gives what is evaluated there, and adds the sensor's pose to `poses`."""
         moment.go_to(stretch.next_frame, stretch.next_subframe)
-        poses.append(_pose(find_sensor(moment.scene, "of the stretch", sensor_uid), moment))
+        poses.append(_pose(find_sensor(moment.scene, *sensor), moment))
         return moment.depsgraph
 
     def _follow(self, path: Path, distance: float) -> None:

@@ -15,7 +15,7 @@ bpy = pytest.importorskip("bpy")
 
 from blender.command_lines import run  # noqa: E402
 from oracles.exr import read_exr  # noqa: E402
-from perfect_bvh_addon import CameraGrid, label_image, scan  # noqa: E402
+from perfect_bvh_addon import CameraGrid, label_image, load_sensor, scan  # noqa: E402
 from perfect_bvh_addon.bench.from_blender import subject_of  # noqa: E402
 
 HALF = 0.4  # of a cube's side
@@ -304,3 +304,52 @@ def test_functions_see_it(table: Table, for_viewport: bool) -> None:
     assert sum(len(mesh.triangles) for mesh in record.meshes) == sum(shape.triangles for shape in expected.values())
     assert np.asarray(record.camera.matrix)[:3, 3].tolist() == list(PLACE)
     assert np.asarray(record.camera.matrix)[:3, 2] == pytest.approx((0.0, -1.0, 0.0), abs=1e-6)
+
+
+@pytest.mark.parametrize("for_viewport", [False, True])
+def test_a_scan_changes_to_the_camera_of_a_marker(table: Table, for_viewport: bool) -> None:
+    """Frame 2 is still seen by the camera that looks away."""
+    bpy.ops.wm.open_mainfile(filepath=str(table.file))
+    bpy.context.scene.frame_set(1)
+    cloud = scan(load_sensor(table.folder / "sensor.toml"), frames=(2, 3), for_viewport=for_viewport)
+    assert cloud.ray_ids.min() >= 96 * 96
+    found = nearest(list(cloud.object_names), cloud.object_ids, cloud.positions)
+    check_nearest(found, table.rows[for_viewport])
+
+
+def test_a_sensor_that_renders_hide_is_where_it_would_be(table: Table) -> None:
+    bpy.ops.wm.open_mainfile(filepath=str(table.file))
+    head = bpy.data.objects.new("Head", None)
+    bpy.context.scene.collection.objects.link(head)
+    for frame, x in ((1, -1.0), (4, 1.0)):
+        head.location = (x, PLACE[1], 0.0)
+        head.keyframe_insert("location", frame=frame)
+    clouds = []
+    for hide in (False, True):
+        head.hide_render = hide
+        clouds.append(scan(load_sensor(table.folder / "sensor.toml"), head, frames=(1, 3)))
+    assert len(clouds[0]) > 1000
+    assert np.array_equal(clouds[0].positions, clouds[1].positions)
+
+
+def test_a_reading_leaves_the_scene_as_it_was(table: Table) -> None:
+    """Without a camera, and with another engine: Blender renders nothing then by itself."""
+    bpy.ops.wm.open_mainfile(filepath=str(table.file))
+    scene = bpy.context.scene
+    scene.timeline_markers.clear()
+    head, scene.camera = scene.camera, None
+    head.rotation_euler.z = 0.0
+    scene.frame_set(2)
+    scene.render.engine, scene.render.use_compositing, scene.render.use_persistent_data = "CYCLES", True, False
+
+    def state() -> tuple[Any, ...]:
+        render = scene.render
+        switches = render.engine, render.use_compositing, render.use_persistent_data, render.use_sequencer
+        return (scene.frame_current, scene.camera, *switches, len(bpy.data.cameras), len(bpy.data.objects))
+
+    before = state()
+    cloud = scan(load_sensor(table.folder / "sensor.toml"), head, frames=(3, 3))
+    check_nearest(nearest(list(cloud.object_names), cloud.object_ids, cloud.positions), table.rows[False])
+    with pytest.raises(ValueError, match="scene 'Scene' has no camera"):
+        label_image()
+    assert state() == before
