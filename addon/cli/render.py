@@ -28,6 +28,8 @@ if TYPE_CHECKING:
 
 def run_render(arguments: argparse.Namespace) -> int:
     """Render what the arguments say; the exit status."""
+    from ..extract.camera import has_camera
+
     check_mode(arguments.mode)
     if arguments.piece is not None and not _is_in_pieces(arguments):
         raise CommandError("--piece needs --resume, --workers or --scheduler; without them there are no pieces")
@@ -41,7 +43,7 @@ def run_render(arguments: argparse.Namespace) -> int:
     arguments.file, arguments.output = str(path), str(output.pattern)  # as workers, which are elsewhere, find them
     with quiet_blender() as out, stop_on_interrupt() as stop:
         scene = open_scene(path, arguments)
-        if scene.camera is None:
+        if not has_camera(scene):
             raise CommandError(f"{arguments.file}: scene {scene.name!r} has no camera")
         for sentence in find_ignored_output(scene, active_view_layer(scene)):
             sys.stderr.write(f"perfect-bvh: {sentence}\n")

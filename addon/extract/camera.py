@@ -79,6 +79,11 @@ def _checked(size: Any) -> tuple[int, int]:
     return width, height
 
 
+def has_camera(scene: Any) -> bool:
+    """Whether a scene has a camera, or a marker that chooses one."""
+    return scene.camera is not None or any(marker.camera for marker in scene.timeline_markers)
+
+
 def is_cropped(scene: Any) -> bool:
     """Whether an image holds the render region alone."""
     return bool(scene.render.use_border and scene.render.use_crop_to_border)

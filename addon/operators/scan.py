@@ -176,12 +176,13 @@ class PERFECT_BVH_OT_scan(Ticking, bpy.types.Operator):
 
 def _find_complaint(context: bpy.types.Context) -> str | None:
     """Why no scan is possible here."""
+    from ..extract.camera import has_camera
+
     scene = context.scene
     settings = scene.perfect_bvh.scan
     if context.mode != "OBJECT":
         return "Points are added as an object: leave the mode of the active one first"
-    cameras = scene.camera, *(marker.camera for marker in scene.timeline_markers)
-    if settings.sensor is None and not any(cameras):
+    if settings.sensor is None and not has_camera(scene):
         return "There is neither a sensor nor an active camera"
     if not settings.use_points and not settings.use_files:
         return "Nothing would be made: choose Points in Scene, Files, or both"

@@ -290,6 +290,20 @@ def test_info_and_bench_count_it(table: Table, tmp_path: Path, for_viewport: boo
     assert figures["triangles"] == sum(shape.triangles for shape in expected.values())
 
 
+def test_a_markers_camera_alone_is_enough(table: Table, tmp_path: Path) -> None:
+    bpy.ops.wm.open_mainfile(filepath=str(table.file))
+    bpy.context.scene.camera = None
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "blind.blend"))
+    blind = Table(tmp_path / "blind.blend", table.folder, table.rows)
+    image = blind.run(tmp_path, "render", False, "--mode", "depth", "--samples", 1, "--frames", "3", "-q")
+    (plane,) = (plane for name, plane in read_exr(image).items() if name.endswith("R"))
+    folder = blind.run(tmp_path, "labels", False, "--frames", "3", "--no-coco", "-q")
+    (path,) = folder.glob("*.npz")
+    check_nearest(labelled(path), table.rows[False])
+    with np.load(path) as data:
+        assert np.array_equal(data["depth"], plane)
+
+
 @pytest.mark.parametrize("for_viewport", [False, True])
 def test_functions_see_it(table: Table, for_viewport: bool) -> None:
     """Without the add-on registered, and at frame 3, to which the scene is set: its camera is that of the marker."""
