@@ -51,9 +51,9 @@ class LabelReader:
         """Of each name, with all that was read so far."""
         return {name: column.table for name, column in self._columns.items()}
 
-    def read(self) -> LabelReading:
-        """What Blender has now. Main thread only."""
-        return LabelReading({name: column.read() for name, column in self._columns.items()}, self.tables)
+    def read(self, depsgraph: Any) -> LabelReading:
+        """Reads what Blender has now. depsgraph: evaluated, for what is keyed. Main thread only."""
+        return LabelReading({name: column.read(depsgraph) for name, column in self._columns.items()}, self.tables)
 
 
 class LabelReading:
@@ -102,7 +102,7 @@ class _Column(ABC):
     def table(self) -> LabelTable: ...
 
     @abstractmethod
-    def read(self) -> OwnerValues: ...
+    def read(self, depsgraph: Any) -> OwnerValues: ...
 
 
 class _Objects(_Column):
@@ -117,7 +117,7 @@ class _Objects(_Column):
     def table(self) -> LabelTable:
         return self._names.table
 
-    def read(self) -> OwnerValues:
+    def read(self, _: Any) -> OwnerValues:
         rows = {obj.session_uid: self._names.row_of(obj.name) for obj in bpy.data.objects if self.may_have(obj)}
         return OwnerValues(rows, _NONE, _NONE, from_instancer=False)
 
@@ -127,7 +127,7 @@ class _Instancers(_Objects):
     def may_have(_: Any) -> bool:
         return True
 
-    def read(self) -> OwnerValues:
+    def read(self, _: Any) -> OwnerValues:
         rows = {obj.session_uid: self._names.row_of(obj.name) for obj in bpy.data.objects}
         return OwnerValues(rows, _NONE, _NONE, from_object=False)
 
@@ -140,7 +140,7 @@ class _Materials(_Column):
     def table(self) -> LabelTable:
         return self._names.table
 
-    def read(self) -> OwnerValues:
+    def read(self, _: Any) -> OwnerValues:
         rows = {material.session_uid: self._names.row_of(material.name) for material in bpy.data.materials}
         return OwnerValues(_NONE, _NONE, rows)
 
@@ -154,7 +154,7 @@ class _Collections(_Column):
     def table(self) -> LabelTable:
         return self._names.table
 
-    def read(self) -> OwnerValues:
+    def read(self, _: Any) -> OwnerValues:
         rows = {uid: self._names.row_of(names[0]) for uid, names in collections_of_objects().items()}
         return OwnerValues(rows, _NONE, _NONE)
 
@@ -181,11 +181,11 @@ class _Property(_Column):
     def table(self) -> LabelTable:
         return self._numbers if self._names is None else self._names.table
 
-    def read(self) -> OwnerValues:
+    def read(self, depsgraph: Any) -> OwnerValues:
         objects, data = {}, {}
         of_data: dict[int, float | None] = {}
         for obj in bpy.data.objects:
-            number = self._number(obj)
+            number = self._number(obj, depsgraph)
             if number is not None:
                 objects[obj.session_uid] = number
             owner = obj.data
@@ -193,15 +193,17 @@ class _Property(_Column):
                 continue
             uid = owner.session_uid
             if uid not in of_data:
-                of_data[uid] = self._number(owner)
+                of_data[uid] = self._number(owner, depsgraph)
             number = of_data[uid]
             if number is not None:
                 data[obj.session_uid] = number
-        materials = {material.session_uid: self._number(material) for material in bpy.data.materials}
+        materials = {material.session_uid: self._number(material, depsgraph) for material in bpy.data.materials}
         return OwnerValues(objects, data, {uid: value for uid, value in materials.items() if value is not None})
 
-    def _number(self, owner: Any) -> float | None:
+    def _number(self, owner: Any, depsgraph: Any) -> float | None:
         value = self._value(owner)
+        if value is not None and depsgraph.mode == "RENDER" and owner.animation_data is not None:
+            value = self._value(owner.evaluated_get(depsgraph))  # a render does not write back what is keyed
         if value is None:
             return None
         if self._names is not None:

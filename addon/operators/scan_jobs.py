@@ -50,6 +50,7 @@ class PointsJob:
             labels=label_names(settings),
             seed=settings.seed,
             exclude_mount=exclude_mount_of(scene),
+            for_viewport=settings.use_viewport,
         )
         self.where = ""
         """What is worked on, for the status bar."""

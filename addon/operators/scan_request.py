@@ -73,11 +73,9 @@ def frames_of(scene: bpy.types.Scene) -> tuple[int, int] | None:
     return settings.frame_start, settings.frame_end
 
 
-def carrier_of(scene: bpy.types.Scene) -> bpy.types.Object:
-    """The object that carries the sensor."""
-    carrier = scene.perfect_bvh.scan.sensor or scene.camera
-    if carrier is None:
-        raise ValueError("There is neither an object that carries the sensor nor an active camera")
+def carrier_of(scene: bpy.types.Scene) -> bpy.types.Object | None:
+    """The object that carries the sensor; None for the camera of each frame."""
+    carrier: bpy.types.Object | None = scene.perfect_bvh.scan.sensor
     return carrier
 
 
@@ -113,6 +111,7 @@ def plan_of(scene: bpy.types.Scene) -> ScanPlan:
         labels=label_names(settings),
         seed=settings.seed,
         exclude_mount=exclude_mount_of(scene),
+        for_viewport=settings.use_viewport,
     )
 
 

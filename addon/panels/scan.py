@@ -45,6 +45,7 @@ def _draw_sensor(layout: bpy.types.UILayout, settings: bpy.types.PropertyGroup) 
     layout.prop(settings, "sensor")
     layout.prop(settings, "mount")
     layout.prop(settings, "labels")
+    layout.prop(settings, "use_viewport")
 
 
 def _draw_frames(layout: bpy.types.UILayout, settings: bpy.types.PropertyGroup) -> None:

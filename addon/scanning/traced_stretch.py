@@ -62,8 +62,8 @@ class TracedStretch:
             hits = snapshot.cast_rays(
                 origins[rows],
                 directions[rows],
-                rays.t_min,
-                rays.t_max,
+                t_min=rays.t_min,
+                t_max=rays.t_max,
                 mask=VISIBLE_TO_CAMERA,
                 times=times,
                 fields=FIELDS,

@@ -68,8 +68,8 @@ class PERFECT_BVH_PG_scan(bpy.types.PropertyGroup):
     sensor: bpy.props.PointerProperty(
         name="Carried By",
         description=(
-            "Object that carries the sensor; the active camera if empty. A camera looks along its own -Z with +Y up, "
-            "anything else along +Y with +Z up"
+            "Object that carries the sensor; the camera of each frame if empty. A camera looks along its own -Z with "
+            "+Y up, anything else along +Y with +Z up"
         ),
         type=bpy.types.Object,
     )
@@ -150,6 +150,13 @@ class PERFECT_BVH_PG_scan(bpy.types.PropertyGroup):
     )
     frame_end: bpy.props.IntProperty(
         name="End", description="The last frame that is scanned", default=24, min=-MOST, max=MOST
+    )
+    use_viewport: bpy.props.BoolProperty(
+        name="As in Viewports",
+        description=(
+            "Scan the objects, collections, modifier levels and particles that viewports show, instead of a render's"
+        ),
+        default=False,
     )
     steps_per_frame: bpy.props.IntProperty(
         name="Steps per Frame",

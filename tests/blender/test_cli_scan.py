@@ -132,7 +132,7 @@ def test_sensors_are_listed(capfd: Any) -> None:
         (("--on", "Haed"), "is it 'Head'?"),
         (("--format", "xyz"), "the format must be one of npz, ply"),
         (("--steps", "0"), "must be at least 1"),
-        (("--seed", "-1"), "expected a whole number from 0"),
+        (("--seed", "-1"), "must be a whole number from 0 to 2147483647, got '-1'"),
     ],
 )
 def test_mistakes_are_named(small_file: Path, tmp_path: Path, capfd: Any, more: tuple[str, ...], said: str) -> None:

@@ -121,7 +121,7 @@ def test_panoramas_see_by_longitude_and_latitude() -> None:
     local = np.stack(
         [flat * np.sin(longitude), np.broadcast_to(np.sin(latitude), SIZE[::-1]), -flat * np.cos(longitude)], axis=-1
     )
-    hits = scene.cast_rays(turn[:3, 3], local @ turn[:3, :3].T, 0.5, 7.0)
+    hits = scene.cast_rays(turn[:3, 3], local @ turn[:3, :3].T, t_min=0.5, t_max=7.0)
     assert set(np.unique(hits.instance_ids)) == {-1, 0, 1, 2, 3, 4}
     np.testing.assert_array_equal(passes["instance"], hits.instance_ids)
     np.testing.assert_allclose(passes["depth"], np.where(hits.is_hit, hits.t_hit, 1e10), rtol=1e-6)

@@ -178,8 +178,8 @@ def _cast_rays(cast: Cast, ways: Ways, is_first: bool) -> Hits:
     hits = cast.snapshot.cast_rays(
         ways.origins,
         ways.directions,
-        ways.lows,
-        ways.highs.astype(np.float32),
+        t_min=ways.lows,
+        t_max=ways.highs.astype(np.float32),
         mask=cast.mask,
         times=times,
         fields=FIELDS,
