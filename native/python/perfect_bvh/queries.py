@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from . import _core
-from ._arrays import check_count
+from ._arrays import LARGEST_COUNT, check_count
 from ._batches import Batch, Progress, point_batch, ray_batch, share_of
 from .audit import AUDITED_FIELDS, audit_answers
 from .build_config import COSTS, checked_number
@@ -207,7 +207,7 @@ class Queries:
         """
         name = "list_intersections"
         if max_hits is not None:
-            max_hits = check_count(name, "max_hits", max_hits, 0, 2**63 - 1)
+            max_hits = min(check_count(name, "max_hits", max_hits, 0, 2**63 - 1), LARGEST_COUNT)
         batch = ray_batch(name, origins, directions, t_min, t_max, mask, times, cull, threads)
         names = fields_of(fields)
         costs = [field for field in names if field in ("nodes_visited", "primitives_tested")]
