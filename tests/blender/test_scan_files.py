@@ -158,7 +158,7 @@ def test_whole_files_are_kept_and_others_written_again(small_file: Path) -> None
         ({"steps_per_frame": 3}, "holds pieces of another scan: points_0001-0002.json differs in 'steps'"),
         ({"frames_per_file": 3}, "differs in how the frames are divided"),
         ({"pattern": "spinning-16"}, "differs in 'sensor'; choose another folder, or empty this one"),
-        ({"frames": "CURRENT"}, "has another"),
+        ({"frames": "CURRENT"}, "differs in how the frames are divided"),
     ],
 )
 def test_a_folder_of_another_scan_is_refused(small_file: Path, change: dict[str, Any], message: str) -> None:

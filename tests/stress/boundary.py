@@ -73,7 +73,9 @@ def compute_closest_points(data: bytes) -> Features:
     """Distances that are numbers, and infinite where nothing was found."""
     source, caller = Bytes(data), Caller()
     points, max_distance, bits = anything(source), number(source), mask(source)
-    found = caller.ask(scene().compute_closest_points, "compute_closest_points", points, max_distance, bits)
+    found = caller.ask(
+        scene().compute_closest_points, "compute_closest_points", points, max_distance=max_distance, mask=bits
+    )
     if found is None:
         return caller.features
     assert found.distances.shape == np.shape(points)[:-1]
