@@ -1,8 +1,9 @@
-"""Checks that run apart from one another: `nox` runs them, `nox -s lint` one of them, `nox -s soak` the long one.
+"""Checks as sessions: `.ci/run` runs those of each change, `nox -s release_check` those of a release.
 
-`tests` wants the system packages that the README names; `native_tests` and `sanitize` want g++ and libgtest-dev;
-`windows` and `blenders` want Debian with root or sudo, the latter Python 3.11. `arm64` wants Debian's
-g++-aarch64-linux-gnu, libgtest-dev and qemu-user-static. What makes and tries releases is in release/sessions.py.
+`tests` wants the system packages that the README names; `native_tests`, `sanitize`, `threads` and `counted_work` want
+g++ and libgtest-dev; `windows` and `blenders` want Debian with root or sudo, the latter Python 3.11. `arm64` wants
+Debian's g++-aarch64-linux-gnu, libgtest-dev and qemu-user-static. The sessions that make and try wheels and zips are in
+release/sessions.py.
 """
 
 from __future__ import annotations
@@ -117,13 +118,26 @@ def native_tests(session: nox.Session) -> None:
 
 @nox.session
 def sanitize(session: nox.Session) -> None:
-    """Run C++ and Python tests under AddressSanitizer with UndefinedBehaviorSanitizer, C++ under ThreadSanitizer."""
+    """Run C++ tests and those of the Python boundary under AddressSanitizer and UndefinedBehaviorSanitizer."""
     session.install(*BUILD_TOOLS, PYBIND11, "numpy>=2", "pytest>=8")
     pybind11 = str(session.run("python", "-m", "pybind11", "--cmakedir", silent=True)).strip()
     python = Path(session.virtualenv.bin).resolve() / "python"
     run_native_preset(session, "asan", f"-Dpybind11_DIR={pybind11}", f"-DPython_EXECUTABLE={python}")
     run_sanitized_python_tests(session, Path("build/asan"))
+
+
+@nox.session(default=False)
+def threads(session: nox.Session) -> None:
+    """Run the C++ tests that start threads under ThreadSanitizer."""
+    session.install(*BUILD_TOOLS)
     run_native_preset(session, "tsan")
+
+
+@nox.session(default=False)
+def counted_work(session: nox.Session) -> None:
+    """Count the work that long calls do between two checks for a cancellation."""
+    session.install(*BUILD_TOOLS)
+    run_native_preset(session, "work")
 
 
 @nox.session(default=False)
@@ -161,6 +175,13 @@ def tests(session: nox.Session) -> None:
 
 
 @nox.session(default=False)
+def numpy2(session: nox.Session) -> None:
+    """Run the tests of the engine and of the synchronisation with numpy 2, which Blender has from 5.1 on."""
+    session.install(".", "numpy>=2", "hypothesis>=6", "pytest>=8", "pytest-xdist>=3.8")
+    session.run("pytest", *(session.posargs or ("tests/engine", "tests/sync")))
+
+
+@nox.session(default=False)
 def charts(session: nox.Session) -> None:
     """Draw tests/charts/pictures from tests/charts/data; with `-- --measure [NAME ...]` measure again before that."""
     if session.posargs[:1] == ["--measure"]:
@@ -188,8 +209,11 @@ def fuzz(session: nox.Session) -> None:
 
 @nox.session(default=False)
 def blenders(session: nox.Session) -> None:
-    """Install what the zip is tried in: older modules of Blender into .cache/blenders, and a Blender with windows."""
-    for release in OLDER_BLENDERS:
+    """Install what the zip is tried in: older modules of Blender into .cache/blenders, and a Blender with windows.
+
+    `-- windows` installs the latter alone.
+    """
+    for release in () if session.posargs == ["windows"] else OLDER_BLENDERS:
         folder = Path(".cache/blenders", release.partition("==")[2])
         session.run("python", "-m", "venv", "--clear", str(folder))
         session.run(str(folder / "bin" / "pip"), "install", "--quiet", release, external=True)
@@ -198,8 +222,44 @@ def blenders(session: nox.Session) -> None:
 
 @nox.session(default=False)
 def windows(session: nox.Session) -> None:
-    """Try the zip in a real Blender with windows; screenshots are left in .cache/windows."""
-    session.run("tests/gui/windows.sh", str(extension_zip()), external=True)
+    """Try the zip in a real Blender with windows; screenshots are left in .cache/windows.
+
+    All steps of tests/gui/steps.py, or those named: `-- enable scan`, `-- main` for the ones that matter most.
+    """
+    session.run(
+        "tests/gui/windows.sh", str(extension_zip()), external=True, env={"WINDOWS_STEPS": ",".join(session.posargs)}
+    )
+
+
+@nox.session(default=False)
+def farm_killer(session: nox.Session) -> None:
+    """Kill processes of the farm at random, a hundred times unless told, and compare what it writes."""
+    session.install(".[blender,test]")
+    session.run("python", "tests/blender/farm_killer.py", *session.posargs, env={"PYTHONPATH": "tests"})
+
+
+@nox.session(default=False)
+def release_check(session: nox.Session) -> None:
+    """Run what is too slow for each change: hours of two cores, all of it before a release.
+
+    Wants Debian 12 with root or sudo, and its packages binutils, debootstrap, g++, g++-aarch64-linux-gnu, libgtest-dev,
+    maven, procps, python3-dev, python3-venv, qemu-user-static, wine64 and those of the README.
+    """
+    sessions: tuple[tuple[str, list[str]], ...] = (
+        ("threads", []),
+        ("counted_work", []),
+        ("blenders", []),
+        ("arm64_pythons", []),
+        ("extension", ["windows-x64:3.11", "linux-x64", "linux-arm64:3.13"]),
+        ("windows_wheel", ["short"]),
+        ("windows", []),
+        ("tests", ["--long"]),
+        ("farm_killer", []),
+        ("soak", []),
+        ("arm64", []),
+    )
+    for name, arguments in sessions:
+        session.notify(name, arguments)
 
 
 def is_installed(session: nox.Session, package: str) -> bool:

@@ -46,7 +46,7 @@ inline void add_triangles(std::vector<ReferenceHit>& found, const ReferenceInsta
     for (Vec3f& corner : p) corner = corner * at.instance.blas->wide.scale;
     const float* const rows[3] = {&p[0].x, &p[1].x, &p[2].x};
     TriangleHit hit;
-    if (!intersect_triangle(triangle_ray, at.local.origin, at.local.direction, rows, hit)) continue;
+    if (!intersect_triangle(triangle_ray, exact_ray(at.local), rows, hit)) continue;
     const double t = to_ray_t(at.local.time, hit.t);
     if (!is_in_reference_range(t, ray)) continue;
     if (cull != Cull::kNone && (hit.is_front != at.instance.mirrored) == (cull == Cull::kFront)) continue;
@@ -80,14 +80,15 @@ inline void add_rounds(std::vector<ReferenceHit>& found, const ReferenceInstance
 inline std::vector<ReferenceHit> reference_hits(const Snapshot& snapshot, const Ray& ray, Cull cull) {
   std::vector<ReferenceHit> found;
   if (!is_valid(ray)) return found;
-  ObjectRay world{{ray.origin.x, ray.origin.y, ray.origin.z, 0.0},
-                  {ray.direction.x, ray.direction.y, ray.direction.z, 0.0},
-                  {0.0, 1.0, true}};
+  ObjectRay world{};
+  const double scale = static_cast<double>(snapshot.view.scale);
+  const Vec3d origin = ray.origin * scale, direction = ray.direction * scale;
   for (int axis = 0; axis < 3; ++axis) {
-    world.origin[axis] *= static_cast<double>(snapshot.view.scale);
-    world.direction[axis] *= static_cast<double>(snapshot.view.scale);
+    world.origin[axis] = (&origin.x)[axis], world.direction[axis] = (&direction.x)[axis];
   }
-  if (!bring_near(world, static_cast<double>(snapshot.view.reach))) return found;
+  world.time = {0.0, 1.0, true};
+  ObjectRay near = world;
+  if (!bring_near(near, static_cast<double>(snapshot.view.reach))) return found;
   for (std::size_t index = 0; index < snapshot.instances.size(); ++index) {
     const Instance& instance = snapshot.instances[index];
     const InstanceView& view = snapshot.instance_views[index];

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import os
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import bpy
@@ -31,7 +32,7 @@ import two_window_steps
 import update_steps
 import viewport_steps
 import walk_steps
-from driver import run
+from driver import Step, run
 
 STEPS = (
     panel_steps.enable,
@@ -111,6 +112,36 @@ STEPS = (
     file_steps.report,
 )
 
+# What most users do, for the check of each change.
+MAIN_STEPS = (
+    panel_steps.enable,
+    panel_steps.press_the_main_panels_buttons,
+    panel_steps.show_the_viewport,
+    scan_steps.scan,
+    render_steps.press_preview,
+    render_steps.render,
+    render_steps.cancel_a_render,
+    viewport_steps.switch_to_rendered,
+    viewport_steps.show_each_mode,
+    viewport_steps.orbit,
+    viewport_steps.play,
+    viewport_steps.edit_and_undo,
+    file_steps.open_another_file,
+    file_steps.disable_and_enable,
+    file_steps.report,
+)
+
+
+def chosen_steps(names: str) -> list[Callable[[], Step]]:
+    """Return the steps named, with commas between them: all for an empty text, those of most users for "main"."""
+    if names in ("", "main"):
+        return list(MAIN_STEPS if names else STEPS)
+    steps = {step.__name__: step for step in STEPS}
+    unknown = [name for name in names.split(",") if name not in steps]
+    if unknown:
+        raise SystemExit(f"WINDOWS_STEPS names no step: {', '.join(unknown)}. Steps: {', '.join(steps)}")
+    return [step for name, step in steps.items() if name in names.split(",")]
+
+
 if __name__ == "__main__":
-    chosen = os.environ.get("WINDOWS_STEPS")
-    run([step for step in STEPS if not chosen or step.__name__ in chosen.split(",")], bpy.ops.wm.quit_blender)
+    run(chosen_steps(os.environ.get("WINDOWS_STEPS", "")), bpy.ops.wm.quit_blender)

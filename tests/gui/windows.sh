@@ -2,7 +2,7 @@
 # windows.sh EXTENSION.zip: install the extension into a real Blender from the command line, and try it in windows.
 #
 # (--kill-after: unshare, which the chroot runs under, does not listen to a gentler signal.)
-# WINDOWS_STEPS: names of steps, with commas, instead of all. WINDOWS_SECONDS: when to give up.
+# WINDOWS_STEPS: names of steps, with commas, instead of all; main: those that matter most. WINDOWS_SECONDS: when to give up.
 # Screenshots and the console go to .cache/windows. Fails if a step does, or if anything alarming is on the console.
 set -euo pipefail
 repository=$(cd "$(dirname "$0")/../.." && pwd)

@@ -6,9 +6,10 @@
 // of a closed mesh.
 //
 // It is done in float, which decides wherever the origin is farther from every edge than rounding moves a corner.
-// Beside an edge it is done once more in double, from the ray before it was narrowed. There all triangles are judged
-// alike, and what float is sure of double would say, too: still no gap; and a triangle that the ray passes by is not
-// hit, which at a silhouette would be met at any t.
+// Beside an edge it is done once more in double, from the ray before it was narrowed, by the same rule; and where
+// double cannot tell either, exactly (math/exact_edges.h). So in all a ray hits a triangle if and only if, in exact
+// arithmetic of the ray in the mesh's space and the triangle's corners, its line meets the closed triangle: edges and
+// vertices count, rays within the triangle's plane do not.
 //
 // t is the float nearest to where the ray meets the triangle's plane, in double: the corners' depths in float,
 // weighted, would be off by a few roundings of the corners' distance, which on a ground of kilometres is centimetres.
@@ -18,6 +19,7 @@
 
 #include <cstdint>
 
+#include "math/exact_edges.h"
 #include "math/slab.h"
 #include "math/vec3.h"
 
@@ -131,15 +133,44 @@ static inline void set_sheared(ShearedTriangle<Real>& triangle, const Corners& a
   triangle.most = larger(larger(w[0], w[1]), w[2]);
 }
 
-// Beside an edge. axes: as in TriangleRay; origin, direction: of the ray before it was narrowed to float.
-static inline bool intersect_beside_edge(const std::uint8_t axes[3], const double origin[3], const double direction[3],
-                                         const float* const corners[3], TriangleHit& hit) noexcept {
+// A ray in the mesh's own frame. `origin` is near the mesh, `start` where the ray begins: the same point, unless the
+// ray was moved along its direction, which rounds.
+struct ExactRay {
+  const double *origin, *direction, *start;
+};
+
+// How far double is sure of its side where float is sure at 1, by the roundings of math/slab.h; and how much more
+// for each unit that the origin was moved.
+inline constexpr double kDoubleShare = 0x1p-29, kMovedShare = 0x1p-50;
+
+static inline bool intersect_exactly(const ExactRay& ray, const float* const corners[3], TriangleHit& hit) noexcept {
+  const ExactWeights exact = exact_weights(ray.start, ray.direction, corners);
+  if (!exact.is_hit) return false;
+  const double sum = (exact.w[0] + exact.w[1]) + exact.w[2];
+  hit.t = static_cast<float>(-exact_volume(ray.origin, corners) / sum);
+  hit.u = static_cast<float>(exact.w[1] / sum);
+  hit.v = static_cast<float>(exact.w[2] / sum);
+  hit.is_front = sum > 0.0;
+  return true;
+}
+
+// Beside an edge.
+static inline bool intersect_beside_edge(const TriangleRay& sheared, const ExactRay& ray, const float* const corners[3],
+                                         TriangleHit& hit) noexcept {
+  const std::uint8_t* const axes = sheared.axes;
+  const double *const origin = ray.origin, *const direction = ray.direction;
   const double from[3] = {origin[axes[0]], origin[axes[1]], origin[axes[2]]}, along = direction[axes[2]];
   const auto at = [&](int corner, int axis) { return static_cast<double>(corners[corner][axes[axis]]); };
   ShearedTriangle<double> triangle;
   set_sheared(triangle, at, from, direction[axes[0]] / along, direction[axes[1]] / along);
+  double moved = 0.0;
+  for (int axis = 0; axis < 3; ++axis) moved = larger(moved, __builtin_fabs(ray.start[axis] - origin[axis]));
+  const double sure = kDoubleShare * static_cast<double>(sheared.edge_slack) + kMovedShare * moved;
+  const double slack = sure * span_of(corners[0], corners[1], corners[2]);
+  const double least_weight = larger(triangle.least, -triangle.most);
+  if (least_weight < -slack) return false;
+  if (!(least_weight > slack)) return intersect_exactly(ray, corners, hit);
   const double *const w = triangle.weights, *const z = triangle.z, sum = triangle.sum;
-  if (!(triangle.least >= 0.0 || triangle.most <= 0.0) || sum == 0.0) return false;
   hit.t = static_cast<float>(((w[0] * z[0] + w[1] * z[1]) + w[2] * z[2]) / (sum * along));
   hit.u = static_cast<float>(w[1] / sum);
   hit.v = static_cast<float>(w[2] / sum);
@@ -148,18 +179,18 @@ static inline bool intersect_beside_edge(const std::uint8_t axes[3], const doubl
 }
 
 // True if the ray's line passes through the triangle: edges and vertices count, triangles seen exactly edge-on do not.
-// origin, direction: what `ray` was made of, before it was narrowed to float.
-static inline bool intersect_triangle(const TriangleRay& ray, const double origin[3], const double direction[3],
-                                      const float* const corners[3], TriangleHit& hit) noexcept {
+// exact: what `ray` was made of, before it was narrowed to float.
+static inline bool intersect_triangle(const TriangleRay& ray, const ExactRay& exact, const float* const corners[3],
+                                      TriangleHit& hit) noexcept {
   const auto at = [&](int corner, int axis) { return corners[corner][ray.axes[axis]]; };
   ShearedTriangle<float> triangle;
   set_sheared(triangle, at, ray.origin, ray.shear_x, ray.shear_y);
   const float slack = ray.edge_slack * static_cast<float>(span_of(corners[0], corners[1], corners[2]));
   if (!(larger(triangle.least, -triangle.most) > slack)) {
-    return intersect_beside_edge(ray.axes, origin, direction, corners, hit);
+    return intersect_beside_edge(ray, exact, corners, hit);
   }
   const float sum = triangle.sum;
-  hit.t = static_cast<float>(plane_t(plane_of(corners[0], corners[1], corners[2]), origin, direction));
+  hit.t = static_cast<float>(plane_t(plane_of(corners[0], corners[1], corners[2]), exact.origin, exact.direction));
   hit.u = triangle.weights[1] / sum;
   hit.v = triangle.weights[2] / sum;
   hit.is_front = (sum > 0.0f) != ray.runs_down;

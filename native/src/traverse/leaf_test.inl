@@ -173,7 +173,7 @@ __attribute__((noinline)) bool meet_beside_edge(Meeting& meeting, const LeafCand
   }
   const float* const corners[3] = {at[0], at[1], at[2]};
   TriangleHit hit;
-  if (!intersect_beside_edge(ray.axes, local.origin, local.direction, corners, hit)) return false;
+  if (!intersect_beside_edge(ray, exact_ray(local), corners, hit)) return false;
   const float turn = hit.is_front != ray.runs_down ? 1.0f : -1.0f;
   meeting = {to_ray_t(local.time, hit.t), hit.u * turn, hit.v * turn, turn};
   return true;

@@ -2,11 +2,13 @@
 // The map is applied in double. If the ray begins far from the tree its origin is moved along it, if its direction is
 // very long or very short it is scaled by a power of two, and only then is it narrowed to float:
 //   t of the ray = offset + scale * local t
-// For most rays the offset is 0 and the scale 1 ("direct"). As |origin| <= 4 reach in the end, how exact a hit is
-// depends on the size of the mesh, not on how far away the ray begins.
+// For most rays the offset is 0 and the scale 1 ("direct"). As |origin| <= 4 reach in the end, how exact t is depends
+// on the size of the mesh, not on how far away the ray begins. Where the ray began is kept: whether there is a hit is
+// decided for that ray (math/triangle.h).
 #pragma once
 
 #include "math/slab.h"
+#include "math/triangle.h"
 #include "traverse/ray.h"
 
 namespace perfect_bvh {
@@ -19,7 +21,12 @@ struct TimeFrame {
 struct alignas(32) ObjectRay {
   double origin[4], direction[4];  // the fourth is 0
   TimeFrame time;
+  double start[3];  // the origin before it was moved; set only if the time is not direct
 };
+
+[[nodiscard]] static inline ExactRay exact_ray(const ObjectRay& ray) noexcept {
+  return {ray.origin, ray.direction, ray.time.is_direct ? ray.origin : ray.start};
+}
 
 // Columns x, y, z, translation; the fourth row is 0.
 using MapColumns = double[4][4];
@@ -65,10 +72,28 @@ static inline bool load_near_by_axis(ObjectRay& out, const Ray& ray, double scal
   return is_usual;
 }
 
+// Moves a ray along its direction to the point of its line that is nearest to the frame's origin, up to rounding.
+// Returns a bound of how far from that point it is. Beyond 2^22 reaches the move is made without the rounding that is
+// as large as the way, so that in any case the new origin is less than 2^-29 of a reach beside the line: far less than
+// float rounds (math/slab.h).
+static inline double move_near(ObjectRay& ray, double reach) noexcept {
+  const double *o = ray.origin, *d = ray.direction;
+  const double t = -(o[0] * d[0] + o[1] * d[1] + o[2] * d[2]) / (d[0] * d[0] + d[1] * d[1] + d[2] * d[2]);
+  const double way = __builtin_fabs(t) * largest_component(ray.direction);
+  if (way <= 0x1p22 * reach) {
+    for (int axis = 0; axis < 3; ++axis) ray.origin[axis] += t * ray.direction[axis];
+  } else {
+    move_exactly(ray.origin, t, ray.direction);
+  }
+  ray.time.offset += t * ray.time.scale;
+  return 0x1p-48 * way;
+}
+
 // Scales an extreme direction, and moves a distant origin towards a tree within `reach` of the frame's origin. False
-// if the ray misses that tree, or cannot be told from one that does.
+// if the ray misses that tree, or is too extreme for doubles.
 static inline bool bring_near(ObjectRay& ray, double reach) noexcept {
   constexpr double kLargest = 1.7976931348623157e308;
+  for (int axis = 0; axis < 3; ++axis) ray.start[axis] = ray.origin[axis];
   const double longest = largest_component(ray.direction);
   if (!(longest >= kShortest && longest <= kLongest)) {
     if (!(longest > 0.0 && longest <= kLargest)) return false;
@@ -78,16 +103,13 @@ static inline bool bring_near(ObjectRay& ray, double reach) noexcept {
     ray.time.scale *= factor;
     ray.time.is_direct = false;
   }
-  if (!(largest_component(ray.origin) <= kNearby * reach)) {
-    const double *o = ray.origin, *d = ray.direction;
-    const double t = -(o[0] * d[0] + o[1] * d[1] + o[2] * d[2]) / (d[0] * d[0] + d[1] * d[1] + d[2] * d[2]);
-    for (int axis = 0; axis < 3; ++axis) ray.origin[axis] += t * ray.direction[axis];
-    // The origin is now the line's point nearest to the frame's origin, up to the rounding of double. Further out than
-    // the box's corners, the line misses the box; where the rounding exceeds the box, nothing can be said.
-    const double rounding = 0x1p-48 * (__builtin_fabs(t) * largest_component(ray.direction));
-    if (!(rounding <= reach && largest_component(ray.origin) <= 2.0 * reach + rounding)) return false;
-    ray.time.offset += t * ray.time.scale;
+  constexpr int kMostMoves = 3;  // the second starts from within 2^-48 of the way, the third is for the zoo's rays
+  for (int moves = 0; !(largest_component(ray.origin) <= kNearby * reach); ++moves) {
+    if (moves == kMostMoves) return false;
     ray.time.is_direct = false;
+    const double rounding = move_near(ray, reach);
+    // Further out than the box's corners, the line misses the box.
+    if (!(largest_component(ray.origin) <= 2.0 * reach + rounding)) return false;
   }
   return true;
 }

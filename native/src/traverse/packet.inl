@@ -45,6 +45,7 @@ struct alignas(64) PacketRays {
   float narrow_origin[3][kPacketRays], narrow_direction[3][kPacketRays];
   RaySet moved;
   TimeFrame moved_time[kPacketRays];
+  double start[3][kPacketRays];  // of the moved ones: their origin before that
   // By direction: which run down each axis, and for which that axis is the longest.
   RaySet down[3], longest[3];
 

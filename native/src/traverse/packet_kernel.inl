@@ -192,7 +192,8 @@ struct PacketWalk {
     PacketHits& hits = packet.hits;
     Slot& slot = *packet.slot;
     slot.ray = packet.rows[i];
-    slot.world = object_ray(packet.world_rays, i);
+    load_ray(slot.world, *packet.rays[i], static_cast<double>(scene.scale));
+    slot.world_time = packet.world_rays.time(i);
     slot.best_t = hits.t[i];
     slot.hit_instance = hits.instance[i], slot.hit_primitive = hits.primitive[i];
     slot.u = slot.v = 0.0f;

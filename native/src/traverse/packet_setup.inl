@@ -16,9 +16,16 @@ PERFECT_BVH_INLINE unsigned near_lanes(const PacketRays& rays, unsigned first, d
 }
 
 inline ObjectRay object_ray(const PacketRays& rays, unsigned i) noexcept {
-  return {{rays.origin[0][i], rays.origin[1][i], rays.origin[2][i], 0.0},
-          {rays.direction[0][i], rays.direction[1][i], rays.direction[2][i], 0.0},
-          rays.time(i)};
+  ObjectRay ray;
+  for (int axis = 0; axis < 3; ++axis) {
+    ray.origin[axis] = rays.origin[axis][i], ray.direction[axis] = rays.direction[axis][i];
+  }
+  ray.origin[3] = ray.direction[3] = 0.0;
+  ray.time = rays.time(i);
+  if (!ray.time.is_direct) {
+    for (int axis = 0; axis < 3; ++axis) ray.start[axis] = rays.start[axis][i];
+  }
+  return ray;
 }
 
 // Brings ray i near. False if it hits nothing.
@@ -31,6 +38,7 @@ inline bool move_ray(PacketRays& rays, unsigned i, double reach) noexcept {
   for (int axis = 0; axis < 3; ++axis) {
     rays.origin[axis][i] = ray.origin[axis];
     rays.direction[axis][i] = ray.direction[axis];
+    rays.start[axis][i] = ray.start[axis];
   }
   rays.moved |= RaySet{1} << i;
   rays.moved_time[i] = ray.time;
@@ -123,6 +131,17 @@ inline bool load_packet(Packet& packet, const SceneView& scene, const LoneInstan
   return false;
 }
 
+// Ray i was moved for the top level: an instance maps it as it came.
+inline void map_from_start(Packet& packet, unsigned i, const MapColumns& map) noexcept {
+  ObjectRay world, local;
+  load_ray(world, *packet.rays[i], static_cast<double>(packet.scene->scale));
+  map_to_local(local, world, map);
+  for (int axis = 0; axis < 3; ++axis) {
+    packet.local_rays.origin[axis][i] = local.origin[axis];
+    packet.local_rays.direction[axis][i] = local.direction[axis];
+  }
+}
+
 // Those of `rays` that may hit something of the instance, as its tree sees them.
 inline RaySet map_packet(Packet& packet, RaySet rays, const InstanceView& instance) noexcept {
   const PacketRays& from = packet.world_rays;
@@ -139,10 +158,8 @@ inline RaySet map_packet(Packet& packet, RaySet rays, const InstanceView& instan
       store_rays(to.direction[axis] + i, add(add(mul(a, dx), mul(b, dy)), mul(c, dz)));
     }
   }
-  to.moved = from.moved & rays;
-  for (RaySet moved = to.moved; moved != 0; moved &= moved - 1) {
-    to.moved_time[first_ray(moved)] = from.moved_time[first_ray(moved)];
-  }
+  to.moved = 0;
+  for (RaySet moved = from.moved & rays; moved != 0; moved &= moved - 1) map_from_start(packet, first_ray(moved), map);
   return prepare_rays(to, rays, packet.lanes, static_cast<double>(instance.extent.reach));
 }
 

@@ -22,8 +22,9 @@ struct alignas(64) Slot {
   std::uint32_t floor;                        // the highest entry that does not belong to that level
 
   ObjectRay local;  // as the tree sees it that is being traversed
-  // The top level's; a lone instance that is traced directly has no use for them.
-  ObjectRay world;
+  // What instances map, and the top level's constants; a lone instance that is traced directly has no use for them.
+  ObjectRay world;  // as it came, times the scene's scale
+  TimeFrame world_time;
   BoxState world_box;
   bool is_mirrored;  // the instance's transform turns the winding round
 
@@ -75,7 +76,8 @@ inline bool start_ray(Slot& slot, const SceneView& scene, const Ray& ray) noexce
   if (kMoves && !is_in_shutter(ray.time)) return false;
   if (!load_ray(slot.world, ray, static_cast<double>(scene.scale))) return false;
   const double reach = static_cast<double>(scene.reach);
-  if (!stands_near(slot.world, reach) && !bring_near(slot.world, reach)) return false;
+  ObjectRay near = slot.world;
+  if (!stands_near(near, reach) && !bring_near(near, reach)) return false;
   slot.best_t = last_t(ray.t_max);
   clear_hit(slot);
   slot.floor = 0;
@@ -84,13 +86,13 @@ inline bool start_ray(Slot& slot, const SceneView& scene, const Ray& ray) noexce
   stack[0] = kDoneMark;
   stack[1] = scene.root;
   if (scene.root >= kInstanceChild) return true;  // a single instance: the top level has no boxes
-  slot.time = slot.world.time;
+  slot.time = slot.world_time = near.time;
   slot.nodes = scene.nodes;
   if constexpr (kMoves) {
     slot.top_moment = moment_at(scene.top_times, ray.time);
     take_top_step(slot, scene);
   }
-  set_states(slot.box, slot.triangle, slot.world, scene.extent);
+  set_states(slot.box, slot.triangle, near, scene.extent);
   slot.box.t_min = to_local_min(slot.time, static_cast<double>(ray.t_min));
   slot.box.t_limit = to_local_max(slot.time, slot.best_t);
   slot.world_box = slot.box;
@@ -200,7 +202,7 @@ PERFECT_BVH_INLINE bool start_directly(Slot& slot, const SceneView& scene, const
 template <bool kAny, bool kMoves>
 inline void leave_instance(Slot& slot, const SceneView& scene, std::size_t nears_offset) noexcept {
   slot.box = slot.world_box;
-  slot.time = slot.world.time;
+  slot.time = slot.world_time;
   slot.box.t_limit = to_local_max(slot.time, slot.best_t);
   slot.nodes = scene.nodes;
   if constexpr (kMoves) take_top_step(slot, scene);

@@ -1,0 +1,173 @@
+"""A ray hits a triangle if and only if its line meets the closed triangle in exact arithmetic.
+
+Edges and vertices count. The rays here pass exactly through vertices and points of edges. A million of them:
+`python tests/engine/test_exact_hits.py`, with tests/ on the path.
+"""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import dataclass
+
+import numpy as np
+import perfect_bvh
+import pytest
+from oracles import meshes
+from oracles.exact_rays import F64, lines_meet, plane_distances
+
+SHAPES = ("box", "sphere", "grid", "slivers")
+SCALES = (1e-6, 1.0, 3.7, 1e6)
+OFFSETS = (0.0, 1.0, 1e3, 1e6)
+KINDS = ("vertices", "edges", "silhouettes")
+# Turned by a quarter, mirrored and four times as large: instances map rays without rounding.
+TURNED = np.array([(0.0, -4.0, 0.0, 0.0), (0.0, 0.0, 4.0, 0.0), (4.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0)])
+
+
+@dataclass(frozen=True)
+class Case:
+    positions: np.ndarray
+    triangles: np.ndarray
+    origins: F64
+    directions: F64
+
+
+def unit_mesh(shape: str) -> meshes.Mesh:
+    if shape == "box":
+        corners = np.array([(x, y, z) for x in (-1.0, 1.0) for y in (-1.0, 1.0) for z in (-1.0, 1.0)])
+        sides = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
+        return corners, np.array([side for a, b, c, d in sides for side in ((a, b, c), (a, c, d))], np.int32)
+    if shape == "sphere":
+        return meshes.sphere(9, 8)
+    return meshes.grid(8) if shape == "grid" else meshes.slivers(80, 3)
+
+
+def exact_targets(positions: np.ndarray, triangles: np.ndarray, kind: str, count: int, random) -> F64:
+    """Vertices, or points of edges that doubles hold exactly: a + k / 8 (b - a)."""
+    corners = positions.astype(np.float64)[triangles[random.integers(0, len(triangles), count)]]
+    if kind == "vertices":
+        return corners[:, 0]
+    share = random.integers(1, 8, (count, 1)) / 8.0
+    return corners[:, 0] + share * (corners[:, 1] - corners[:, 0])
+
+
+def make_case(shape: str, scale: float, offset: float, kind: str, count: int, seed: int) -> Case:
+    """Rays from inside, outside and far away whose lines pass through the targets exactly, if doubles allow it."""
+    random = np.random.default_rng(seed)
+    unit, triangles = unit_mesh(shape)
+    positions = (unit * scale + offset).astype(np.float32)
+    targets = exact_targets(positions, triangles, kind, count, random)
+    size = float(np.ptp(positions, axis=0).max()) or scale
+    # Directions of few bits, and a whole number of steps back along them: the origin is then exact for most targets.
+    unit_step = 2.0 ** np.floor(np.log2(size) - 6)
+    directions = random.integers(-60, 61, (count, 3)).astype(np.float64)
+    directions[~directions.any(axis=1)] = (0.0, 0.0, 1.0)
+    if kind == "silhouettes":  # along the sides of boxes and grids, and through the points of others
+        directions[np.arange(count), random.integers(0, 3, count)] = 0.0
+        directions[~directions.any(axis=1)] = (0.0, 0.0, 1.0)
+    directions *= unit_step
+    steps = random.choice([0.125, 1.0, 2.0, 5.0, 64.0, 2.0**20], (count, 1))
+    origins = targets - steps * directions
+    as_floats = random.random(count) < 0.5  # what float32 callers have: exact for some, beside the edge for the others
+    origins[as_floats] = origins[as_floats].astype(np.float32)
+    directions[as_floats] = (targets[as_floats] - origins[as_floats]).astype(np.float32)
+    directions[~directions.any(axis=1)] = (0.0, 0.0, unit_step)
+    return Case(positions, triangles, origins, directions)
+
+
+def make_scene(case: Case, transform: np.ndarray) -> perfect_bvh.Scene:
+    scene = perfect_bvh.Scene()
+    scene.add_instance(scene.add_mesh(case.positions, case.triangles), transform)
+    scene.commit()
+    return scene
+
+
+def unlike(case: Case) -> int:
+    """How many rays any query answers differently from exact arithmetic, through instances and without."""
+    met = lines_meet(case.positions, case.triangles, case.origins, case.directions)
+    t = plane_distances(case.positions, case.triangles, case.origins, case.directions)
+    wrong = wrong_answers(make_scene(case, np.eye(4)), met, t, case.origins, case.directions)
+    turned = case.origins @ TURNED[:3, :3].T, case.directions @ TURNED[:3, :3].T
+    return int((wrong | wrong_answers(make_scene(case, TURNED), met, t, *turned)).sum())
+
+
+def wrong_answers(scene: perfect_bvh.Scene, met: np.ndarray, t: F64, *rays: F64, times: float = 0.0) -> np.ndarray:
+    """True for each ray that a query answers otherwise. met, t: (rays, triangles), of their lines."""
+    # Which side of its origin a ray meets a triangle on is a question of t, which is rounded.
+    clear = ~(met & (np.abs(t) < 1e-12)).any(axis=1)
+    met = met & (t > 0.0)
+    expected = met.sum(axis=1)
+    wrong = scene.count_intersections(*rays, times=times) != expected
+    wrong |= scene.test_occlusions(*rays, times=times) != (expected > 0)
+    for strategy in ("stream", "packets"):
+        hits = scene.cast_rays(*rays, strategy=strategy, times=times)
+        nearest = np.where(met, t, np.inf).min(axis=1)
+        wrong |= hits.is_hit != (expected > 0)
+        wrong |= hits.is_hit & ~np.isclose(hits.t_hit, nearest.astype(np.float64), rtol=2.0**-22, atol=0.0)
+    listed, rows = scene.list_intersections(*rays, times=times)
+    found = np.zeros_like(met)
+    for row in range(len(met)):
+        found[row, listed.primitive_ids[rows[row] : rows[row + 1]]] = True
+    wrong |= (found != met).any(axis=1)
+    return wrong & clear
+
+
+@pytest.mark.parametrize("isa", perfect_bvh.available_isas())
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("shape", SHAPES)
+def test_hits_are_exact(shape: str, kind: str, isa: str) -> None:
+    perfect_bvh.set_active_isa(isa)
+    try:
+        for number, (scale, offset) in enumerate([(1.0, 0.0), (1e-6, 0.0), (3.7, 1e3), (1e6, 1e6)]):
+            assert unlike(make_case(shape, scale, offset, kind, 300, number)) == 0, (scale, offset)
+    finally:
+        perfect_bvh.set_active_isa(None)
+
+
+@pytest.mark.parametrize("shape", ["box", "grid"])
+def test_hits_of_moving_shapes_are_exact(shape: str) -> None:
+    """At a time between its steps a mesh has its positions there, rounded to floats: here they are whole numbers."""
+    case = make_case(shape, 8.0, 0.0, "vertices", 300, 5)
+    scene = perfect_bvh.Scene()
+    mesh = scene.add_mesh(case.positions, case.triangles)
+    scene.add_instance(mesh)
+    way = np.array([2.0, 4.0, -6.0], np.float32)
+    scene.set_mesh_motion(mesh, np.stack([case.positions - way, case.positions + way]))
+    scene.commit()
+    met = lines_meet(case.positions, case.triangles, case.origins, case.directions)
+    t = plane_distances(case.positions, case.triangles, case.origins, case.directions)
+    assert not wrong_answers(scene, met, t, case.origins, case.directions, times=0.5).any()
+
+
+def test_a_closed_mesh_is_crossed_an_even_number_of_times() -> None:
+    """By rays that begin outside and touch no vertex or edge: points of edges are moved into a triangle."""
+    positions, triangles = meshes.sphere(9, 8)
+    positions = positions.astype(np.float32)
+    random = np.random.default_rng(7)
+    corners = positions.astype(np.float64)[triangles[random.integers(0, len(triangles), 20_000)]]
+    share = 10.0 ** random.uniform(-16.0, -6.0, (len(corners), 1))
+    targets = (corners[:, 0] + corners[:, 1]) / 2 * (1 - share) + share * corners[:, 2]
+    origins = 5.0 * random.normal(size=targets.shape)
+    origins *= np.maximum(1.0, 2.0 / np.linalg.norm(origins, axis=1, keepdims=True))
+    scene = perfect_bvh.Scene()
+    scene.add_instance(scene.add_mesh(positions, triangles))
+    scene.commit()
+    met = lines_meet(positions, triangles, origins, targets - origins)
+    assert (scene.count_intersections(origins, targets - origins) == met.sum(axis=1)).all()
+    assert (met.sum(axis=1) % 2 == 0).mean() > 0.95  # the others touch an edge: doubles hold some targets no nearer
+
+
+def try_many(rays: int) -> int:
+    """Print the number of rays answered differently for each case; return their sum."""
+    total = 0
+    cases = [(s, k, c, o) for s in SHAPES for k in KINDS for c in SCALES for o in OFFSETS]
+    for number, (shape, kind, scale, offset) in enumerate(cases):
+        wrong = unlike(make_case(shape, scale, offset, kind, rays // len(cases), 1000 + number))
+        total += wrong
+        if wrong:
+            print(f"{shape}, {kind}, scale {scale:g}, offset {offset:g}: {wrong} unlike", flush=True)  # noqa: T201
+    print(f"{rays // len(cases) * len(cases)} rays: {total} unlike")  # noqa: T201
+    return total
+
+
+if __name__ == "__main__":
+    sys.exit(try_many(int(sys.argv[1]) if len(sys.argv) > 1 else 1_000_000) != 0)
