@@ -122,7 +122,8 @@ class MaterialTable:
 class ImageTexture:
     """An image that materials or the world refer to.
 
-    pixels: (H, W, 4), straight alpha, row 0 at the lower border (v = 0); uint8 is sRGB, float32 scene-linear.
+    pixels: (H, W, 4), straight alpha, row 0 at the lower border (v = 0); uint8 is sRGB, also between pixels, as in
+        Cycles; float32 is scene-linear.
         What the mode "preview" finds bright in the world's image is kept while the array exists if it is read-only and
         owns its memory; else it is found again for each image that is rendered.
     extension: what lies outside 0..1: "repeat", "extend" (the border's colour) or "clip" (nothing).
