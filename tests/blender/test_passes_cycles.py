@@ -331,6 +331,44 @@ def test_several_materials_and_slots_of_the_object(scene) -> None:
     assert {1.0, 2.0, 3.0, 4.0} <= set(np.unique(result.theirs.material_index))
 
 
+@pytest.mark.parametrize("threshold", [0.0, 0.5, 1.0])
+def test_passes_are_without_what_has_less_alpha_than_the_threshold(scene, threshold: float) -> None:
+    """Of what has some alpha but too little, chance decides whether a pixel of Cycles has it: ours are without it."""
+    wall, alphas = (
+        add("Wall", bpy.ops.mesh.primitive_cube_add, size=8.0, location=(0.0, 8.0, 0.0)),
+        (0.0, 0.3, 0.5, 0.9),
+    )
+    panes = iter(alphas)
+
+    def make(x: float) -> bpy.types.Object:
+        pane = add("Pane", bpy.ops.mesh.primitive_plane_add, location=(x, 0.0, 0.0), rotation=(1.5, 0.0, 0.0))
+        pane.data.materials.append(bpy.data.materials.new("Pane"))
+        pane.active_material.use_nodes = True
+        pane.active_material.node_tree.nodes["Principled BSDF"].inputs["Alpha"].default_value = next(panes)
+        return pane
+
+    rows = [wall, *add_row(len(alphas), make)]
+    for number, obj in enumerate(rows):
+        obj.pass_index = number + 10
+    scene.render.resolution_x, scene.render.resolution_y = 80, 45
+    scene.perfect_bvh.samples = 1
+    layer = bpy.context.view_layer
+    shown = {}
+    for limit in (0.0, threshold):
+        with preserved((layer, "pass_alpha_threshold", limit)):
+            shown[limit] = render_passes(scene, "PERFECT_BVH"), render_cycles(scene)
+    at, away = shown[0.0][1].object_index, ~index_edges(shown[0.0][1].object_index)
+    ours, theirs = shown[threshold]
+    for alpha, obj in zip(alphas, rows[1:], strict=True):
+        inside = (at == obj.pass_index) & away
+        assert inside.sum() > 20
+        passed = alpha < threshold
+        np.testing.assert_array_equal(ours.object_index[inside] == obj.pass_index, not passed)
+        alike = inside & (theirs.object_index == ours.object_index)
+        assert alike.sum() > (0 if 0.0 < alpha < threshold else inside.sum() - 1)
+        np.testing.assert_allclose(ours.depth[alike], theirs.depth[alike], rtol=DEPTH_TOLERANCE)
+
+
 def test_collection_instances_and_their_indices(scene) -> None:
     inner = bpy.data.collections.new("Inner")
     cube = add("Cube", bpy.ops.mesh.primitive_cube_add, size=0.8)

@@ -19,7 +19,8 @@ from .images import ImageReader
 from .node_graph import GROUPS, Scope, find_output, trace_back
 from .node_values import HALF, Value, ValueReader, constant
 from .omissions import Omissions
-from .sky import read_sky
+from .shown_nodes import name_of
+from .sky import name_of_older_model, read_sky
 
 _KINDS = {"POINT": "point", "SUN": "sun", "SPOT": "spot"}
 _DEEPEST = 64
@@ -92,6 +93,11 @@ def _read_world(world: Any, images: ImageReader, omissions: Omissions) -> WorldR
     if sky is not None:
         node, strength = sky
         shown, rotation = read_sky(node)
+        older = name_of_older_model(node)
+        if older is not None:
+            omissions.note(
+                f"the model {older} of {name_of(node)}", "Single Scattering is, and not as bright everywhere"
+            )
         images.records.append(ImageRecord(node.name, 0, shown.pixels, "repeat"))
         return WorldRecord((strength,) * 3, len(images.records) - 1, rotation)
     lit, seen = (ValueReader(images, constant(*plain.color), omissions, is_camera) for is_camera in (False, True))
