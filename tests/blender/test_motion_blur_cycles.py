@@ -14,7 +14,7 @@ import pytest
 bpy = pytest.importorskip("bpy")
 
 from blender.builders import camera_object  # noqa: E402
-from oracles.cycles import FILTER_WIDTH, preserved, render_beside, write_multilayer  # noqa: E402
+from oracles.cycles import FILTER_WIDTH, preserved, render_beside, render_image, write_multilayer  # noqa: E402
 from oracles.exr import read_exr  # noqa: E402
 
 SCENES = Path(__file__).parents[2] / "blend_scenes"
@@ -143,23 +143,17 @@ def test_a_view_layer_may_be_without(scene: Any) -> None:
 def vectors(scene: Any, engine: str) -> Image:
     """(H, W, 4) of the Vector pass, row 0 on top."""
     layer, cycles = scene.view_layers[0], scene.cycles
-    with (
-        tempfile.TemporaryDirectory() as folder,
-        preserved(
-            (layer, "use_pass_vector", True),
-            (scene.render, "use_motion_blur", False),
-            (cycles, "samples", 1),
-            (cycles, "use_adaptive_sampling", False),
-            (cycles, "use_denoising", False),
-            (cycles, "filter_width", FILTER_WIDTH),
-            (cycles, "max_bounces", 0),
-            (scene.perfect_bvh, "samples", 1),
-        ),
+    with preserved(
+        (layer, "use_pass_vector", True),
+        (scene.render, "use_motion_blur", False),
+        (cycles, "samples", 1),
+        (cycles, "use_adaptive_sampling", False),
+        (cycles, "use_denoising", False),
+        (cycles, "filter_width", FILTER_WIDTH),
+        (cycles, "max_bounces", 0),
+        (scene.perfect_bvh, "samples", 1),
     ):
-        path = Path(folder) / "vectors.exr"
-        write_multilayer(path, scene, engine)
-        planes = read_exr(path)
-        return np.stack([planes[f"{layer.name}.Vector.{channel}"] for channel in "XYZW"], axis=-1)
+        return render_image(scene, engine, "Vector", "XYZW")
 
 
 def check_vectors(scene: Any, moving_share: float) -> None:

@@ -26,6 +26,7 @@ from blender.judged_pixels import cast_through, judge_pixels  # noqa: E402
 from mathutils import Matrix  # noqa: E402
 from oracles.cycles import (  # noqa: E402
     Passes,
+    Surfaces,
     index_edges,
     preserved,
     render_cycles,
@@ -76,7 +77,7 @@ def scene(registered: None) -> bpy.types.Scene:
 # Comparison --------------------------------------------------------------------------------------------------------
 
 
-def unlike(ours: Passes, theirs: Passes) -> npt.NDArray[np.bool_]:
+def unlike(ours: Surfaces, theirs: Surfaces) -> npt.NDArray[np.bool_]:
     """Where the passes differ by more than the tolerances: arrays of one shape, or broadcast."""
     hit, hit_ours = theirs.depth < BACKGROUND, ours.depth < BACKGROUND
     depth = np.abs(ours.depth - theirs.depth) > DEPTH_TOLERANCE * np.abs(theirs.depth)
@@ -91,7 +92,7 @@ class Comparison:
     """compared: pixels away from index edges. disputed: those that differ. wrong: disputed, and the engine's fault."""
 
     ours: Passes
-    theirs: Passes
+    theirs: Surfaces
     compared: int
     disputed: list[tuple[int, int]]
     wrong: list[tuple[int, int]]
