@@ -128,7 +128,7 @@ class _SurfaceReader:
             return self._emission(Surface(BLACK), node.inputs["Color"], node.inputs["Strength"], scope)
         if node.type == "BSDF_PRINCIPLED":
             return self._principled(inputs, scope)
-        if node.type in {"BSDF_HAIR", "BSDF_HAIR_PRINCIPLED"}:
+        if node.type == "BSDF_HAIR_PRINCIPLED":
             base, hair = HairReader(self._values).read(node, scope)
             return Surface(base, hair=hair)
         if node.type not in SHOWN_NODES:

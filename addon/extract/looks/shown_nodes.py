@@ -13,7 +13,6 @@ DIFFUSE = "a diffuse surface is"
 # By `bpy.types.Node.type`.
 SHADERS = ("BSDF_PRINCIPLED", "BSDF_DIFFUSE", "BSDF_GLOSSY", "BSDF_METALLIC", "BSDF_GLASS", "BSDF_REFRACTION")
 SHADERS += (
-    "BSDF_HAIR",
     "BSDF_HAIR_PRINCIPLED",
     "BSDF_TRANSLUCENT",
     "BSDF_TRANSPARENT",
@@ -38,6 +37,7 @@ SIMPLIFIED_NODES: dict[str, str] = {
     "NEW_GEOMETRY": "its front is, on both sides",
     "FRESNEL": "one share is, at all angles",
     "LAYER_WEIGHT": "one share is, at all angles",
+    "BSDF_HAIR": DIFFUSE,
     "BSDF_TOON": DIFFUSE,
     "BSDF_SHEEN": DIFFUSE,
     "SUBSURFACE_SCATTERING": DIFFUSE,
@@ -82,7 +82,6 @@ IGNORED_INPUTS: dict[str, tuple[IgnoredInput, ...]] = {
     "BSDF_GLASS": (NORMAL_INPUT, IgnoredInput("Thin Film Thickness", 0.0, "Thin Film", "what it covers is")),
     "BSDF_REFRACTION": (NORMAL_INPUT,),
     "BSDF_TRANSLUCENT": (NORMAL_INPUT,),
-    "BSDF_HAIR": (IgnoredInput("Tangent", None, "Tangent of hair", "that along the strand is"),),
     "BSDF_TRANSPARENT": (IgnoredInput("Color", 1.0, "Color of the Transparent BSDF", "white is"),),
 }
 
