@@ -14,8 +14,8 @@
 #include "bindings/values.h"
 #include "core/errors.h"
 #include "math/elementary.h"
-#include "render/light/bright_sky.h"
-#include "render/modes/cost_scale.h"
+#include "render/light/environment.h"
+#include "render/modes/palette.h"
 
 namespace perfect_bvh::bindings {
 namespace {

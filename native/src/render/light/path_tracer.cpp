@@ -4,8 +4,6 @@
 #include <cmath>
 
 #include "query/trace.h"
-#include "render/light/multiple_importance.h"
-#include "render/light/secondary_ray.h"
 #include "render/sampling/sampler.h"
 
 namespace perfect_bvh {

@@ -4,7 +4,6 @@
 #include <cmath>
 #include <numbers>
 
-#include "render/surface/bent_normal.h"
 #include "render/surface/fresnel.h"
 
 namespace perfect_bvh {
