@@ -12,7 +12,8 @@ import numpy.typing as npt
 from ...sync.records import HairRecord
 from .lobes import Color
 from .node_graph import Scope, inputs_of, is_fed
-from .node_values import Value, ValueReader, constant
+from .node_values import ValueReader
+from .values import Value, constant
 
 LEAST_IOR = 1e-5
 _LEAST_COLOR = 1e-5

@@ -13,14 +13,14 @@ from typing import Any
 import numpy as np
 
 from ...sync.records import HairRecord
+from .color_math import Pixels
 from .hair import HairReader, fixed, sum_hair
-from .instance_sources import AskInstances, Source
 from .lobes import DIFFUSE, Color, Lobes, Part, Tint, add_translucent, averaged, base_share, mix_lobes, plain_number
 from .node_graph import GROUPS, USES_NODES, Scope, find_output, inputs_of, is_fed, trace_back
-from .node_values import HALF, ImageMeans, Pixels, Value, ValueReader, constant, same_value
-from .omissions import Omissions
+from .node_values import HALF, ValueReader
 from .shown_nodes import DIFFUSE as DIFFUSE_SURFACE
-from .shown_nodes import IGNORED_INPUTS, SHOWN_NODES, SIMPLIFIED_NODES
+from .shown_nodes import IGNORED_INPUTS, SHOWN_NODES, SIMPLIFIED_NODES, Omissions
+from .values import AskInstances, ImageMeans, Source, Value, constant, same_value
 
 BLACK = constant(0.0, 0.0, 0.0)
 WHOLE = constant(1.0)
