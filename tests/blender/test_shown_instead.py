@@ -166,7 +166,7 @@ INSTEAD: tuple[tuple[Callable[[Any], None], list[str]], ...] = (
     (not_coated_by_a_node, []),
     (thick, ["Volume Scatter is not shown; its surface alone is"]),
     (never_seen, []),
-    (old_hair, ["Hair BSDF is not shown; a diffuse surface is"]),
+    (old_hair, ["Hair BSDF is not shown; a diffuse surface is, or a translucent one"]),
     (tinted_nothing, ["Color of the Transparent BSDF is not shown; white is"]),
 )
 
@@ -192,11 +192,13 @@ def test_huang_is_shown_as_chiang_of_the_same_inputs(material: Any) -> None:
     assert (shown[0].hair.fiber, shown[0].hair.roughness) == (1.0, pytest.approx((0.4, 0.4)))
 
 
-def test_the_hair_bsdf_has_its_colour(material: Any) -> None:
+@pytest.mark.parametrize(("component", "translucency"), [("Reflection", 0.0), ("Transmission", 1.0)])
+def test_the_hair_bsdf_is_a_surface_of_its_colour(component: str, translucency: float, material: Any) -> None:
     old_hair(material)
+    next(node for node in material.node_tree.nodes if node.type == "BSDF_HAIR").component = component
     record = read_scene(evaluated(), SHADING).materials[0]
-    assert record.hair is None
-    assert record.base_color == pytest.approx((0.2, 0.4, 0.6))
+    assert (record.hair, record.translucency) == (None, translucency)
+    assert (record.translucent_color if translucency else record.base_color) == pytest.approx((0.2, 0.4, 0.6))
 
 
 def test_modes_that_show_no_materials_name_none(material: Any) -> None:

@@ -186,7 +186,7 @@ class _SurfaceReader:
                 plain_refraction=float(is_plain),
                 clear_tint=Tint(power=1.0),
             )
-        if node.type == "BSDF_TRANSLUCENT":
+        if node.type == "BSDF_TRANSLUCENT" or (node.type == "BSDF_HAIR" and node.component == "Transmission"):
             red, green, blue = self._values.overall(base)[:3].tolist()
             tint = Tint((red, green, blue)) if base.is_even else Tint(power=1.0)
             return Lobes(translucency=1.0, translucent_tint=tint)

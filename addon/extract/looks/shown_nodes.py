@@ -41,7 +41,7 @@ SIMPLIFIED_NODES: dict[str, str] = {
     "NEW_GEOMETRY": "its front is, on both sides",
     "FRESNEL": "one share is, at all angles",
     "LAYER_WEIGHT": "one share is, at all angles",
-    "BSDF_HAIR": DIFFUSE,
+    "BSDF_HAIR": "a diffuse surface is, or a translucent one",
     "BSDF_TOON": DIFFUSE,
     "BSDF_SHEEN": DIFFUSE,
     "SUBSURFACE_SCATTERING": DIFFUSE,
