@@ -11,13 +11,12 @@ from ..events.evaluation_log import EvaluationLog
 from ..sync.not_shown import NotShown
 from ..sync.records import AttributeRequest, CameraRecord, LightRecords, SceneRecord
 from .camera import Frame, read_camera, read_frame
-from .geometry.groups import GroupTable
+from .geometry.groups import AdaptiveSubdivision, GroupTable
 from .geometry.hair_shape import ShapedHair
 from .geometry.instance_columns import InstanceColumns
 from .geometry.instances import InstanceCache, read_instances
 from .geometry.mesh_cache import MeshCache
 from .geometry.mesh_table import MeshTable
-from .geometry.subdivision import AdaptiveSubdivision
 from .ignored_settings import find_ignored_settings
 from .libraries import find_missing_libraries
 from .looks.images import ImageCache, ImageReader

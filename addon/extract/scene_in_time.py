@@ -7,18 +7,34 @@ evaluated again at a moment is not read again, for which its changes are listene
 
 from __future__ import annotations
 
+from contextlib import nullcontext
+from dataclasses import replace
 from fractions import Fraction
 from typing import Any
 
-from ..events.changes import listen, stop_listening
+import bpy
+import numpy as np
+
+from ..events.changes import listen, stop_listening, watched_evaluations
+from ..events.evaluation_log import EvaluationLog
 from ..support.progress import Progress
 from ..sync.motion import add_motion
-from ..sync.motion_records import MomentRecord
-from ..sync.records import AttributeRequest, CameraRecord, SceneRecord
-from .moment import read_moment
-from .motion_settings import read_motion_settings
-from .scene import ReadCache, read_scene
+from ..sync.motion_records import MomentRecord, MotionSettings
+from ..sync.records import AttributeRequest, CameraRecord, InstanceRecords, MeshRecord, ObjectRecord, SceneRecord
+from .camera import read_frame
+from .geometry.groups import AdaptiveSubdivision, GroupTable
+from .geometry.instances import read_instances
+from .geometry.mesh_table import MeshTable
+from .looks.materials import MaterialReader
+from .read_again import read_again
+from .scene import ReadCache, read_any_camera, read_scene, shared_reader
 from .shutter import Shutter, place_of, places_of, stepping
+from .visibility import VisibilityReader, outside_viewports
+
+_DEFAULT_STEPS = 3  # of Cycles: one at either end of the shutter, one in its middle
+_MOST_STEPS = 129  # of Cycles, beyond which it asks for no more
+
+Things = tuple[tuple[MeshRecord, ...], tuple[ObjectRecord, ...], InstanceRecords]
 
 
 def read_scene_in_time(
@@ -87,3 +103,83 @@ def _tell(progress: Progress | None, done: float) -> None:
         import perfect_bvh
 
         raise perfect_bvh.Cancelled("the update was cancelled between two moments of the shutter")
+
+
+def read_moment(
+    depsgraph: Any,
+    attributes: AttributeRequest,
+    cache: ReadCache,
+    *,
+    for_viewport: bool | None,
+    camera: Any,
+    size: tuple[int, int] | None,
+    space: Any,
+) -> MomentRecord:
+    """Where things are in an evaluated depsgraph: of a mesh that is read again no attribute is.
+
+    cache: of the frame's reading, with these attributes; it stays as it is. The rest is as for `read_scene`.
+    """
+    if for_viewport is None:
+        for_viewport = depsgraph.mode == "VIEWPORT"
+    log = watched_evaluations(depsgraph)
+    visibility = VisibilityReader(depsgraph, for_viewport, space)
+    with outside_viewports() if for_viewport else nullcontext():
+        parts = read_again(cache.plain, depsgraph, attributes, visibility, log, cache.images)
+        if parts is not None:
+            meshes, objects, instances = parts.meshes, parts.objects, parts.instances
+        else:
+            meshes, objects, instances = _read_things(depsgraph, attributes, visibility, cache, log)
+    meshes = replace(cache.hair).shaped(meshes, depsgraph.scene)
+    record, complaint = read_any_camera(depsgraph, camera, read_frame(depsgraph.scene_eval, size))
+    return MomentRecord(meshes, objects, instances, record, complaint)
+
+
+def _read_things(
+    depsgraph: Any,
+    attributes: AttributeRequest,
+    visibility: VisibilityReader,
+    cache: ReadCache,
+    log: EvaluationLog | None,
+) -> Things:
+    meshes = MeshTable(depsgraph, attributes, shared_reader, cache.meshes, log, only_places=True)
+    materials = MaterialReader(depsgraph.view_layer_eval.material_override)
+    groups = GroupTable(meshes, materials, visibility, AdaptiveSubdivision(depsgraph))
+    instances = read_instances(depsgraph, groups, shared_reader, replace(cache.instances))
+    return tuple(meshes.records), tuple(groups.objects.records), instances
+
+
+def read_motion_settings(record: SceneRecord, camera: Any, steps: int | None) -> MotionSettings:
+    """Read what users ask of motion blur: by Cycles' own switches and steps, where Cycles is enabled.
+
+    record: of a scene with its objects. camera: the original object, None if it is none or cannot move.
+    steps: of what has no number of its own; None: Cycles' default.
+    """
+    count = _DEFAULT_STEPS if steps is None else steps
+    if not hasattr(bpy.types.Object, "cycles"):
+        objects = [(count, True)] * len(record.objects)
+        of_camera = count
+    else:
+        originals = {obj.session_uid: obj for obj in bpy.data.objects}
+        found = (originals.get(obj.session_uid) for obj in record.objects)
+        objects = [(count, True) if obj is None else _of_object(obj, count, steps is not None) for obj in found]
+        of_camera = 0 if camera is None else _of_object(camera, count, steps is not None)[0]
+    return MotionSettings(
+        steps=np.array([row[0] for row in objects], np.int32),
+        deforms=np.array([row[1] for row in objects], np.bool_),
+        camera_steps=0 if camera is None else of_camera,
+        camera_name="" if camera is None else camera.name,
+        camera_uid=0 if camera is None else camera.session_uid,
+    )
+
+
+def _of_object(obj: Any, count: int, is_asked: bool) -> tuple[int, bool]:
+    """Its steps, 0 if it is not to be blurred, and whether its shape may change. is_asked: whether count is no default.
+
+    Who never set the steps has said nothing of them.
+    """
+    cycles = obj.cycles
+    if not cycles.use_motion_blur:
+        return 0, False
+    if not is_asked or cycles.is_property_set("motion_steps"):
+        count = min(2 ** max(1, cycles.motion_steps) + 1, _MOST_STEPS)
+    return count, bool(cycles.use_deform_motion)

@@ -8,7 +8,6 @@ import numpy as np
 import numpy.typing as npt
 from perfect_bvh import Camera, Lens
 from perfect_bvh.appearance import (
-    HAIR_MODELS,
     LIGHT_KINDS,
     Appearance,
     HairTable,
@@ -157,21 +156,12 @@ def _hair_table(record: SceneRecord) -> HairTable:
     return HairTable(
         surfaces=numbers("surface"),
         fibers=numbers("fiber"),
-        models=np.array([HAIR_MODELS.index(hair.model) for hair in rows], np.int32),
         absorptions=numbers("absorption", 3),
         colored=np.array([hair.colored for hair in rows], np.bool_),
         roughnesses=numbers("roughness", 2),
         coats=numbers("coat"),
         tilts=numbers("tilt"),
         iors=numbers("ior"),
-        ways=numbers("way"),
-        lobes=numbers("lobes", 3),
-        reflections=numbers("reflection", 3),
-        reflection_roughnesses=numbers("reflection_roughness", 2),
-        reflection_offsets=numbers("reflection_offset"),
-        transmissions=numbers("transmission", 3),
-        transmission_roughnesses=numbers("transmission_roughness", 2),
-        transmission_offsets=numbers("transmission_offset"),
     )
 
 

@@ -198,21 +198,12 @@ class HairRecord:
 
     surface: float = 0.0
     fiber: float = 0.0
-    model: Literal["chiang", "huang"] = "chiang"
     absorption: tuple[float, float, float] = (0.0, 0.0, 0.0)
     colored: bool = False
     roughness: tuple[float, float] = (0.3, 0.3)
     coat: float = 0.0
     tilt: float = 0.0
     ior: float = 1.55
-    way: float = 1.0
-    lobes: tuple[float, float, float] = (1.0, 1.0, 1.0)
-    reflection: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    reflection_roughness: tuple[float, float] = (0.1, 1.0)
-    reflection_offset: float = 0.0
-    transmission: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    transmission_roughness: tuple[float, float] = (0.1, 1.0)
-    transmission_offset: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,10 +6,9 @@ from collections.abc import Hashable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from .compare import HeldInstances, InstanceDifference, MeshDifference, is_same_camera
+from .compare import HeldInstances, InstanceDifference, MeshDifference, find_look_differences, is_same_camera
 from .held_motion import MotionDifference
 from .keys import Int64Array, Uint64Array
-from .looks import find_look_differences
 from .object_changes import summarise_objects
 from .records import SceneRecord
 from .report import MeshChange, SyncReport

@@ -8,8 +8,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from .compare import have_same_layers
-from .looks import find_look_differences
+from .compare import find_look_differences, have_same_layers
 from .records import INSTANCE_COLUMNS, MESH_COLUMNS, MESH_LAYERS, MeshRecord, SceneRecord
 
 # Of meshes read in two ways, in parts of the largest number: radii go by the lengths of strands, uvs by weights

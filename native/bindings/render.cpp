@@ -14,8 +14,8 @@
 #include "bindings/values.h"
 #include "core/errors.h"
 #include "math/elementary.h"
-#include "render/light/bright_sky.h"
-#include "render/modes/cost_scale.h"
+#include "render/light/environment.h"
+#include "render/modes/palette.h"
 
 namespace perfect_bvh::bindings {
 namespace {
@@ -135,33 +135,17 @@ void read_lights(const py::dict& values, std::vector<Light>& lights) {
   }
 }
 
-HairLobe read_hair_lobe(Vec3f color, Point2 roughness, float offset) {
-  return {color, roughness.x, roughness.y, offset};
-}
-
 // As the lights' columns.
 void read_hair(const py::dict& values, std::vector<Hair>& rows) {
   const auto numbers = [&](const char* name) { return view<float>(values, name); };
-  const auto colors = [&](const char* name) { return rows_of<Vec3f>(view<float>(values, name)); };
-  const auto pairs = [&](const char* name) { return rows_of<Point2>(view<float>(values, name)); };
-  const auto models = view<std::int32_t>(values, "models");
   const auto colored = rows_of<std::uint8_t>(view<bool>(values, "colored"));
   const auto surfaces = numbers("surfaces"), fibers = numbers("fibers"), coats = numbers("coats");
-  const auto tilts = numbers("tilts"), iors = numbers("iors"), ways = numbers("ways");
-  const auto absorptions = colors("absorptions"), lobes = colors("lobes");
-  const auto roughnesses = pairs("roughnesses");
-  const auto reflections = colors("reflections"), transmissions = colors("transmissions");
-  const auto reflection_roughnesses = pairs("reflection_roughnesses");
-  const auto transmission_roughnesses = pairs("transmission_roughnesses");
-  const auto reflection_offsets = numbers("reflection_offsets"), transmission_offsets = numbers("transmission_offsets");
-  for (std::size_t i = 0; i < models.size(); ++i) {
-    Hair& hair = rows.emplace_back();
-    hair.surface = surfaces[i], hair.fiber = fibers[i], hair.model = static_cast<FiberModel>(models[i]);
-    hair.absorption = absorptions[i], hair.colored = colored[i] != 0;
-    hair.roughness = roughnesses[i].x, hair.radial_roughness = roughnesses[i].y;
-    hair.coat = coats[i], hair.tilt = tilts[i], hair.ior = iors[i], hair.way = ways[i], hair.lobes = lobes[i];
-    hair.reflection = read_hair_lobe(reflections[i], reflection_roughnesses[i], reflection_offsets[i]);
-    hair.transmission = read_hair_lobe(transmissions[i], transmission_roughnesses[i], transmission_offsets[i]);
+  const auto tilts = numbers("tilts"), iors = numbers("iors");
+  const auto absorptions = rows_of<Vec3f>(numbers("absorptions"));
+  const auto roughnesses = rows_of<Point2>(numbers("roughnesses"));
+  for (std::size_t i = 0; i < fibers.size(); ++i) {
+    rows.push_back({surfaces[i], fibers[i], absorptions[i], colored[i] != 0, roughnesses[i].x, roughnesses[i].y,
+                    coats[i], tilts[i], iors[i]});
   }
 }
 

@@ -7,7 +7,7 @@
 #include <numbers>
 #include <vector>
 
-#include "render/light/bright_sky.h"
+#include "render/light/environment.h"
 
 namespace perfect_bvh {
 namespace {

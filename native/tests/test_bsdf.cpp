@@ -8,9 +8,8 @@
 #include <string>
 
 #include "render/appearance/light.h"
-#include "render/light/multiple_importance.h"
+#include "render/light/next_event.h"
 #include "render/sampling/sampler.h"
-#include "render/surface/bent_normal.h"
 #include "render/surface/bsdf.h"
 
 namespace perfect_bvh {

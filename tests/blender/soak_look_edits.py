@@ -11,8 +11,7 @@ if TYPE_CHECKING:
     from blender.soak import Soak
 
 MOST_LIGHTS = 3
-# And the choices that they have.
-HAIR_SHADERS = {"ShaderNodeBsdfHairPrincipled": ("model", "parametrization"), "ShaderNodeBsdfHair": ("component",)}
+HAIR_SHADER = "ShaderNodeBsdfHairPrincipled"
 
 
 class NothingToEditError(Exception):
@@ -86,14 +85,14 @@ def show_instances(soak: Soak) -> None:
 
 
 def dye(soak: Soak) -> None:
-    """A material becomes one of hair, of the one or the other shader, or shows its surface again."""
+    """A material becomes one of hair, or shows its surface again."""
     material = soak.pick(bpy.data.materials)
     material.use_nodes = True
     tree = material.node_tree
     output = next((node for node in tree.nodes if node.type == "OUTPUT_MATERIAL"), None)
     if output is None:
         raise NothingToEditError
-    kind = soak.pick((*HAIR_SHADERS, "ShaderNodeBsdfPrincipled"))
+    kind = soak.pick((HAIR_SHADER, "ShaderNodeBsdfPrincipled"))
     shader = next((node for node in tree.nodes if node.bl_idname == kind), None) or tree.nodes.new(kind)
     tree.links.new(shader.outputs[0], output.inputs["Surface"])
 
@@ -101,9 +100,9 @@ def dye(soak: Soak) -> None:
 def change_dye(soak: Soak) -> None:
     """A number, a colour or a choice of a hair shader; or whose model it is."""
     trees = [material.node_tree for material in bpy.data.materials if material.node_tree]
-    node = soak.pick(node for tree in trees for node in tree.nodes if node.bl_idname in HAIR_SHADERS)
+    node = soak.pick(node for tree in trees for node in tree.nodes if node.bl_idname == HAIR_SHADER)
     if soak.number() > 1.0:
-        name = soak.pick(HAIR_SHADERS[node.bl_idname])
+        name = soak.pick(("model", "parametrization"))
         setattr(node, name, soak.pick(item.identifier for item in node.bl_rna.properties[name].enum_items))
     for _ in range(2):
         socket = soak.pick(socket for socket in node.inputs if socket.enabled and hasattr(socket, "default_value"))

@@ -15,7 +15,7 @@ from blender.builders import (
 )
 from blender.object_kinds import add_mesh, only_mesh
 from perfect_bvh_addon.extract import read_scene
-from perfect_bvh_addon.extract.geometry.attributes import read_corner_normals
+from perfect_bvh_addon.extract.geometry.meshes import read_corner_normals
 from perfect_bvh_addon.extract.pointer_views import ArrayReader
 from perfect_bvh_addon.sync.records import AttributeRequest
 

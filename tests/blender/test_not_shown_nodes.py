@@ -22,7 +22,6 @@ SHOWN_AT_TIMES = {
     "TEX_SKY",
     "TEX_IMAGE",
     "TEX_ENVIRONMENT",
-    "BSDF_HAIR",
     "BSDF_HAIR_PRINCIPLED",
 }
 

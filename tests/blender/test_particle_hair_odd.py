@@ -13,9 +13,8 @@ from blender.builders import evaluated
 from blender.particle_hair import COUNT, add_hair, asked_of_blender, emitter, hair_of, kind_settings
 from perfect_bvh_addon.extract import read_scene, strand_cache
 from perfect_bvh_addon.extract.geometry import particle_hair
-from perfect_bvh_addon.extract.geometry.emitter_layers import is_askable, sees_final_mesh
 from perfect_bvh_addon.extract.geometry.particle_hair import particle_hair_of, read_particle_hair
-from perfect_bvh_addon.extract.geometry.particle_roots import find_roots
+from perfect_bvh_addon.extract.geometry.particle_roots import find_roots, is_askable, sees_final_mesh
 from perfect_bvh_addon.extract.pointer_views import ArrayReader
 from perfect_bvh_addon.extract.strand_cache import CHILD_VERDICT, VERDICT, read_strands
 from perfect_bvh_addon.sync.records import AttributeRequest, LayerRequest

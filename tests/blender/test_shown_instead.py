@@ -8,7 +8,7 @@ from typing import Any
 import bpy
 import pytest
 from blender.builders import evaluated
-from blender.named_rows import into_color, link, rows, sentences, thick
+from blender.named_rows import SHADING, into_color, link, rows, sentences, thick
 from blender.node_setups import add, image_node, shader, surface
 from perfect_bvh_addon.extract import read_scene
 
@@ -124,6 +124,11 @@ def tinted_nothing(material: Any) -> None:
     tree.links.new(add(tree, "BsdfTransparent", Color=(1.0, 0.2, 0.2, 1.0)).outputs[0], surface(material))
 
 
+def old_hair(material: Any) -> None:
+    tree = material.node_tree
+    tree.links.new(add(tree, "BsdfHair", Color=(0.2, 0.4, 0.6, 1.0)).outputs[0], surface(material))
+
+
 NOISE = "Noise Texture is not shown;"
 INSTEAD: tuple[tuple[Callable[[Any], None], list[str]], ...] = (
     (into_color, [f"{NOISE} its flat colour is"]),
@@ -161,6 +166,7 @@ INSTEAD: tuple[tuple[Callable[[Any], None], list[str]], ...] = (
     (not_coated_by_a_node, []),
     (thick, ["Volume Scatter is not shown; its surface alone is"]),
     (never_seen, []),
+    (old_hair, ["Hair BSDF is not shown; a diffuse surface is, or a translucent one"]),
     (tinted_nothing, ["Color of the Transparent BSDF is not shown; white is"]),
 )
 
@@ -170,6 +176,29 @@ def test_what_is_shown_instead_is_said(setup: Callable[[Any], None], told: list[
     setup(material)
     assert sentences() == [f"Red: {text}" for text in told]
     assert all(row.session_uid == material.session_uid for row in rows())
+
+
+def test_huang_is_shown_as_chiang_of_the_same_inputs(material: Any) -> None:
+    tree = material.node_tree
+    node = add(tree, "BsdfHairPrincipled", Roughness=0.4, Radial_Roughness=0.4, Offset=0.1, IOR=1.4)
+    tree.links.new(node.outputs[0], surface(material))
+    shown = []
+    for model, is_named in (("HUANG", True), ("CHIANG", False)):
+        node.model = model
+        shown.append(read_scene(evaluated(), SHADING).materials[0])
+        assert ("Red: the model Huang of Principled Hair BSDF is not shown; Chiang is" in sentences()) == is_named
+    assert shown[0] == shown[1]
+    assert shown[0].hair is not None
+    assert (shown[0].hair.fiber, shown[0].hair.roughness) == (1.0, pytest.approx((0.4, 0.4)))
+
+
+@pytest.mark.parametrize(("component", "translucency"), [("Reflection", 0.0), ("Transmission", 1.0)])
+def test_the_hair_bsdf_is_a_surface_of_its_colour(component: str, translucency: float, material: Any) -> None:
+    old_hair(material)
+    next(node for node in material.node_tree.nodes if node.type == "BSDF_HAIR").component = component
+    record = read_scene(evaluated(), SHADING).materials[0]
+    assert (record.hair, record.translucency) == (None, translucency)
+    assert (record.translucent_color if translucency else record.base_color) == pytest.approx((0.2, 0.4, 0.6))
 
 
 def test_modes_that_show_no_materials_name_none(material: Any) -> None:

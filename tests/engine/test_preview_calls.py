@@ -47,7 +47,7 @@ def test_pixels_do_not_depend_on_threads():
         (Appearance(lights=lights(5)), "lights.kinds must be 0 to 4 .*, got 5"),
         (Appearance(lights=lights(0, power=math.inf)), "lights.powers must be finite, got inf"),
         (Appearance(lights=LightTable(kinds=np.zeros(1, np.int32))), "lights.positions must have a row for each"),
-        (Appearance(hair=HairTable(models=np.zeros(1, np.int32))), "hair.colored must have a row for each"),
+        (Appearance(hair=HairTable(surfaces=np.zeros(1, np.float32))), "hair.fibers must have a row for each"),
         (
             Appearance(materials=materials(hairs=np.zeros(1, np.int32))),
             "materials.hairs refers to row 0 but hair has 0",

@@ -311,21 +311,12 @@ def fiber() -> HairTable:
     return HairTable(
         surfaces=0.0 * one,
         fibers=one,
-        models=np.zeros(1, np.int32),
         absorptions=np.full((1, 3), 0.3, np.float32),
         colored=np.zeros(1, np.bool_),
         roughnesses=np.full((1, 2), 0.3, np.float32),
         coats=0.0 * one,
         tilts=0.03 * one,
         iors=1.55 * one,
-        ways=one,
-        lobes=np.ones((1, 3), np.float32),
-        reflections=np.zeros((1, 3), np.float32),
-        reflection_roughnesses=np.full((1, 2), 0.3, np.float32),
-        reflection_offsets=0.0 * one,
-        transmissions=np.zeros((1, 3), np.float32),
-        transmission_roughnesses=np.full((1, 2), 0.3, np.float32),
-        transmission_offsets=0.0 * one,
     )
 
 

@@ -26,7 +26,7 @@ from ...sync.records import (
     MeshRecord,
 )
 from ..pointer_views import CURVE_OFFSETS, POSITIONS, RADII, ArrayReader
-from .round_layers import Kept, read_colors, read_uv_maps
+from .layers import Kept, read_round_colors, read_round_uv_maps
 
 _Curves, _PointCloud = bpy.types.Curves, bpy.types.PointCloud  # looking them up is slow
 _CURVE_RADIUS, _POINT_RADIUS = 0.005, 0.01
@@ -88,8 +88,8 @@ def read_curves_or_points(
     colors: dict[str, Float32Array] = {}
     if layers is not NO_LAYERS:
         of = Kept(kept_points, kept)
-        uvs = held_layers(read_uv_maps(data, layers, of), "uvs", last)
-        colors = held_layers(read_colors(data, layers, of), "colors", last)
+        uvs = held_layers(read_round_uv_maps(data, layers, of), "uvs", last)
+        colors = held_layers(read_round_colors(data, layers, of), "colors", last)
     return MeshRecord(
         key=key,
         name=name,

@@ -9,16 +9,14 @@ import bpy
 import numpy as np
 
 from ...sync.not_shown import Kind, NotShown
-from ...sync.records import NO_LAYERS, LayerRequest, MeshRecord, UnseenMesh
+from ...sync.records import NO_LAYERS, LayerRequest, MeshRecord, ObjectRecord, UnseenMesh
 from ..looks.lights import LIGHT_LINKING, LIGHTS_ALL, lights_few
 from ..looks.materials import MaterialReader
 from ..scans import has_points
 from ..visibility import VisibilityReader
 from .curves_and_points import kind_of
 from .mesh_table import NO_MESH, STRANDS, MeshTable
-from .objects import ObjectTable
 from .particle_hair import particle_hair_of
-from .subdivision import AdaptiveSubdivision
 
 _Mesh, _PointCloud = bpy.types.Mesh, bpy.types.PointCloud  # looking them up is slow
 NOT_SHOWN = -1
@@ -36,6 +34,53 @@ _OF_SCANS = "its points are not rendered; 3D viewports show them"
 _OF_EDITED_HAIR = "its particle hair is not shown in Edit and Particle Edit Mode"
 _OF_VOLUMES = "Give its material a surface shader to have the object shown"
 _OF_SUBDIVISION = "Raise the levels of the modifier until the surface is smooth enough"
+
+
+class ObjectTable:
+    """Gives each different `ObjectRecord` a row, in the order they are met.
+
+    An object has a second row where its instances differ in what the record holds: in the materials of a mesh
+    that geometry nodes made, or because one instancer is a holdout and another is not.
+    """
+
+    def __init__(self) -> None:
+        self._rows: dict[tuple[Any, ...], int] = {}
+        self.records: list[ObjectRecord] = []
+        self.originals: list[Any] = []  # of the records, for as long as this evaluation is read
+
+    def row(self, obj: Any, material_slots: tuple[int, ...] = (), holdout: bool = False) -> int:
+        """The row of an evaluated object."""
+        original = obj.original
+        uid = original.session_uid
+        key = (uid, material_slots, holdout)
+        row = self._rows.get(key)
+        if row is None:
+            row = self._rows[key] = len(self.records)
+            self.originals.append(original)
+            self.records.append(ObjectRecord(original.name, uid, obj.pass_index, material_slots, holdout))
+        return row
+
+
+class AdaptiveSubdivision:
+    """Tells which of the evaluated objects of a depsgraph Cycles would subdivide itself, as finely as the image needs.
+
+    Blender evaluates a number of levels instead.
+    """
+
+    def __init__(self, depsgraph: Any) -> None:
+        self._for_viewport = depsgraph.mode == "VIEWPORT"
+        # Before Blender 5.0 an object is asked for it, and only where experimental features are.
+        self._is_experimental = getattr(getattr(depsgraph.scene, "cycles", None), "feature_set", "") == "EXPERIMENTAL"
+
+    def is_asked_for(self, obj: Any) -> bool:
+        """It is the last modifier that counts."""
+        if not len(obj.modifiers):
+            return False
+        modifier = obj.modifiers[-1]
+        if modifier.type != "SUBSURF" or not (modifier.show_viewport if self._for_viewport else modifier.show_render):
+            return False
+        is_asked = getattr(modifier, "use_adaptive_subdivision", None)
+        return bool(self._is_experimental and obj.cycles.use_adaptive_subdivision if is_asked is None else is_asked)
 
 
 @dataclass(slots=True)

@@ -16,7 +16,7 @@ import numpy.typing as npt
 from perfect_bvh.bulk import place_instances
 
 from ...sync.records import LARGEST_COORDINATE, Float32Array, Int32Array
-from ..looks.instance_sources import RANDOM
+from ..looks.values import RANDOM
 from .groups import NOT_SHOWN, GroupTable
 from .particle_hair import has_strands
 

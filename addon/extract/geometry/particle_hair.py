@@ -17,8 +17,7 @@ from ...sync.records import LARGEST_COORDINATE, Float32Array, LayerRequest, Mesh
 from ..pointer_views import CORNER_UVS, ArrayReader
 from ..strand_cache import Strands, read_strands, shown_strands, step_count
 from .curves_and_points import NO_POLYGONS, NO_TRIANGLES, held, held_layers, none_of
-from .emitter_layers import is_askable, sees_final_mesh
-from .particle_roots import Roots, find_roots
+from .particle_roots import Roots, find_roots, is_askable, sees_final_mesh
 
 _OF_RADII = ("radius_scale", "root_radius", "tip_radius", "shape", "use_close_tip")
 _BLOCK = 2048  # strands that fit into a processor's cache

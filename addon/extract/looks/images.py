@@ -18,7 +18,7 @@ import numpy.typing as npt
 from ...sync.not_shown import NotShown
 from ...sync.records import ImageRecord
 from .image_tiles import is_tiled, look_of_tiles, read_tiles
-from .node_values import OWN_ALPHA, Value
+from .values import OWN_ALPHA, Value
 
 Pixels = npt.NDArray[np.uint8] | npt.NDArray[np.float32]
 Floats = npt.NDArray[np.float32]

@@ -17,10 +17,10 @@ from ..visibility import VisibilityReader
 from .color_math import BLENDS
 from .images import ImageReader
 from .node_graph import GROUPS, Scope, find_output, trace_back
-from .node_values import HALF, Value, ValueReader, constant
-from .omissions import Omissions
-from .shown_nodes import name_of
+from .node_values import HALF, ValueReader
+from .shown_nodes import Omissions, name_of
 from .sky import name_of_older_model, read_sky
+from .values import Value, constant
 
 _KINDS = {"POINT": "point", "SUN": "sun", "SPOT": "spot"}
 _DEEPEST = 64

@@ -11,11 +11,10 @@ import bpy
 from ...sync.not_shown import NotShown
 from ...sync.records import NO_LAYERS, LayerRequest, MaterialRecord
 from .images import ImageReader
-from .instance_sources import Source
 from .lobes import Lobes
 from .node_colors import Surface, read_surface
-from .node_values import Value, constant
-from .omissions import Omissions
+from .shown_nodes import Omissions
+from .values import Source, Value, constant
 
 # Of what has no material. From Blender 5.0 on Cycles takes it for a new Principled BSDF, before for a Diffuse BSDF.
 PLAIN_REFLECTANCE = 0.04 if bpy.app.version >= (5, 0, 0) else 0.0

@@ -13,14 +13,14 @@ from typing import Any
 import numpy as np
 
 from ...sync.records import HairRecord
+from .color_math import Pixels
 from .hair import HairReader, fixed, sum_hair
-from .instance_sources import AskInstances, Source
 from .lobes import DIFFUSE, Color, Lobes, Part, Tint, add_translucent, averaged, base_share, mix_lobes, plain_number
 from .node_graph import GROUPS, USES_NODES, Scope, find_output, inputs_of, is_fed, trace_back
-from .node_values import HALF, ImageMeans, Pixels, Value, ValueReader, constant, same_value
-from .omissions import Omissions
+from .node_values import HALF, ValueReader
 from .shown_nodes import DIFFUSE as DIFFUSE_SURFACE
-from .shown_nodes import IGNORED_INPUTS, SHOWN_NODES, SIMPLIFIED_NODES
+from .shown_nodes import IGNORED_INPUTS, SHOWN_NODES, SIMPLIFIED_NODES, Omissions
+from .values import AskInstances, ImageMeans, Source, Value, constant, same_value
 
 BLACK = constant(0.0, 0.0, 0.0)
 WHOLE = constant(1.0)
@@ -128,7 +128,7 @@ class _SurfaceReader:
             return self._emission(Surface(BLACK), node.inputs["Color"], node.inputs["Strength"], scope)
         if node.type == "BSDF_PRINCIPLED":
             return self._principled(inputs, scope)
-        if node.type in {"BSDF_HAIR", "BSDF_HAIR_PRINCIPLED"}:
+        if node.type == "BSDF_HAIR_PRINCIPLED":
             base, hair = HairReader(self._values).read(node, scope)
             return Surface(base, hair=hair)
         if node.type not in SHOWN_NODES:
@@ -186,7 +186,7 @@ class _SurfaceReader:
                 plain_refraction=float(is_plain),
                 clear_tint=Tint(power=1.0),
             )
-        if node.type == "BSDF_TRANSLUCENT":
+        if node.type == "BSDF_TRANSLUCENT" or (node.type == "BSDF_HAIR" and node.component == "Transmission"):
             red, green, blue = self._values.overall(base)[:3].tolist()
             tint = Tint((red, green, blue)) if base.is_even else Tint(power=1.0)
             return Lobes(translucency=1.0, translucent_tint=tint)

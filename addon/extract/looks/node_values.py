@@ -8,91 +8,35 @@ its mean.
 from __future__ import annotations
 
 from collections.abc import Callable, Hashable, Sequence
-from dataclasses import dataclass, replace
-from typing import Any, Protocol
+from dataclasses import replace
+from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
-from ...sync.records import UNMAPPED, Extension, UvTransform
-from .color_math import BLENDS, MATHS, adjust_hsv, average, blackbody, clamp, grey
-from .instance_sources import ATTRIBUTE_KINDS, OBJECT_INFO, AskInstances, Source
+from ...sync.records import UNMAPPED, Extension
+from .color_math import BLENDS, MATHS, Pixels, adjust_hsv, average, blackbody, clamp, grey
 from .node_graph import GROUPS, Scope, is_fed, trace_back
-from .omissions import Omissions
+from .shown_nodes import Omissions
 from .sky import read_sky
 from .uv_mapping import find_coordinates
-
-Pixels = npt.NDArray[np.float32]  # (..., 4)
+from .values import (
+    ATTRIBUTE_KINDS,
+    OBJECT_INFO,
+    AskInstances,
+    ImageMeans,
+    Source,
+    Texture,
+    Value,
+    constant,
+    first_channel,
+    guess,
+)
 
 HALF = "half of each is"
-# The key of a texture's own alpha.
-OWN_ALPHA = ("alpha", (None,))
 _DEEPEST = 150
 _RENAMED = {"Fac": "Factor", "Bright": "Brightness"}
 _EXTENSIONS: dict[str, Extension] = {"REPEAT": "repeat", "EXTEND": "extend", "CLIP": "clip", "MIRROR": "repeat"}
 _TABLE = 257
-
-
-@dataclass(frozen=True, slots=True)
-class Texture:
-    """An image as a node shows it."""
-
-    image: Any
-    extension: Extension
-    uv_transform: UvTransform
-    uv_map: str
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Value:
-    """color: (4,), of a number the same in each channel; counts where there is no texture. (N, 4) of N instances.
-
-    change: what becomes of the texture's pixels, None if they stay as they are. key: which change that is.
-    tint: the name of those of the mesh's own colours that multiply it, "" for the active ones, None for none.
-    varies: whether it is another one for each instance, and this what stands for them.
-    """
-
-    color: Pixels
-    texture: Texture | None = None
-    change: Callable[[Pixels], Pixels] | None = None
-    key: Hashable = None
-    is_guess: bool = False
-    tint: str | None = None
-    varies: bool = False
-
-    @property
-    def is_even(self) -> bool:
-        """Whether it is the same all over every surface that shows it."""
-        return self.texture is None and self.tint is None and not self.varies and self.color.ndim == 1
-
-    def of(self, pixels: Pixels) -> Pixels:
-        """(..., 4): the value where the texture has these pixels."""
-        if self.texture is None:
-            return self.color
-        return pixels if self.change is None else self.change(pixels)
-
-
-def same_value(first: Value, second: Value) -> bool:
-    """Whether two values are known to be the same all over every surface."""
-    if first is second:
-        return True
-    kinds = [(value.texture, value.key, value.tint, value.varies) for value in (first, second)]
-    return kinds[0] == kinds[1] and (first.texture is not None or np.array_equal(first.color, second.color))
-
-
-class ImageMeans(Protocol):
-    """What tells the mean of a value with a texture."""
-
-    def mean(self, value: Value) -> Pixels: ...
-
-
-def constant(*channels: float) -> Value:
-    """Of one number, or of three or four channels."""
-    return Value(np.array(channels * 4 if len(channels) == 1 else [*channels, 1.0][:4], np.float32))
-
-
-def guess(color: Pixels) -> Value:
-    return Value(color, is_guess=True)
 
 
 class ValueReader:
@@ -416,11 +360,6 @@ def _simple(work: Callable[..., Pixels], *names: str) -> Callable[..., Value]:
         return reader.combine(work, reader._read_all(node, names, scope), node.type)
 
     return read
-
-
-def first_channel(color: Pixels) -> Any:
-    """A number: a float of (4,), (N,) of (N, 4)."""
-    return float(color[0]) if color.ndim == 1 else np.float64(color[:, 0])
 
 
 def _own_value(socket: Any) -> Value:

@@ -8,7 +8,7 @@ import numpy as np
 
 from ...sync.records import UNMAPPED, UvTransform
 from .node_graph import Scope, trace_back
-from .omissions import Omissions
+from .shown_nodes import Omissions
 
 _MOST_MAPPINGS = 16
 

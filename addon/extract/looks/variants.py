@@ -18,11 +18,10 @@ from ...sync.records import (
 )
 from .color_math import Pixels
 from .images import ImageReader
-from .instance_sources import AskInstances, Source
 from .lobes import LOBE_NUMBERS
 from .node_colors import Surface, read_surface
-from .node_values import first_channel
-from .omissions import Omissions
+from .shown_nodes import Omissions
+from .values import AskInstances, Source, first_channel
 
 # Of a record, what may differ from instance to instance.
 _FIELDS = ("base_color", "color_scale", "emission", "alpha", *LOBE_NUMBERS)

@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ._arrays import check_count, check_id
-from .appearance import HAIR_MODELS, LIGHT_KINDS, Appearance, HairTable, ImageTexture, LightTable, MeshAppearance, World
+from .appearance import LIGHT_KINDS, Appearance, HairTable, ImageTexture, LightTable, MeshAppearance, World
 
 _LARGEST_SIZE = 65536
 _MATERIAL_NUMBERS = (
@@ -182,15 +182,6 @@ def _table_columns(
     return arrays
 
 
-def _check_kinds(function: str, name: str, kinds: npt.NDArray[Any], choices: Sequence[str]) -> None:
-    unknown = (kinds < 0) | (kinds >= len(choices))
-    if unknown.any():
-        raise ValueError(
-            f"{function}: appearance.{name} must be 0 to {len(choices) - 1} ({', '.join(choices)}), "
-            f"got {kinds[unknown][0]}"
-        )
-
-
 def _light_arguments(function: str, lights: LightTable) -> dict[str, npt.NDArray[Any]]:
     columns: dict[str, tuple[type[np.generic], tuple[int, ...]]] = {
         "kinds": (np.int32, ()),
@@ -202,8 +193,14 @@ def _light_arguments(function: str, lights: LightTable) -> dict[str, npt.NDArray
         "casts_shadow": (np.bool_, ()),
     }
     arrays = _table_columns(function, "lights", lights, columns)
-    _check_kinds(function, "lights.kinds", arrays["kinds"], LIGHT_KINDS)
-    suns = arrays["kinds"] == LIGHT_KINDS.index("sun")
+    kinds = arrays["kinds"]
+    unknown = (kinds < 0) | (kinds >= len(LIGHT_KINDS))
+    if unknown.any():
+        raise ValueError(
+            f"{function}: appearance.lights.kinds must be 0 to {len(LIGHT_KINDS) - 1} ({', '.join(LIGHT_KINDS)}), "
+            f"got {kinds[unknown][0]}"
+        )
+    suns = kinds == LIGHT_KINDS.index("sun")
     if suns.any():  # the engine takes the disk that the sun shows, one unit away
         sizes = arrays["sizes"] = arrays["sizes"].copy()
         sizes[suns, 0] = np.tan(0.5 * np.clip(sizes[suns, 0], 0.0, 3.0))
@@ -211,19 +208,16 @@ def _light_arguments(function: str, lights: LightTable) -> dict[str, npt.NDArray
 
 
 _HAIR_COLUMNS: dict[str, tuple[type[np.generic], tuple[int, ...]]] = {
-    "models": (np.int32, ()),
+    **dict.fromkeys(("surfaces", "fibers", "coats", "tilts", "iors"), (np.float32, ())),
     "colored": (np.bool_, ()),
-    **dict.fromkeys(("surfaces", "fibers", "coats", "tilts", "iors", "ways"), (np.float32, ())),
-    **dict.fromkeys(("reflection_offsets", "transmission_offsets"), (np.float32, ())),
-    **dict.fromkeys(("roughnesses", "reflection_roughnesses", "transmission_roughnesses"), (np.float32, (2,))),
-    **dict.fromkeys(("absorptions", "lobes", "reflections", "transmissions"), (np.float32, (3,))),
+    "roughnesses": (np.float32, (2,)),
+    "absorptions": (np.float32, (3,)),
 }
 
 
 def _hair_arguments(function: str, hair: HairTable) -> dict[str, npt.NDArray[Any]]:
     arrays = _table_columns(function, "hair", hair, _HAIR_COLUMNS)
-    _check_kinds(function, "hair.models", arrays["models"], HAIR_MODELS)
-    for name in ("surfaces", "fibers", "absorptions", "lobes", "reflections", "transmissions"):
+    for name in ("surfaces", "fibers", "absorptions"):
         if (arrays[name] < 0.0).any():
             raise ValueError(f"{function}: appearance.hair.{name} must be 0 or more, got {arrays[name].min():g}")
     if not (arrays["iors"] > 0.0).all():

@@ -140,48 +140,29 @@ class ImageTexture:
     tiles: Mapping[int, npt.NDArray[np.uint8] | Float32Array] = field(default_factory=dict)
 
 
-HAIR_MODELS = ("chiang", "huang")
-
-
 @dataclass(frozen=True, slots=True)
 class HairTable:
     """H kinds of hair, which curves are of; other surfaces never are.
 
-    A strand scatters the light from all around it, by shares: as an ordinary surface, as a fiber that light passes into
-    (Marschner et al. 2003, in the form of Chiang et al. 2016), and by the two lobes of Blender's Hair BSDF.
+    A strand scatters the light from all around it, by shares: as an ordinary surface, and as a fiber that light passes
+    into (Marschner et al. 2003, in the form of Chiang et al. 2016).
 
     surfaces, fibers: (H,) float32, the shares of the material's ordinary surface and of the fiber, 0 or more.
-    models: (H,) int32, rows of HAIR_MODELS: what roughnesses of the fiber mean. "chiang": Blender's of that model;
-        "huang": those of the slopes of its wall.
     absorptions: (H, 3) float32, 0 or more: of the fiber, by its radius. colored: (H,) bool, whether the material's base
-        colour absorbs, too, as in "Direct Coloring", and multiplies the lobes' colours.
+        colour absorbs, too, as in "Direct Coloring".
     roughnesses: (H, 2) float32, 0 to 1: of the fiber, along and around it. coats: (H,) float32, 0 to 1: how much of
         the roughness what is reflected at once is without. tilts: (H,) float32, radians, of the cuticle's scales. iors:
-        (H,) float32, more than 0. ways: (H,) float32, how long the way through is, as a share of that through a round
-        fiber. lobes: (H, 3) float32: factors of what is reflected, what passes, and what passes
-        after a reflection inside.
-    reflections, transmissions: (H, 3) float32, the lobes' colours: the shares of light that they scatter.
-        reflection_roughnesses, transmission_roughnesses: (H, 2) float32, 0 to 1, along and around.
-        reflection_offsets, transmission_offsets: (H,) float32, radians.
+        (H,) float32, more than 0.
     """
 
     surfaces: Float32Array = field(default_factory=lambda: np.empty(0, np.float32))
     fibers: Float32Array = field(default_factory=lambda: np.empty(0, np.float32))
-    models: Int32Array = field(default_factory=lambda: np.empty(0, np.int32))
     absorptions: Float32Array = field(default_factory=lambda: np.empty((0, 3), np.float32))
     colored: npt.NDArray[np.bool_] = field(default_factory=lambda: np.empty(0, np.bool_))
     roughnesses: Float32Array = field(default_factory=lambda: np.empty((0, 2), np.float32))
     coats: Float32Array = field(default_factory=lambda: np.empty(0, np.float32))
     tilts: Float32Array = field(default_factory=lambda: np.empty(0, np.float32))
     iors: Float32Array = field(default_factory=lambda: np.empty(0, np.float32))
-    ways: Float32Array = field(default_factory=lambda: np.empty(0, np.float32))
-    lobes: Float32Array = field(default_factory=lambda: np.empty((0, 3), np.float32))
-    reflections: Float32Array = field(default_factory=lambda: np.empty((0, 3), np.float32))
-    reflection_roughnesses: Float32Array = field(default_factory=lambda: np.empty((0, 2), np.float32))
-    reflection_offsets: Float32Array = field(default_factory=lambda: np.empty(0, np.float32))
-    transmissions: Float32Array = field(default_factory=lambda: np.empty((0, 3), np.float32))
-    transmission_roughnesses: Float32Array = field(default_factory=lambda: np.empty((0, 2), np.float32))
-    transmission_offsets: Float32Array = field(default_factory=lambda: np.empty(0, np.float32))
 
 
 LIGHT_KINDS = ("point", "sun", "spot", "rectangle", "ellipse")

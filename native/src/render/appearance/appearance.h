@@ -10,9 +10,7 @@
 #include <vector>
 
 #include "math/vec3.h"
-#include "render/appearance/hair.h"
 #include "render/appearance/light.h"
-#include "render/appearance/rgba.h"
 #include "render/appearance/texture.h"
 #include "tlas/snapshot.h"
 #include "traverse/ray.h"
@@ -42,6 +40,19 @@ struct World {
   Vec3f color{0, 0, 0};           // or what the image's colours are multiplied with
   std::int32_t image = kNoImage;  // equirectangular
   float rotation = 0.0f;          // of the image about z, in radians
+};
+
+inline constexpr std::int32_t kNoHair = -1;
+
+// What strands of hair are made of: a share of a fiber that light passes into, and one of an ordinary surface.
+struct Hair {
+  float surface = 0.0f, fiber = 0.0f;
+  Vec3f absorption{0, 0, 0};  // by the fiber's radius
+  bool colored = false;       // whether the material's base colour, as images and tints make it, absorbs light, too
+  float roughness = 0.3f, radial_roughness = 0.3f;  // along the strand and around it, 0 to 1, as in Blender
+  float coat = 0.0f;                                // how much of the roughness the first reflection is without
+  float tilt = 0.0f;                                // of the cuticle's scales, in radians
+  float ior = 1.55f;
 };
 
 // The colour that a lobe has: a row's colour times the base colour, as images and tints make it, to the row's power.

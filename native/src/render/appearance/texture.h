@@ -8,10 +8,15 @@
 #include <vector>
 
 #include "math/vec3.h"
-#include "render/appearance/rgba.h"
 #include "render/sampling/sampler.h"
 
 namespace perfect_bvh {
+
+// A colour with alpha: a row of the caller's arrays.
+struct Rgba {
+  float r = 0.0f, g = 0.0f, b = 0.0f, a = 0.0f;
+};
+static_assert(sizeof(Rgba) == 16);
 
 // What lies outside 0..1: the image again, its border's colour, nothing.
 enum class Extension : std::uint8_t { kRepeat, kExtend, kClip };

@@ -11,7 +11,7 @@
 #include <vector>
 
 #include "core/aligned.h"
-#include "render/appearance/rgba.h"
+#include "render/appearance/texture.h"
 #include "render/sampling/sampler.h"
 #include "render/sampling/tile_grid.h"
 

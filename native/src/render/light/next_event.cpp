@@ -4,9 +4,6 @@
 #include <cmath>
 #include <numbers>
 
-#include "render/light/multiple_importance.h"
-#include "render/light/secondary_ray.h"
-
 namespace perfect_bvh {
 namespace {
 

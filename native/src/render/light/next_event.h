@@ -1,7 +1,9 @@
 // Next-event estimation: rays to the scene's lights, its emissive triangles, and what is bright in its environment.
 // In: vertices of paths, the number of the sample. Out: shadow rays with the light that they may bring.
 // Of few lights each is asked; of many, two a sample are chosen by how much they may give (importance sampling).
-// Where the surface's own rays may find the same light, both count by multiple_importance.h.
+// Where the surface's own rays may find the same light, each way counts as much as it is likely to choose the direction
+// (balance heuristic, Veach and Guibas 1995), so that the sum is right and neither way is far off: small lights are
+// found by the first, what is large or near by the second.
 #pragma once
 
 #include <cstdint>
@@ -13,9 +15,15 @@
 #include "render/light/emissive_triangles.h"
 #include "render/light/environment.h"
 #include "render/light/path.h"
-#include "render/light/shadow_rays.h"
+#include "render/light/secondary_rays.h"
 
 namespace perfect_bvh {
+
+// The share of a way that chooses a direction with this density, beside one of the other density. Densities are those
+// of solid angle; this one may be infinite, as of a point of light: then it is the only way.
+[[nodiscard]] constexpr float balance(float density, float other) noexcept {
+  return density > 0.0f ? 1.0f / (1.0f + other / density) : 0.0f;
+}
 
 class NextEvent {
  public:

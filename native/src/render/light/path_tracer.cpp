@@ -4,8 +4,6 @@
 #include <cmath>
 
 #include "query/trace.h"
-#include "render/light/multiple_importance.h"
-#include "render/light/secondary_ray.h"
 #include "render/sampling/sampler.h"
 
 namespace perfect_bvh {
@@ -215,7 +213,7 @@ bool PathTracer::goes_on(Path& path, const Bsdf::Sample& scattered, float roulet
   if (scattered.kind == Scatter::kNone || path.bounces == 255) return false;
   path.throughput = path.throughput * scattered.weight;
   path.density = scattered.density, path.last = scattered.kind;
-  path.least_density = std::min(path.least_density, scattered.widening);
+  path.least_density = std::min(path.least_density, scattered.density);
   if (!(largest(path.throughput) > 0.0f) || !is_finite(path.throughput)) return false;
   const bool passes = scattered.kind == Scatter::kTranslucent || scattered.kind == Scatter::kRefracted;
   std::uint8_t& kind = passes ? path.transmission : scattered.kind == Scatter::kDiffuse ? path.diffuse : path.glossy;

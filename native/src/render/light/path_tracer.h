@@ -13,7 +13,7 @@
 #include "render/light/environment.h"
 #include "render/light/next_event.h"
 #include "render/light/path.h"
-#include "render/light/shadow_rays.h"
+#include "render/light/secondary_rays.h"
 
 namespace perfect_bvh {
 

@@ -2,7 +2,7 @@
 // What is near keeps light away and what is farther less so, to nothing at a limited distance (the obscurances of
 // Zhukov et al. 1998): rays stay short and rooms stay light. A ray's nearest hit tells how much it keeps away: that has
 // from a half to a ninth of the variance of asking yes or no over a random length, for 1.0 to 1.4 times the work.
-#include "render/light/secondary_ray.h"
+#include "render/light/secondary_rays.h"
 #include "render/light/studio.h"
 #include "render/modes/shading.h"
 #include "render/sampling/directions.h"

@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <numbers>
 
-#include "math/elementary.h"
 #include "render/sampling/sampler.h"
 
 namespace perfect_bvh {

@@ -3,9 +3,11 @@
 // (sRGB): they are codes, to be shown and stored as they are.
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cstdint>
 
+#include "math/elementary.h"
 #include "math/vec3.h"
 
 namespace perfect_bvh {
@@ -26,5 +28,15 @@ class ColorRamp {
   static constexpr int kCells = 128;
   std::array<Vec3f, kCells + 1> colors_;
 };
+
+// The scale of the mode "cost": logarithmic, eight doublings from 2 (violet) to 512 (pale yellow), whatever the scene.
+inline constexpr float kLeastCost = 2.0f;
+inline constexpr float kCostDoublings = 8.0f;
+
+// cost: nodes visited plus triangles tested.
+[[nodiscard]] inline Vec3f cost_color(const ColorRamp& ramp, float cost) noexcept {
+  return ramp.at(static_cast<float>(logarithm2(static_cast<double>(std::max(cost, 1.0f) / kLeastCost))) /
+                 kCostDoublings);
+}
 
 }  // namespace perfect_bvh

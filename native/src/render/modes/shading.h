@@ -1,6 +1,7 @@
 // What a shading mode is: hits in, colours out, a whole batch at a time.
 // The tile loop traces camera rays, finds the surfaces with what the mode needs, and hands both over; the mode may
-// trace further rays in batches of its own. One virtual call a tile and sample. One file a mode.
+// trace further rays in batches of its own. One virtual call a tile and sample. One file a mode;
+// those that show a number of each hit are in mode_data.cpp.
 #pragma once
 
 #include <cstdint>

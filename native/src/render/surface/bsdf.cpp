@@ -4,7 +4,6 @@
 #include <cmath>
 #include <numbers>
 
-#include "render/surface/bent_normal.h"
 #include "render/surface/fresnel.h"
 
 namespace perfect_bvh {
@@ -156,7 +155,8 @@ Bsdf::Value Bsdf::evaluate_strand(Vec3f direction, Value surface, HairBsdf::Valu
 Bsdf::Value Bsdf::evaluate(Vec3f direction) const noexcept {
   if (!hair_) return evaluate_local(local(direction));
   const bool has_surface = total_ > chances_.hair;
-  return evaluate_strand(direction, has_surface ? evaluate_local(local(direction)) : Value{}, hair_->lit(direction));
+  return evaluate_strand(direction, has_surface ? evaluate_local(local(direction)) : Value{},
+                         hair_->evaluate(direction));
 }
 
 Bsdf::Value Bsdf::evaluate_diffuse(Vec3f direction) const noexcept {
@@ -187,24 +187,16 @@ Bsdf::Sample Bsdf::sample_facet(Point2 random, bool refract) const noexcept {
 Bsdf::Sample Bsdf::sample(float pick, Point2 random) const noexcept {
   if (is_black()) return {};
   const float left = pick * total_, others = total_ - chances_.hair;
-  Sample sample =
-      left < others || !hair_ ? sample_surface(left, random) : sample_strand((left - others) / chances_.hair, random);
-  if (!sample.is_strand) sample.widening = sample.density;
-  return sample;
+  return left < others || !hair_ ? sample_surface(left, random)
+                                 : sample_strand((left - others) / chances_.hair, random);
 }
 
 Bsdf::Sample Bsdf::sample_strand(float pick, Point2 random) const noexcept {
   const HairBsdf::Sample chosen = hair_->sample(pick, random);
-  const bool has_surface = total_ > chances_.hair;
-  const Value value = evaluate_strand(chosen.direction, has_surface ? evaluate_local(local(chosen.direction)) : Value{},
-                                      hair_->evaluate(chosen.direction));
+  const Value value = evaluate(chosen.direction);
   if (!(value.density > 0.0f)) return {};
-  return {chosen.passes ? Scatter::kRefracted : Scatter::kGlossy,
-          chosen.direction,
-          value.share * (1.0f / (kPi * value.density)),
-          value.density,
-          std::min(value.density, hair_->widening()),
-          true};
+  return {chosen.passes ? Scatter::kRefracted : Scatter::kGlossy, chosen.direction,
+          value.share * (1.0f / (kPi * value.density)), value.density, true};
 }
 
 // left: of the sum of the chances but that of hair.

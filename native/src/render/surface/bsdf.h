@@ -33,7 +33,6 @@ class Bsdf {
     Vec3f direction{0, 0, 1};
     Vec3f weight{0, 0, 0};   // of what comes from there
     float density = 0.0f;    // infinite where a smooth surface leaves no choice: `evaluate` is then 0
-    float widening = 0.0f;   // the density by which later lobes are widened: mostly the same
     bool is_strand = false;  // of a strand, whose light leaves on any side whatever its kind
   };
   // What the guides of a denoiser say of it.

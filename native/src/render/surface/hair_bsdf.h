@@ -1,4 +1,7 @@
-// How a strand of hair scatters light: a fiber (hair_fiber.h) and the lobes of Blender's Hair BSDF (hair_lobe.h).
+// How a strand of hair scatters light: as a dielectric cylinder that absorbs (Marschner et al. 2003). Its lobes are the
+// light that is reflected (R), that passes through (TT), that is reflected once inside (TRT), and the rest; each is a
+// spread along the fiber (d'Eon et al. 2011) times one around it, a logistic one (Chiang et al. 2016). No light is lost
+// but what is absorbed.
 // In: a row of the table, the strand's direction and normal at a hit, the way to the viewer. Out: as of Bsdf, but that
 // there is no cosine: a strand is lit from all around.
 #pragma once
@@ -6,13 +9,64 @@
 #include <array>
 
 #include "math/vec3.h"
-#include "render/appearance/hair.h"
+#include "render/appearance/appearance.h"
 #include "render/sampling/sampler.h"
-#include "render/surface/hair_fiber.h"
-#include "render/surface/hair_lobe.h"
 
 namespace perfect_bvh {
 
+// By the sine and cosine of its angle with the plane across the fiber, and the angle around the fiber from the viewer
+// on.
+struct HairDirection {
+  double sine, cosine;  // along the fiber, across it
+  double around;        // -pi to pi
+};
+
+struct HairValue {
+  Vec3f share{0, 0, 0};  // of the light that comes from there, per solid angle
+  double density = 0.0;  // with which `sample` chooses the direction, over solid angle
+};
+
+// What the base colour absorbs, so that fur of it looks about like it (the fit of Chiang et al. 2016).
+[[nodiscard]] Vec3f absorption_of(Vec3f color, float radial_roughness) noexcept;
+
+// In the fiber's own directions.
+class HairFiber {
+ public:
+  static constexpr int kLobes = 4;  // R, TT, TRT, the rest
+
+  // view: the viewer's direction, around 0. aside: -1 to 1, from one edge of the fiber to the other, as the sine of
+  // the angle around from the normal to the viewer. least: no lobe is narrower (see Bsdf::Limits::least_alpha).
+  HairFiber(const Hair& hair, Vec3f absorption, const HairDirection& view, double aside, float least) noexcept;
+
+  [[nodiscard]] HairValue evaluate(const HairDirection& direction) const noexcept;
+  struct Sample {
+    HairDirection direction;
+    int lobe;
+  };
+  [[nodiscard]] Sample sample(double pick, Point2 random) const noexcept;
+  [[nodiscard]] Vec3f albedo() const noexcept { return shares_[0] + shares_[1] + shares_[2] + shares_[3]; }
+
+ private:
+  struct Lobe {
+    double variance = 1.0;  // along
+    double scale = 1.0;     // around, of the logistic distribution; 0: even
+    double middle = 0.0;    // around
+    double sine_of_tilt = 0.0, cosine_of_tilt = 1.0;
+    double chance = 0.0;
+  };
+
+  void set_widths(const Hair& hair, float least) noexcept;
+  void set_tilts(const Hair& hair) noexcept;
+  void set_middles(double aside, double aside_inside) noexcept;
+  void set_shares(const Hair& hair, Vec3f passed, double reflected) noexcept;
+  [[nodiscard]] double density_of(const Lobe& lobe, const HairDirection& direction) const noexcept;
+
+  HairDirection view_;
+  std::array<Lobe, kLobes> lobes_;
+  std::array<Vec3f, kLobes> shares_;  // of the light that is scattered
+};
+
+// In world space.
 class HairBsdf {
  public:
   struct Place {
@@ -32,28 +86,17 @@ class HairBsdf {
   HairBsdf(const Hair& hair, Vec3f color, const Place& place, float least) noexcept;
 
   [[nodiscard]] Value evaluate(Vec3f direction) const noexcept;
-  // As lights see it (see hair_lobe.h).
-  [[nodiscard]] Value lit(Vec3f direction) const noexcept;
   // pick: 0 to 1, apart from `random`.
   [[nodiscard]] Sample sample(float pick, Point2 random) const noexcept;
   // All that is scattered.
-  [[nodiscard]] Vec3f albedo() const noexcept { return fiber_.albedo() + colors_[0] + colors_[1]; }
-  // By what its paths are widened in place of the density (see PathTracer::limits_of); infinite: by that.
-  [[nodiscard]] float widening() const noexcept { return widening_; }
+  [[nodiscard]] Vec3f albedo() const noexcept { return fiber_.albedo(); }
 
  private:
   [[nodiscard]] HairDirection local(Vec3f world) const noexcept;
   [[nodiscard]] Vec3f world(const HairDirection& direction) const noexcept;
-  [[nodiscard]] Value evaluate(Vec3f direction, bool is_lit) const noexcept;
 
-  Vec3f normal_;
   Vec3f x_, y_, z_;  // along; towards the viewer, across; aside
   HairFiber fiber_;
-  std::array<StrandLobe, 2> lobes_;
-  std::array<Vec3f, 2> colors_;  // what is reflected, what passes
-  std::array<double, 3> chances_{};
-  bool all_reflected_;
-  float widening_;
 };
 
 }  // namespace perfect_bvh

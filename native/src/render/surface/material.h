@@ -5,7 +5,6 @@
 #include <optional>
 
 #include "render/appearance/appearance.h"
-#include "render/appearance/hair.h"
 #include "tlas/snapshot.h"
 #include "traverse/ray.h"
 

@@ -1,4 +1,4 @@
-#include "render/light/shadow_rays.h"
+#include "render/light/secondary_rays.h"
 
 #include <algorithm>
 #include <cmath>
