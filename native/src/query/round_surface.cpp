@@ -25,10 +25,12 @@ Vec3d axis_of(const RoundList& list, std::uint32_t primitive) noexcept {
 // Which way the curve runs there: as differences between the balls before and after each end have it, that are divided
 // into equal steps.
 Vec3d tangent_at(const RoundList& list, std::uint32_t primitive, double u) noexcept {
-  const SegmentCode code = list.segments[primitive];
   const Vec3d own = axis_of(list, primitive);
-  const Vec3d before = (code & kSegmentBefore) != 0 ? axis_of(list, primitive - 1) : own;
-  const Vec3d after = (code & kSegmentAfter) != 0 ? axis_of(list, primitive + 1) : own;
+  const auto axis_beside = [&](Along way) {
+    const std::uint32_t other = neighbour_of(list, primitive, way);
+    return other == kNoSegment ? own : axis_of(list, other);
+  };
+  const Vec3d before = axis_beside(Along::kBefore), after = axis_beside(Along::kAfter);
   return own + before + (after - before) * u;
 }
 
@@ -64,11 +66,12 @@ Vec3d leave_curve(const Instance& instance, std::uint32_t segment, Vec3d origin,
   const RoundList list = round_list(mesh, moment_of(instance, time));
   double exit = std::max(chord_of(ray, list, segment).exit, 0.0);
   for (std::size_t left = mesh.segments.size(); left > 0; --left) {
-    const SegmentCode code = list.segments[segment];
-    if ((code & kSegmentAfter) != 0 && goes_on_in(ray, list, segment + 1, exit)) {
-      ++segment;
-    } else if ((code & kSegmentBefore) != 0 && goes_on_in(ray, list, segment - 1, exit)) {
-      --segment;
+    const std::uint32_t after = neighbour_of(list, segment, Along::kAfter);
+    const std::uint32_t before = neighbour_of(list, segment, Along::kBefore);
+    if (after != kNoSegment && goes_on_in(ray, list, after, exit)) {
+      segment = after;
+    } else if (before != kNoSegment && goes_on_in(ray, list, before, exit)) {
+      segment = before;
     } else {
       break;
     }
