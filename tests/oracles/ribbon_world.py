@@ -166,15 +166,15 @@ def ribbon_at(
     beside = (int(world.next_hull(rows[best : best + 1], step)[0]) for step in (-1, 1))
     before, after = (axes[other - rows[0]] if other >= 0 else axes[best] for other in beside)
     tangent = axes[best] + before + (after - before) * shares[best]
-    matrix = np.linalg.inv(inverse[:, :3].astype(np.float64)).astype(Real)
-    tangent = (matrix * tangent).sum(axis=1)
     centre = hulls.starts[best] + shares[best] * axes[best]
-    side = (matrix * (origin + t[best] * direction - centre)).sum(axis=1)
-    across = np.cross(tangent, there)
+    side = origin + t[best] * direction - centre
+    across = np.cross(tangent, direction)
     across *= np.sign(dot(across, side)) / np.sqrt(dot(across, across))
-    back = -(there - dot(there, tangent) / dot(tangent, tangent) * tangent)
+    back = -(direction - dot(direction, tangent) / dot(tangent, tangent) * tangent)
     back /= np.sqrt(dot(back, back))
     sine = distances[best] / radii[best]
-    normal = sine * across + np.sqrt(1.0 - sine**2) * back
+    # Of the tube in the mesh's own space: planes are mapped to the world by what is transposed of the way back.
+    normal = ((sine * across + np.sqrt(1.0 - sine**2) * back)[:, None] * inverse[:, :3]).sum(axis=0)
+    normal /= np.sqrt(dot(normal, normal))
     u = (world.steps[rows[best]] + shares[best]) / world.counts[rows[best]]
     return float(u), (here + t[best] * there).astype(np.float64), normal.astype(np.float64)
