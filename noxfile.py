@@ -253,7 +253,7 @@ def release_check(session: nox.Session) -> None:
         ("extension", ["windows-x64:3.11", "linux-x64", "linux-arm64:3.13"]),
         ("windows_wheel", ["short"]),
         ("windows", []),
-        ("tests", ["--long"]),
+        ("tests", ["--long", "--live-cycles"]),
         ("farm_killer", []),
         ("soak", []),
         ("arm64", []),
@@ -295,3 +295,10 @@ def run_sanitized_python_tests(session: nox.Session, build: Path) -> None:
         "PERFECT_BVH_FUZZ_SECONDS": "2",
     }
     session.run("python", "-m", "pytest", "-o", "addopts=--import-mode=importlib", *BOUNDARY_TESTS, env=environment)
+
+
+@nox.session(default=False)
+def cycles_images(session: nox.Session) -> None:
+    """Render the images of Cycles that tests compare with into tests/cycles_images; of some files: `-- FILE ...`."""
+    session.install(".[blender,test]")
+    session.run("pytest", "-n", "0", "--record-cycles", *(session.posargs or ["tests/blender"]))

@@ -18,6 +18,7 @@ from .image.data_previews import render_preview
 from .image.passes import PassSpec, enabled_passes, write_passes
 from .image.plan import RenderPlan, plan_render
 from .image.still import Frame, Images, Progress, render_frame
+from .image.throttle import Throttle
 from .settings.motion_blur import has_motion_blur
 from .settings.preferences import native_error
 from .settings.scene_settings import ENGINE_NAME, preview_settings, read_settings
@@ -32,7 +33,7 @@ from .view3d.rendered.viewport import Viewport
 
 T = TypeVar("T")
 
-# Without a window the rounds before the last one are not shown.
+# Without a window rounds are not shown: the image is written when it is finished.
 SHOWS_ROUNDS = not bpy.app.background
 
 
@@ -42,13 +43,12 @@ class RenderJob:
 
     A headless Render Result cannot be read, and operators take no callbacks: the command line and scripts leave
     a job with `attend` and find the last frame in it. progress: called with 0..1, returns False to cancel.
-    trace: False to bring the trees in step and stop there. visit: called instead of all that, with what is rendered and
-    with what evaluates it at another frame and subframe.
+    trace: False to bring the trees in step and stop there. for_viewport: what viewports show is rendered.
     """
 
     progress: Progress | None = None
     trace: bool = True
-    visit: Callable[[bpy.types.Depsgraph, Callable[[int, float], None]], None] | None = None
+    for_viewport: bool = False
     frame: Frame | None = None
     is_cancelled: bool = False
 
@@ -87,13 +87,15 @@ class PerfectBVHRenderEngine(bpy.types.RenderEngine):
             self.register_pass(scene, view_layer, spec.name, len(spec.channels), spec.channels, spec.kind)
 
     def render(self, depsgraph: bpy.types.Depsgraph) -> None:
-        """Render one view layer of one frame, with each eye if there are several; or a preview."""
+        """Render one view layer of one frame, with each eye if there are several; or a preview, or a reading."""
         if self.is_preview:
             self._render_preview(depsgraph)  # no render of the scene: nothing is kept or told of it
             return
+        error = native_error()
+        if error is None and self._serves_reading(depsgraph):
+            return
         scene = depsgraph.scene
         self._begin_part(scene, depsgraph.view_layer.name)
-        error = native_error()
         if error is not None:
             self._fail(scene, error)
             return
@@ -113,6 +115,11 @@ class PerfectBVHRenderEngine(bpy.types.RenderEngine):
         for view in views:
             if not self._render_view(depsgraph, plan, specs, view):
                 return
+
+    def _serves_reading(self, depsgraph: bpy.types.Depsgraph) -> bool:
+        from .live.scene_view import serve_visit
+
+        return serve_visit(self, depsgraph)
 
     def _render_preview(self, depsgraph: bpy.types.Depsgraph) -> None:
         """A material, a light or a world on Blender's own stage."""
@@ -198,7 +205,7 @@ class PerfectBVHRenderEngine(bpy.types.RenderEngine):
             self.update_result(result)
 
         try:
-            frame = self._render_frame(depsgraph, plan, show if SHOWS_ROUNDS else None, view)
+            frame = self._render_frame(depsgraph, plan, Throttle(show) if SHOWS_ROUNDS else None, view)
             if frame is not None and frame.images:
                 write_passes(result.layers[0], specs, frame.images, plan.window)
         finally:
@@ -217,7 +224,7 @@ class PerfectBVHRenderEngine(bpy.types.RenderEngine):
 
     def _has_room(self, scene: bpy.types.Scene, plan: RenderPlan) -> bool:
         """Whether the image fits into memory, asked before Blender allocates it; if not, an error is reported."""
-        if _job is not None and (not _job.trace or _job.visit is not None):
+        if _job is not None and not _job.trace:
             return True
         try:
             plan.check_memory()
@@ -236,15 +243,16 @@ class PerfectBVHRenderEngine(bpy.types.RenderEngine):
         """The frame; None if the render was cancelled or failed, with an error reported."""
         import perfect_bvh
 
+        from .live.scene_view import viewport_depsgraph
         from .live.sync_cache import sync_of
 
         job = _job or RenderJob()
         scene = depsgraph.scene
+        frame_set: Callable[[int, float], None] | None = self.frame_set
+        if job.for_viewport:
+            depsgraph, frame_set = viewport_depsgraph(depsgraph), None
         edits = edits_of(scene)  # while it renders on a thread of its own, users go on
         job.frame = None
-        if job.visit is not None:
-            job.visit(depsgraph, self.frame_set)
-            return None
         try:
             job.frame = render_frame(
                 sync_of(depsgraph),
@@ -254,7 +262,7 @@ class PerfectBVHRenderEngine(bpy.types.RenderEngine):
                 show=show,
                 trace=job.trace,
                 camera=self._camera_of if view else None,
-                frame_set=self.frame_set,
+                frame_set=frame_set,
             )
         except perfect_bvh.Cancelled:
             job.is_cancelled = True

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from oracles import recorded_hooks
 
 STARTED = pytest.StashKey[float]()
 REPOSITORY = Path(__file__).resolve().parent.parent
@@ -16,17 +17,23 @@ REPOSITORY = Path(__file__).resolve().parent.parent
 LONGEST_FILES = ("test_arm64.py", "test_readme.py", "test_soak.py", "test_scenes.py")
 
 
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Has the longest files begun first, whatever folder they are in."""
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Has the longest files begun first, whatever folder they are in; skips what is for `--long`."""
+    for item in items if not config.getoption("--long") else ():
+        if item.get_closest_marker("long"):
+            item.add_marker(pytest.mark.skip(reason="--long is not given"))
     items.sort(key=lambda item: item.path.name not in LONGEST_FILES)
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--seconds", type=float, help="skip the tests that have not begun after so many seconds")
+    parser.addoption("--long", action="store_true", help="run the tests marked `long` too")
+    recorded_hooks.add_options(parser)
 
 
 def pytest_configure(config: pytest.Config) -> None:
     config.stash[STARTED] = time.monotonic()
+    config.pluginmanager.register(recorded_hooks.Hooks(recorded_hooks.mode_of(config)), "images_of_cycles")
 
 
 def pytest_runtest_setup(item: pytest.Item) -> None:

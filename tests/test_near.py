@@ -15,7 +15,7 @@ def test_modules_have_the_names_that_tests_import() -> None:
 
 def test_what_imports_a_changed_module_is_near() -> None:
     found = near_python_tests(["addon/image/plan.py"])
-    assert "tests/blender/test_engine.py" in found
+    assert "tests/blender/test_noise_threshold.py" in found
     assert "tests/engine/test_watertight.py" not in found
 
 

@@ -13,22 +13,21 @@ if TYPE_CHECKING:
     from ..sync.records import SceneRecord
 
 
-def subject_of(scene: bpy.types.Scene) -> Subject:
-    """The current frame, with what renders see; other frames are read when they are asked for.
+def subject_of(scene: bpy.types.Scene, *, for_viewport: bool = False) -> Subject:
+    """The current frame, as renders see it, or with `for_viewport` as viewports do; others are read when asked for.
 
     Then the scene may be gone: that is a ValueError.
     """
     import bpy
 
-    from ..live.scene_reference import SceneReference
+    from ..live.scene_view import SceneView
 
     cache = ReadCache()
-    is_current = scene == bpy.context.scene
-    place = SceneReference("bench", scene, bpy.context.view_layer if is_current else scene.view_layers[0])
+    layer = bpy.context.view_layer if scene == bpy.context.scene else scene.view_layers[0]
+    view = SceneView("bench", scene, layer, for_viewport=for_viewport)
 
     def read(frame: int) -> SceneRecord:
-        place.find().frame_set(frame)
-        return read_scene(place.depsgraph(), for_viewport=False, cache=cache)
+        return view.read(lambda moment: read_scene(moment.depsgraph, cache=cache), frame)
 
-    record = read_scene(place.depsgraph(), for_viewport=False)
+    record = view.read(lambda moment: read_scene(moment.depsgraph))
     return Subject(scene.name, record, range(scene.frame_start, scene.frame_end + 1, scene.frame_step), read)

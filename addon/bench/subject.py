@@ -53,7 +53,7 @@ def bounced_rays(record: SceneRecord, scene: perfect_bvh.Scene) -> tuple[Float64
     if record.camera is not None:
         origins, directions, t_min, t_max = _camera_rays(record.camera)
         fields = ("t_hit", "positions", "geometric_normals")
-        hits = scene.cast_rays(origins, directions, t_min, t_max, fields=fields)
+        hits = scene.cast_rays(origins, directions, t_min=t_min, t_max=t_max, fields=fields)
         rows = np.isfinite(hits.t_hit)
         if rows.any():
             normals = hits.geometric_normals[rows].astype(np.float64)

@@ -31,16 +31,6 @@ def _positive(text: str) -> int:
 _positive.__name__ = "number"
 
 
-def _count(text: str) -> int:
-    value = int(text)
-    if not 0 <= value < 2**31:
-        raise argparse.ArgumentTypeError(f"must be 0 to {2**31 - 1}, got {value}")
-    return value
-
-
-_count.__name__ = "number"
-
-
 def _layers(text: str) -> int:
     value = int(text)
     if not 1 <= value <= 1000:
@@ -109,6 +99,7 @@ def build_parser(prog: str) -> argparse.ArgumentParser:
 def _add_file(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("file", metavar="FILE.blend", help="the scene")
     _add_file_options(parser)
+    _add_viewport(parser)
 
 
 def _add_file_options(parser: argparse.ArgumentParser) -> None:
@@ -118,6 +109,15 @@ def _add_file_options(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--allow-missing", action="store_true", help="go on without linked libraries that are missing, and name them"
+    )
+
+
+def _add_viewport(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "--viewport",
+        action="store_true",
+        help="see the objects, collections, modifier levels and particles that viewports show (default: those of a "
+        "render; the camera is that of the frame's marker either way)",
     )
 
 
@@ -132,7 +132,7 @@ def _add_quiet(parser: argparse.ArgumentParser) -> None:
 
 def _add_pieces(parser: argparse.ArgumentParser) -> None:
     """Options of what is done in pieces, by workers or not."""
-    parser.add_argument("--piece", type=_positive, default=10, metavar="N", help="most frames of a piece (default: 10)")
+    parser.add_argument("--piece", type=_positive, metavar="N", help="most frames of a piece (default: 10)")
     parser.add_argument("--resume", action="store_true", help="keep the pieces that are there and whole")
     parser.add_argument(
         "--workers",
@@ -193,7 +193,7 @@ def _add_render(commands: argparse._SubParsersAction) -> None:
         metavar="T",
         help="where the noise of lit and clay is below this, sampling ends; 0: never (default: as the file says)",
     )
-    parser.add_argument("--seed", type=_count, metavar="N", help="the pattern of noise (default: as the file says)")
+    parser.add_argument("--seed", type=parse_seed, metavar="N", help="the pattern of noise (default: as the file says)")
     parser.add_argument(
         "--audit",
         type=_share,
@@ -217,14 +217,20 @@ def _add_scan(commands: argparse._SubParsersAction) -> None:
     )
     parser.add_argument("file", metavar="FILE.blend", nargs="?", help="the scene")
     _add_file_options(parser)
+    _add_viewport(parser)
     parser.add_argument("-o", "--output", metavar="DIR", help="the folder for the files")
     parser.add_argument(
         "--sensor", default="spinning-16", metavar="NAME", help="a name of --list-sensors, or a .toml file of one's own"
     )
     parser.add_argument("--list-sensors", action="store_true", help="name the sensors, one a line, and do nothing else")
-    parser.add_argument("--on", metavar="OBJECT", help="the object that carries it (default: the scene's camera)")
+    parser.add_argument("--on", metavar="OBJECT", help="the object that carries it (default: each frame's camera)")
+    parser.add_argument(
+        "--exclude-mount",
+        action=argparse.BooleanOptionalAction,
+        help="make that object and its children invisible to the rays (default: if the sensor is inside of its mesh)",
+    )
     _add_frames(parser, "one whole pass in the current one")
-    parser.add_argument("--steps", type=_positive, default=1, metavar="N", help="key moments of a frame (default: 1)")
+    parser.add_argument("--steps", type=_positive, metavar="N", help="key moments of a frame (default: 1)")
     parser.add_argument(
         "--format", default="npz", metavar="F", help="npz, ply, las, laz, csv, parquet or h5 (default: npz)"
     )
@@ -271,9 +277,8 @@ def _add_labels(commands: argparse._SubParsersAction) -> None:
     parser.add_argument(
         "--depth-scale",
         type=_scale,
-        default=0.001,
         metavar="S",
-        help="world units that a step of a PNG's depth is; its 16 bits reach 65535 of them (default: %(default)s)",
+        help="world units that a step of a PNG's depth is; its 16 bits reach 65535 of them (default: 0.001)",
     )
     parser.add_argument("--flow", action="store_true", help="also how pixels move from the frame before to the next")
     parser.add_argument("--no-coco", action="store_true", help="no file of COCO's format, which needs pycocotools")

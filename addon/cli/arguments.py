@@ -15,8 +15,10 @@ from ..support.files import find_obstacle, prepare_folder
 from ..support.paths import find_fault, reachable
 
 IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".webp", ".tif", ".tiff", ".exr")
-MAX_SIZE = 65536
+MIN_SIZE, MAX_SIZE = 4, 65536  # of an image's side, as Blender's properties have them
+MAX_SEED = 2**31 - 1  # as the add-on's settings hold seeds
 MAX_FRAMES = 1_000_000
+MAX_PIECE = 10  # frames, unless --piece says otherwise
 # How a .blend file begins: plain, or compressed by Zstandard (Blender 3 and later) or gzip (before).
 BLEND_MAGICS = (b"BLENDER", b"\x28\xb5\x2f\xfd", b"\x1f\x8b")
 _FRAME_RANGE = re.compile(r"(-?\d+)(?:-(-?\d+)(?::(\d+))?)?")
@@ -50,15 +52,18 @@ def parse_size(text: str) -> tuple[int, int]:
     if match is None:
         raise argparse.ArgumentTypeError(f"expected WIDTHxHEIGHT such as 960x540, got {text!r}")
     size = int(match[1]), int(match[2])
-    if not all(1 <= side <= MAX_SIZE for side in size):
-        raise argparse.ArgumentTypeError(f"width and height must be 1 to {MAX_SIZE}, got {text}")
+    if min(size) < MIN_SIZE:
+        way_out = "make a larger image and cut it"
+        raise argparse.ArgumentTypeError(f"Blender renders no side below {MIN_SIZE} pixels, got {text}; {way_out}")
+    if max(size) > MAX_SIZE:
+        raise argparse.ArgumentTypeError(f"Blender renders no side above {MAX_SIZE} pixels, got {text}")
     return size
 
 
 def parse_seed(text: str) -> int:
     """'7' -> 7."""
-    if re.fullmatch(r"\d{1,20}", text.strip()) is None or int(text) >= 2**64:
-        raise argparse.ArgumentTypeError(f"expected a whole number from 0 to 2 ** 64 - 1, got {text!r}")
+    if re.fullmatch(r"\d{1,20}", text.strip()) is None or int(text) > MAX_SEED:
+        raise argparse.ArgumentTypeError(f"must be a whole number from 0 to {MAX_SEED}, got {text!r}")
     return int(text)
 
 
@@ -96,7 +101,9 @@ def parse_folder(text: str) -> Path:
 
 
 def check_pieces(arguments: argparse.Namespace) -> None:
-    """A CommandError for arguments of workers that do not go together, or where what they need is missing."""
+    """Sets how many frames a piece has. A CommandError for options that do not go together, or that lack a library."""
+    if arguments.piece is None:
+        arguments.piece = MAX_PIECE
     if arguments.workers is None and arguments.scheduler is None:
         return
     if arguments.workers is not None and arguments.scheduler is not None:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, TextIO
 
 from . import EXIT_INTERRUPTED
 from .arguments import CommandError, check_blend_file, parse_folder
-from .blender import StopRequest, open_scene, stop_on_interrupt
+from .blender import StopRequest, active_view_layer, go_to_frame, open_scene, stop_on_interrupt
 from .console import quiet_blender
 
 if TYPE_CHECKING:
@@ -35,18 +35,25 @@ def _measure(
     from ..bench.measurements import SceneBench
     from ..bench.results import HOW_TO_GET_CHARTS, write
     from ..bench.table import format_table
+    from ..live.scene_view import SceneView
 
     if arguments.threads is not None:
         perfect_bvh.set_thread_count(min(arguments.threads, 1024))
-    bench = SceneBench(subject_of(scene), arguments.seconds)
+    go_to_frame(scene, scene.frame_current, arguments.viewport)
+    view = SceneView("bench", scene, active_view_layer(scene), for_viewport=arguments.viewport)
+    bench = SceneBench(subject_of(scene, for_viewport=arguments.viewport), arguments.seconds)
     bar_format = "{l_bar}{bar}| {elapsed}"
+
+    def run() -> None:
+        for share, what in bench.steps():
+            bar.set_description(what)
+            bar.update(share - bar.n)
+            if stop.is_set:
+                break
+
     with tqdm(total=1.0, bar_format=bar_format, disable=None, leave=False, file=sys.stderr) as bar:
         try:
-            for share, what in bench.steps():
-                bar.set_description(what)
-                bar.update(share - bar.n)
-                if stop.is_set:
-                    break
+            view.hold(run)
         except ValueError as error:
             raise CommandError(str(error)) from error
     try:

@@ -82,7 +82,9 @@ def _reason(error: RuntimeError) -> str:
 
 
 def apply_settings(scene: bpy.types.Scene, arguments: argparse.Namespace) -> None:
-    """Put the command line's choices into the loaded scene, which is never saved."""
+    """Put the command line's choices into the loaded scene, which is never saved. Errors: CommandError."""
+    from ..extract.camera import check_resolution
+
     render = scene.render
     render.engine = "PERFECT_BVH"
     # Only the engine's own image is wanted, of the active view layer, and with the depsgraph kept between frames.
@@ -96,6 +98,11 @@ def apply_settings(scene: bpy.types.Scene, arguments: argparse.Namespace) -> Non
     if getattr(arguments, "size", None) is not None:
         render.resolution_x, render.resolution_y = arguments.size
         render.resolution_percentage = 100
+    try:
+        check_resolution(scene)
+    except ValueError as error:
+        way_out = ", such as --size 960x540" if hasattr(arguments, "size") else ""
+        raise CommandError(f"{error}{way_out}") from error
     if getattr(arguments, "mode", None) is not None:
         scene.perfect_bvh.mode = find_mode(arguments.mode).name.upper()
     _apply_sampling(scene.perfect_bvh, arguments)
@@ -127,15 +134,15 @@ def active_view_layer(scene: bpy.types.Scene) -> bpy.types.ViewLayer:
     return active if active.name in scene.view_layers else scene.view_layers[0]
 
 
-def go_to_frame(scene: bpy.types.Scene, number: int, is_simulated: bool = False) -> None:
+def go_to_frame(scene: bpy.types.Scene, number: int, for_viewport: bool = False) -> None:
     """Set the frame that the next render shows; with `frame_set`'s evaluation only if scripts wait for it.
 
-    A render evaluates the frame in a depsgraph of its own. To evaluate the viewport's as well is lost time, unless
-    something is simulated: that is played in the viewport's alone.
+    for_viewport: the viewport's depsgraph is needed: it is shown, or something is simulated, which is played there
+    alone. A render evaluates the frame in a depsgraph of its own, so that to evaluate both is lost time otherwise.
     """
     import bpy
 
-    if is_simulated or bpy.app.handlers.frame_change_pre or bpy.app.handlers.frame_change_post:
+    if for_viewport or bpy.app.handlers.frame_change_pre or bpy.app.handlers.frame_change_post:
         scene.frame_set(number)
     else:
         scene.frame_current = number

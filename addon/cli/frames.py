@@ -18,13 +18,17 @@ if TYPE_CHECKING:
 
 
 def render_frame(
-    scene: bpy.types.Scene, number: int, progress: Callable[[float], bool], is_simulated: bool = False
+    scene: bpy.types.Scene,
+    number: int,
+    progress: Callable[[float], bool],
+    is_simulated: bool = False,
+    for_viewport: bool = False,
 ) -> Frame | None:
     """A frame of a scene; None if it was stopped. progress: called with 0 to 1, False stops. Errors: CommandError."""
     from ..engine import RenderJob
 
-    go_to_frame(scene, number, is_simulated)
-    job = RenderJob(progress=progress)
+    go_to_frame(scene, number, is_simulated or for_viewport)
+    job = RenderJob(progress=progress, for_viewport=for_viewport)
     render_job(scene, job)
     if job.is_cancelled:
         return None

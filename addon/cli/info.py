@@ -44,10 +44,10 @@ def run_info(arguments: argparse.Namespace) -> int:
         scene = open_scene(path, arguments)
         apply_settings(scene, arguments)
         if arguments.frame is not None:
-            go_to_frame(scene, arguments.frame)
+            go_to_frame(scene, arguments.frame, arguments.viewport)
         if scene.camera is None:
             _add_camera(scene)
-        _write(out, scene, *_sync_as_rendered(scene))
+        _write(out, scene, *_sync_scene(scene, arguments.viewport))
     return 0
 
 
@@ -59,12 +59,12 @@ def _add_camera(scene: bpy.types.Scene) -> None:
     scene.collection.objects.link(scene.camera)
 
 
-def _sync_as_rendered(scene: bpy.types.Scene) -> tuple[SceneSync, FrameStatistics]:
-    """The scene as a render sees it: only a render engine is given that depsgraph."""
+def _sync_scene(scene: bpy.types.Scene, for_viewport: bool) -> tuple[SceneSync, FrameStatistics]:
+    """The scene as a render sees it, or as viewports do."""
     from ..engine import RenderJob
     from ..live.sync_cache import syncs_of
 
-    job = RenderJob(trace=False)
+    job = RenderJob(trace=False, for_viewport=for_viewport)
     render_job(scene, job)
     if job.frame is None:
         raise CommandError(f"scene {scene.name!r} could not be read")
@@ -85,9 +85,10 @@ def _write(out: TextIO, scene: bpy.types.Scene, sync: SceneSync, planned: FrameS
         f"all {memory(statistics.byte_count)}\n"
     )
     settings, (width, height) = planned.settings, planned.size
-    samples = 1 if find_mode(settings.mode).has_range else settings.samples
+    mode = find_mode(settings.mode)
+    samples = 1 if mode.has_range else settings.samples
     out.write(
-        f"rays and trace ms: of one image of {width} x {height} pixels, mode {settings.mode}, samples {samples}, "
+        f"rays and trace ms: of one image of {width} x {height} pixels, mode {mode.word}, samples {samples}, "
         "on one thread, as expected\n"
     )
     for warning in sync.warnings:

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import argparse
 import time
-from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from .arguments import CommandError, check_blend_file, check_pieces, parse_folder
-from .blender import StopRequest, apply_settings, go_to_frame, open_scene, render_job, stop_on_interrupt
+from .blender import StopRequest, active_view_layer, apply_settings, go_to_frame, open_scene, stop_on_interrupt
 from .console import quiet_blender
 from .piece_work import Advance, Done, PieceWork, explained, run_pieces, scene_inputs
 
@@ -18,8 +17,10 @@ if TYPE_CHECKING:
 
     from ..labels import Labels
     from ..live.scene_sync import SceneSync
+    from ..live.scene_view import SceneMoment
     from ..pieces.piece import Piece
 
+DEPTH_SCALE = 0.001  # world units, unless --depth-scale says otherwise
 BEFORE = "labels_"  # of the names of all files but the joined one
 
 
@@ -53,6 +54,10 @@ def _check_formats(arguments: argparse.Namespace) -> None:
         arguments.format = [name for name in FORMATS if name in arguments.format]  # however they were ordered
     except (ValueError, ImportError) as error:
         raise CommandError(f"--format: {error}") from error
+    if arguments.depth_scale is not None and "png" not in arguments.format:
+        raise CommandError("--depth-scale is of PNG files: add png to --format, or leave it out")
+    if arguments.depth_scale is None:
+        arguments.depth_scale = DEPTH_SCALE
 
 
 def _check_coco() -> None:
@@ -68,14 +73,14 @@ class LabelsWork(PieceWork):
     """Pieces of labelled frames: the files of each frame, and what the file of COCO's format needs of them."""
 
     def __init__(self, scene: bpy.types.Scene, stop: StopRequest, arguments: argparse.Namespace) -> None:
+        from ..live.scene_view import SceneView
         from ..pieces.folder import PieceFolder
         from ..pieces.piece import Piece, runs_of
 
         super().__init__(scene, stop, arguments)
-        if scene.camera is None:
-            raise CommandError(f"{arguments.file}: scene {scene.name!r} has no camera")
         inputs = self._inputs()
         apply_settings(scene, arguments)
+        self._view = SceneView("labels", scene, active_view_layer(scene), for_viewport=arguments.viewport)
         self.pieces = []
         for frames in runs_of(self.frames, arguments.piece, has_gaps=True):
             stem = f"{BEFORE}{frames[0]:04d}-{frames[-1]:04d}"
@@ -88,6 +93,13 @@ class LabelsWork(PieceWork):
 
     def make(self, piece: Piece, advance: Advance) -> Done | None:
         """By a scene of the engine's own: what a piece holds, ids of instances included, depends on no piece before."""
+        go_to_frame(self.scene, piece.first, self.is_simulated or self.arguments.viewport)
+        try:
+            return self._view.hold(lambda: self._make(piece, advance))
+        except ValueError as error:
+            raise CommandError(str(error)) from error
+
+    def _make(self, piece: Piece, advance: Advance) -> Done | None:
         from ..labels.coco import image_row, write_rows
         from ..live.scene_sync import SceneSync
 
@@ -129,6 +141,7 @@ class LabelsWork(PieceWork):
             labels=arguments.labels,
             layers=arguments.layers,
             flow=arguments.flow,
+            viewport=arguments.viewport,
             formats=arguments.format,
             depth_scale=arguments.depth_scale,
             has_coco=not arguments.no_coco,
@@ -157,40 +170,31 @@ class LabelsWork(PieceWork):
         """Of one frame, as it would be rendered; None if it was stopped."""
         import perfect_bvh
 
-        from ..engine import RenderJob
         from ..labels import label_image
 
         arguments = self.arguments
-        made: list[Labels] = []
-        faults: list[Exception] = []
 
-        def visit(depsgraph: bpy.types.Depsgraph, frame_set: Callable[[int, float], None]) -> None:
-            try:
-                labels = label_image(
-                    depsgraph,
-                    sync=sync,
-                    layers=arguments.layers,
-                    category=arguments.category,
-                    labels=arguments.labels,
-                    flow=arguments.flow,
-                    frame_set=frame_set,
-                    threads=arguments.threads or 0,
-                    progress=lambda _: not self.stop.is_set,
-                )
-            except perfect_bvh.Cancelled:
-                return
-            except Exception as error:  # noqa: BLE001 - Blender would swallow it
-                faults.append(error)
-                return
-            made.append(labels)
+        def label(moment: SceneMoment) -> Labels:
+            if moment.camera is None:
+                raise ValueError(f"scene {self.scene.name!r} has no camera")
+            return label_image(
+                moment.depsgraph,
+                sync=sync,
+                layers=arguments.layers,
+                category=arguments.category,
+                labels=arguments.labels,
+                flow=arguments.flow,
+                frame_set=moment.frame_set,
+                threads=arguments.threads or 0,
+                progress=lambda _: not self.stop.is_set,
+            )
 
-        go_to_frame(self.scene, frame, self.is_simulated)
-        render_job(self.scene, RenderJob(visit=visit))
-        if faults:
-            if isinstance(faults[0], ValueError):
-                raise CommandError(f"frame {frame}: {faults[0]}") from faults[0]
-            raise faults[0]
-        return made[0] if made else None
+        try:
+            return self._view.read(label, frame)
+        except perfect_bvh.Cancelled:
+            return None
+        except ValueError as error:
+            raise CommandError(f"frame {frame}: {error}") from error
 
 
 def _stem_of(frame: int) -> str:

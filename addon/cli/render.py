@@ -28,7 +28,11 @@ if TYPE_CHECKING:
 
 def run_render(arguments: argparse.Namespace) -> int:
     """Render what the arguments say; the exit status."""
+    from ..extract.camera import has_camera
+
     check_mode(arguments.mode)
+    if arguments.piece is not None and not _is_in_pieces(arguments):
+        raise CommandError("--piece needs --resume, --workers or --scheduler; without them there are no pieces")
     check_pieces(arguments)
     if _is_in_pieces(arguments) and (arguments.stats or arguments.audit is not None):
         raise CommandError("--stats and --audit are of one process that begins anew: not with --resume or workers")
@@ -39,7 +43,7 @@ def run_render(arguments: argparse.Namespace) -> int:
     arguments.file, arguments.output = str(path), str(output.pattern)  # as workers, which are elsewhere, find them
     with quiet_blender() as out, stop_on_interrupt() as stop:
         scene = open_scene(path, arguments)
-        if scene.camera is None:
+        if not has_camera(scene):
             raise CommandError(f"{arguments.file}: scene {scene.name!r} has no camera")
         for sentence in find_ignored_output(scene, active_view_layer(scene)):
             sys.stderr.write(f"perfect-bvh: {sentence}\n")
@@ -90,6 +94,7 @@ class RenderSession:
         self._wants_stats: bool = arguments.stats
         self._is_quiet: bool = arguments.quiet
         self._writer = ImageWriter(scene)
+        self._for_viewport: bool = arguments.viewport
         self._is_simulated = has_simulations(scene)
         self._times: list[FrameTimes] = []
         self._reports: list[SyncReport] = []
@@ -123,7 +128,7 @@ class RenderSession:
             return not self._stop.is_set
 
         start = time.perf_counter()
-        frame = render_frame(self._scene, number, advance, self._is_simulated)
+        frame = render_frame(self._scene, number, advance, self._is_simulated, self._for_viewport)
         if frame is None:
             return False
         rendered = time.perf_counter()

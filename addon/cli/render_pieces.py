@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from ..pieces.piece import Piece
 
 # What the images depend on, among the arguments.
-CHOICES = ("mode", "size", "samples", "denoise", "time_limit", "noise_threshold", "seed")
+CHOICES = ("mode", "size", "samples", "denoise", "time_limit", "noise_threshold", "seed", "viewport")
 
 
 class RenderWork(PieceWork):
@@ -69,7 +69,8 @@ class RenderWork(PieceWork):
     def _render(self, frame: int) -> Frame | None:
         if self.stop.is_set:
             return None
-        return render_frame(self.scene, frame, lambda _: not self.stop.is_set, self.is_simulated)
+        how = self.is_simulated, self.arguments.viewport
+        return render_frame(self.scene, frame, lambda _: not self.stop.is_set, *how)
 
     def _know_scale(self, piece: Piece) -> bool:
         """Renders the first of all frames, if greys are on its scale and it was not rendered here; False if stopped."""

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from .arguments import CommandError, check_blend_file, check_pieces, parse_folder
-from .blender import StopRequest, open_scene, stop_on_interrupt
+from .blender import StopRequest, go_to_frame, open_scene, stop_on_interrupt
 from .console import quiet_blender
 from .piece_work import Advance, Done, PieceWork, explained, run_pieces
 
@@ -22,6 +22,8 @@ if TYPE_CHECKING:
 
 def run_scan(arguments: argparse.Namespace) -> int:
     """Scan what the arguments say; the exit status."""
+    from ..scanning.outcomes import RayCounts
+
     if arguments.list_sensors:
         _list_sensors()
         return 0
@@ -29,6 +31,8 @@ def run_scan(arguments: argparse.Namespace) -> int:
         if getattr(arguments, name) is None:
             raise CommandError(f"expected {'FILE.blend' if name == 'file' else '-o DIR'}; see perfect-bvh scan --help")
     check_pieces(arguments)
+    if arguments.steps is not None and arguments.frames is None:
+        raise CommandError("--steps needs --frames: one whole pass in the current frame has no further key moments")
     path = check_blend_file(arguments.file)
     _check_format(f".{arguments.format}", arguments.labels)
     arguments.sensor = _sensor_name(arguments.sensor)
@@ -42,9 +46,11 @@ def run_scan(arguments: argparse.Namespace) -> int:
         if not arguments.quiet:
             seconds = time.perf_counter() - started
             recognised = f", {outcome.kept} were there" if outcome.kept else ""
-            points = outcome.counts.get("points", 0)
+            points = outcome.counts.pop("points", 0)
             pieces = f"{outcome.written} of {len(work.pieces)} pieces"
             out.write(f"{folder}: {pieces}{recognised}; {points:,} points in {seconds:.2f} s\n")
+            if outcome.written:
+                out.write(f"{RayCounts(**outcome.counts)}\n")
     return status
 
 
@@ -82,14 +88,12 @@ def _check_format(suffix: str, labels: list[str]) -> None:
         raise CommandError(f"--format: {error}") from error
 
 
-def _carrier(scene: bpy.types.Scene, name: str | None) -> bpy.types.Object:
-    """The object that carries the sensor."""
+def _carrier(scene: bpy.types.Scene, name: str | None) -> bpy.types.Object | None:
+    """The object that carries the sensor; None for the camera of each frame."""
     import difflib
 
     if name is None:
-        if scene.camera is None:
-            raise CommandError(f"scene {scene.name!r} has no camera that could carry the sensor; name an object: --on")
-        return scene.camera
+        return None
     found = scene.objects.get(name)
     if found is None:
         near = difflib.get_close_matches(name, scene.objects.keys(), n=1, cutoff=0.5)
@@ -112,28 +116,27 @@ class ScanWork(PieceWork):
             is_one_pass=arguments.frames is None,
             suffix=f".{arguments.format}",
             size=arguments.piece,
-            steps=arguments.steps,
+            steps=arguments.steps or 1,
             threads=arguments.threads or 0,
             seed=arguments.seed,
             labels=tuple(arguments.labels),
+            exclude_mount=arguments.exclude_mount,
+            for_viewport=arguments.viewport,
         )
         self.pieces = self._plan.pieces()
         how = {"autoexec": arguments.autoexec, "allow_missing": arguments.allow_missing}
-        inputs = self._plan.inputs(Path(arguments.file), self._carrier.name, **how)
+        inputs = self._plan.inputs(Path(arguments.file), self._carrier, **how)
         self.place = self._plan.folder(Path(arguments.output), inputs)
 
     def make(self, piece: Piece, advance: Advance) -> Done | None:
         """By a scene of the engine's own: what a piece holds, ids of instances included, depends on no piece before."""
-        from contextlib import closing
-
         from ..scanning.pieces import write_piece
 
+        go_to_frame(self.scene, piece.first, self.is_simulated or self.arguments.viewport)
         try:
             scanner = self._plan.scanner(piece, self._carrier)
-            with closing(scanner.steps()) as steps:
-                for done in steps:
-                    if advance(done) is False:
-                        return None
+            if not scanner.run(advance):
+                return None
         except ValueError as error:
             raise CommandError(f"{piece}: {error}") from error
         except ReferenceError as error:
@@ -141,7 +144,7 @@ class ScanWork(PieceWork):
         cloud = scanner.result()
         with explained():
             write_piece(self.place, piece, cloud)
-        return Done({"points": len(cloud)}, cloud.warnings)
+        return Done({"points": len(cloud), **cloud.ray_outcomes.named}, cloud.warnings)
 
     def join(self) -> None:
         """Nothing: points of all pieces are put together by who reads them."""

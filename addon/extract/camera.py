@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import operator
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -40,16 +41,75 @@ class Eye:
 
 
 def read_frame(scene: Any, size: tuple[int, int] | None = None) -> Frame:
-    """The frame of a scene's render settings; size: (width, height) in pixels instead of the scene's own."""
+    """Reads the frame of a scene's render settings. size: (width, height) in pixels instead of the scene's own.
+
+    Raises ValueError for a size that is none.
+    """
     render = scene.render
-    if size is None:
-        # Integer arithmetic, as Blender's: 1081 pixels at 50 % are 540.
-        percentage = render.resolution_percentage
-        size = (render.resolution_x * percentage // 100, render.resolution_y * percentage // 100)
+    size = _resolution(render) if size is None else _checked(size)
     border = (0.0, 1.0, 0.0, 1.0)
     if render.use_border:
         border = (render.border_min_x, render.border_max_x, render.border_min_y, render.border_max_y)
     return Frame(max(1, size[0]), max(1, size[1]), render.pixel_aspect_x, render.pixel_aspect_y, border)
+
+
+def check_resolution(scene: Any) -> None:
+    """Raises ValueError where the scene's percentage leaves no pixel, of which Blender makes no image."""
+    render, size = scene.render, _resolution(scene.render)
+    if min(size) < 1:
+        raise ValueError(
+            f"scene {scene.name!r}: {render.resolution_x} x {render.resolution_y} pixels at "
+            f"{render.resolution_percentage} % are {size[0]} x {size[1]}, which is no image; choose a larger resolution"
+        )
+
+
+def _resolution(render: Any) -> tuple[int, int]:
+    """Integer arithmetic, as Blender's: 1081 pixels at 50 % are 540."""
+    percentage = render.resolution_percentage
+    return render.resolution_x * percentage // 100, render.resolution_y * percentage // 100
+
+
+def _checked(size: Any) -> tuple[int, int]:
+    try:
+        width, height = (operator.index(side) for side in size)
+    except (TypeError, ValueError):
+        width = height = 0
+    if min(width, height) < 1:
+        raise ValueError(f"size must be (width, height), two integers of 1 or more, got {size!r}")
+    return width, height
+
+
+def has_camera(scene: Any) -> bool:
+    """Whether a scene has a camera, or a marker that chooses one."""
+    return scene.camera is not None or any(marker.camera for marker in scene.timeline_markers)
+
+
+def is_cropped(scene: Any) -> bool:
+    """Whether an image holds the render region alone."""
+    return bool(scene.render.use_border and scene.render.use_crop_to_border)
+
+
+def border_pixels(border: Window, size: tuple[int, int]) -> tuple[int, int, int, int]:
+    """Returns (left, right, bottom, top) of a border in fractions, in pixels from the lower left, as Blender rounds."""
+    width, height = np.float32(size[0]), np.float32(size[1])
+    left, right, bottom, top = (np.float32(edge) for edge in border)
+    return int(left * width), int(right * width), int(bottom * height), int(top * height)
+
+
+def image_window(scene: Any, size: tuple[int, int]) -> tuple[int, int, int, int]:
+    """Returns the part of a frame that an image of a scene holds, as `border_pixels` has it: all, unless it is cropped.
+
+    Raises ValueError if that is no pixel.
+    """
+    if not is_cropped(scene):
+        return 0, size[0], 0, size[1]
+    left, right, bottom, top = border_pixels(read_frame(scene, size).border, size)
+    if left >= right or bottom >= top:
+        raise ValueError(
+            f"the render region of scene {scene.name!r} holds no pixel of {size[0]} x {size[1]}; draw a larger one, or "
+            "turn off Crop to Render Region"
+        )
+    return left, right, bottom, top
 
 
 def read_camera(camera: Any, frame: Frame, eye: Eye | None = None) -> tuple[CameraRecord | None, str | None]:

@@ -17,7 +17,7 @@ from typing import Any
 
 import bpy
 
-from ..sync.label_columns import MISSING, MISSING_AMONG_NEGATIVES, LabelTable, OwnerValues, SceneLabel
+from ..sync.label_columns import MISSING, LabelTable, OwnerValues, SceneLabel
 from ..sync.records import SceneRecord
 
 OBJECT, INSTANCER, MATERIAL, COLLECTION = "object", "instancer", "material", "collection"
@@ -32,11 +32,11 @@ class LabelReader:
 
     Their tables come from the whole file, as it is now, and not from what is met: the same names have the same rows in
     whatever part of a scan or frame. What gets another text later is added at the end. Numbers that are keyed are read
-    as they are at each moment; whether any is below 0 is asked at the beginning.
+    as they are at each moment. The beginning decides what a label is: texts, whole numbers, or floats.
 
     what: who asks, for errors. names: of custom properties, or of `BUILT_IN`. as_names: numbers become names as well.
-    Raises ValueError for a name that nothing in the file has, and values that are no labels. Numbers that are not
-    finite count as none.
+    Raises ValueError for a name that nothing in the file has, and values that are no labels. An empty text is a text;
+    numbers that are not finite count as none.
     """
 
     def __init__(self, what: str, names: Sequence[str], *, as_names: bool = False) -> None:
@@ -51,9 +51,9 @@ class LabelReader:
         """Of each name, with all that was read so far."""
         return {name: column.table for name, column in self._columns.items()}
 
-    def read(self) -> LabelReading:
-        """What Blender has now. Main thread only."""
-        return LabelReading({name: column.read() for name, column in self._columns.items()}, self.tables)
+    def read(self, depsgraph: Any) -> LabelReading:
+        """Reads what Blender has now. depsgraph: evaluated, for what is keyed. Main thread only."""
+        return LabelReading({name: column.read(depsgraph) for name, column in self._columns.items()}, self.tables)
 
 
 class LabelReading:
@@ -102,7 +102,7 @@ class _Column(ABC):
     def table(self) -> LabelTable: ...
 
     @abstractmethod
-    def read(self) -> OwnerValues: ...
+    def read(self, depsgraph: Any) -> OwnerValues: ...
 
 
 class _Objects(_Column):
@@ -117,7 +117,7 @@ class _Objects(_Column):
     def table(self) -> LabelTable:
         return self._names.table
 
-    def read(self) -> OwnerValues:
+    def read(self, _: Any) -> OwnerValues:
         rows = {obj.session_uid: self._names.row_of(obj.name) for obj in bpy.data.objects if self.may_have(obj)}
         return OwnerValues(rows, _NONE, _NONE, from_instancer=False)
 
@@ -127,7 +127,7 @@ class _Instancers(_Objects):
     def may_have(_: Any) -> bool:
         return True
 
-    def read(self) -> OwnerValues:
+    def read(self, _: Any) -> OwnerValues:
         rows = {obj.session_uid: self._names.row_of(obj.name) for obj in bpy.data.objects}
         return OwnerValues(rows, _NONE, _NONE, from_object=False)
 
@@ -140,7 +140,7 @@ class _Materials(_Column):
     def table(self) -> LabelTable:
         return self._names.table
 
-    def read(self) -> OwnerValues:
+    def read(self, _: Any) -> OwnerValues:
         rows = {material.session_uid: self._names.row_of(material.name) for material in bpy.data.materials}
         return OwnerValues(_NONE, _NONE, rows)
 
@@ -154,13 +154,13 @@ class _Collections(_Column):
     def table(self) -> LabelTable:
         return self._names.table
 
-    def read(self) -> OwnerValues:
+    def read(self, _: Any) -> OwnerValues:
         rows = {uid: self._names.row_of(names[0]) for uid, names in collections_of_objects().items()}
         return OwnerValues(rows, _NONE, _NONE)
 
 
 class _Property(_Column):
-    """A custom property: texts if any value is one, or all are to be; else numbers, whole if all are."""
+    """A custom property: texts if any value is one, or all are to be; else numbers, whole if all are and none is -1."""
 
     def __init__(self, what: str, name: str, *, as_names: bool) -> None:
         self._what, self._name = what, name
@@ -173,8 +173,7 @@ class _Property(_Column):
             self._names = _Names(map(str, found))
             self._numbers = LabelTable(None, MISSING)
         elif all(isinstance(value, int) for value in found):
-            is_negative = any(value < 0 for value in found)
-            self._numbers = LabelTable(None, MISSING_AMONG_NEGATIVES if is_negative else MISSING)
+            self._numbers = LabelTable(None, math.nan if MISSING in found else MISSING)
         else:
             self._numbers = LabelTable(None, math.nan)
 
@@ -182,11 +181,11 @@ class _Property(_Column):
     def table(self) -> LabelTable:
         return self._numbers if self._names is None else self._names.table
 
-    def read(self) -> OwnerValues:
+    def read(self, depsgraph: Any) -> OwnerValues:
         objects, data = {}, {}
         of_data: dict[int, float | None] = {}
         for obj in bpy.data.objects:
-            number = self._number(obj)
+            number = self._number(obj, depsgraph)
             if number is not None:
                 objects[obj.session_uid] = number
             owner = obj.data
@@ -194,30 +193,35 @@ class _Property(_Column):
                 continue
             uid = owner.session_uid
             if uid not in of_data:
-                of_data[uid] = self._number(owner)
+                of_data[uid] = self._number(owner, depsgraph)
             number = of_data[uid]
             if number is not None:
                 data[obj.session_uid] = number
-        materials = {material.session_uid: self._number(material) for material in bpy.data.materials}
+        materials = {material.session_uid: self._number(material, depsgraph) for material in bpy.data.materials}
         return OwnerValues(objects, data, {uid: value for uid, value in materials.items() if value is not None})
 
-    def _number(self, owner: Any) -> float | None:
+    def _number(self, owner: Any, depsgraph: Any) -> float | None:
         value = self._value(owner)
+        if value is not None and depsgraph.mode == "RENDER" and owner.animation_data is not None:
+            value = self._value(owner.evaluated_get(depsgraph))  # a render does not write back what is keyed
         if value is None:
             return None
         if self._names is not None:
             return self._names.row_of(str(value))
-        if isinstance(value, str) or (self._numbers.is_whole and not isinstance(value, int)):
+        is_whole = self._numbers.is_whole
+        if isinstance(value, str) or (is_whole and (value == MISSING or not isinstance(value, int))):
+            kind = f"whole numbers other than {MISSING}" if is_whole else "numbers"
             raise ValueError(
-                f"{self._what}: label {self._name!r} held {'whole ' if self._numbers.is_whole else ''}numbers alone at "
-                f"first, and now has {value!r} on {owner.name!r}; give one of its owners a text from the beginning"
+                f"{self._what}: label {self._name!r} held {kind} alone at first, and now has {value!r} on "
+                f"{owner.name!r}; give one of its owners {'a fraction' if not isinstance(value, str) else 'a text'} "
+                "from the beginning"
             )
         return float(value)
 
     def _value(self, owner: Any) -> int | float | str | None:
         value = owner.get(self._name)
         if value is None or isinstance(value, str):
-            return value or None
+            return value
         if isinstance(value, (bool, int)):
             return int(value)
         if isinstance(value, float):
@@ -257,6 +261,10 @@ def _check_names(what: str, names: Sequence[str]) -> None:
 
 def _unknown(name: str) -> str:
     known = sorted({key for owner in _owners() for key in owner.keys()} | set(BUILT_IN))  # noqa: SIM118 - no dict
+    if name in known:
+        return (
+            f"label {name!r} has no finite number: all its values are NaN or infinite; give one of its owners another"
+        )
     near = difflib.get_close_matches(name, known, n=1, cutoff=0.5)
     hint = f" (is it {near[0]!r}?)" if near else ""
     return (

@@ -118,6 +118,7 @@ def _record_of(
         size=(frame.width, frame.height),
         film_transparent=scene.render.film_transparent,
         plain_reflectance=PLAIN_REFLECTANCE,
+        pass_alpha_threshold=depsgraph.view_layer.pass_alpha_threshold,
         images=parts.images,
         lights=lights,
         world=parts.world,

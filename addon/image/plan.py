@@ -8,8 +8,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from ..settings.modes import find_mode
 from ..settings.motion_blur import NEIGHBOURS, ShutterSettings, read_motion_blur
 from ..support.memory import check_fits
@@ -137,24 +135,16 @@ def plan_render(
 
     is_blurred: whether what moves is, where the mode shows light.
     """
-    from ..extract.camera import read_frame
+    from ..extract.camera import border_pixels, is_cropped, read_frame
 
     frame = read_frame(scene)
     size = (frame.width, frame.height)
-    is_cropped = scene.render.use_border and scene.render.use_crop_to_border
     motion = NEIGHBOURS if VECTOR in passes else None
     if is_blurred and find_mode(settings.mode).has_bounces:
         motion = read_motion_blur(scene)
-    return RenderPlan(settings, size, border_pixels(frame.border, size), passes, is_cropped, motion)
+    return RenderPlan(settings, size, border_pixels(frame.border, size), passes, is_cropped(scene), motion)
 
 
 def plan_view(settings: RenderSettings, size: tuple[int, int]) -> RenderPlan:
     """Of an image that fills a region of the screen, or another of so many pixels."""
     return RenderPlan(settings, size, (0, size[0], 0, size[1]))
-
-
-def border_pixels(border: tuple[float, float, float, float], size: tuple[int, int]) -> Window:
-    """(left, right, bottom, top) of a border given as fractions, in pixels from the lower left, as Blender rounds."""
-    width, height = np.float32(size[0]), np.float32(size[1])
-    left, right, bottom, top = (np.float32(edge) for edge in border)
-    return int(left * width), int(right * width), int(bottom * height), int(top * height)

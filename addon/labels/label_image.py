@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
 
+from ..extract.camera import check_resolution, image_window
 from ..extract.label_values import OBJECT, LabelReader
 from ..support.memory import check_fits
 from ..support.progress import Progress, part_of
@@ -26,6 +27,7 @@ if TYPE_CHECKING:
     from perfect_bvh import Camera, Hits, Intersections, Snapshot
 
     from ..live.scene_sync import SceneSync
+    from ..live.scene_view import SceneMoment
 
 READ = AttributeRequest(material_slots=True, corner_normals=True, corner_uvs=True)
 # Rays whose surfaces are listed at once: a few million of those, in usual scenes.
@@ -51,12 +53,16 @@ def label_image(
     frame_set: Callable[[int, float], object] | None = None,
     threads: int = 0,
     progress: Progress | None = None,
+    for_viewport: bool = False,
 ) -> Labels:
     """What a camera sees, exactly: ids, depths, normals, uvs, masks of what is seen and of what is hidden.
 
-    depsgraph: evaluated; None, the default, for the context's. sync: one that is kept from frame to frame, so that what
-    stays is not read and built again; None, the default, for a new one. It is brought in step.
-    camera: None, the default, for the scene's. size: (width, height) in pixels; None for the render size.
+    depsgraph: evaluated; None, the default, for that of a render of the context's scene and view layer, at its current
+        frame. for_viewport: None means what viewports show instead.
+    sync: one that is kept from frame to frame, so that what stays is not read and built again; None, the default, for a
+        new one. It is brought in step.
+    camera: None, the default, for the scene's. size: (width, height) in pixels; None for the render
+        size. Of either, the render region alone if the scene has Crop to Render Region.
     layers: how many of the nearest surfaces along each ray to keep the depths of, 1 or more.
     category: the label whose values are the categories; None, the default: each object's name is one. labels: names of
         others, for `Labels.labels` and the things. A label is a custom property, of the object, else of the instancer
@@ -68,35 +74,71 @@ def label_image(
     threads: to cast rays, at most so many; 0 for all. progress: called with 0 to 1; returning False raises
         `perfect_bvh.Cancelled`.
 
-    What is seen is what the viewport shows, or the render whose depsgraph it is, as far as cameras may see it; glass
-    and what is transparent are seen as they stand there. Raises ValueError without a usable camera, for a label that
+    What is seen is what the render, or the viewport, of the depsgraph shows, as far as cameras may see it; glass and
+    what is transparent are seen as they stand there. Raises ValueError without a usable camera, for a label that
     nothing in the file has or whose values are neither numbers, texts nor data-blocks, and what the engine raises.
     """
     import bpy
 
-    from ..live.scene_sync import SceneSync
+    from ..live.scene_view import SceneView
 
     if isinstance(layers, bool) or not isinstance(layers, (int, np.integer)) or not 1 <= layers <= 1000:
         raise ValueError(f"label_image: layers must be an integer of 1 to 1000, got {layers!r}")
-    if depsgraph is None:
-        depsgraph = bpy.context.evaluated_depsgraph_get()
     classes = LabelReader("label_image", (OBJECT if category is None else category,), as_names=True)
     others = LabelReader("label_image", labels)
+
+    def label(of: bpy.types.Depsgraph, frame_set: Callable[[int, float], object] | None) -> Labels:
+        view = {"camera": camera, "size": size, "shutter": NEIGHBOURS if flow else None}
+        view["frame_set"] = frame_set if flow else None
+        return _label_depsgraph(of, sync, view, layers, classes, others, threads, progress)
+
+    if depsgraph is not None:
+        return label(depsgraph, frame_set)
+    scene = SceneView("label_image", bpy.context.scene, bpy.context.view_layer, for_viewport=for_viewport)
+
+    def label_moment(moment: SceneMoment) -> Labels:
+        if camera is None and moment.camera is None:
+            raise ValueError(_no_camera(moment.scene, "it has none"))
+        return label(moment.depsgraph, moment.frame_set if frame_set is None else frame_set)
+
+    return scene.read(label_moment)
+
+
+def _no_camera(scene: bpy.types.Scene, reason: str) -> str:
+    return f"label_image: scene {scene.name!r} has no camera that can be used: {reason}"
+
+
+def _label_depsgraph(
+    depsgraph: bpy.types.Depsgraph,
+    sync: SceneSync | None,
+    view: dict[str, Any],
+    layers: int,
+    classes: LabelReader,
+    others: LabelReader,
+    threads: int,
+    progress: Progress | None,
+) -> Labels:
+    """`label_image` of what was evaluated. view: for `SceneSync.update`."""
+    from ..live.scene_sync import SceneSync
+
     own = SceneSync(READ, watch=False) if sync is None else sync
     own.request(READ)
     try:
-        shutter = NEIGHBOURS if flow else None
-        view = {"camera": camera, "size": size, "shutter": shutter, "frame_set": frame_set if flow else None}
         own.update(depsgraph, **view, progress=part_of(progress, 0.0, 0.3))
         if own.camera is None:
-            reason = own.warnings[-1] if own.warnings else "it has none"
-            raise ValueError(f"label_image: scene {depsgraph.scene.name!r} has no camera that can be used: {reason}")
+            raise ValueError(_no_camera(depsgraph.scene, own.warnings[-1] if own.warnings else "it has none"))
+        try:
+            if view["size"] is None:
+                check_resolution(depsgraph.scene_eval)
+            window = image_window(depsgraph.scene_eval, own.size)
+        except ValueError as error:
+            raise ValueError(f"label_image: {error}") from None
         width, height = own.size
         bytes_needed = width * height * (BYTES_A_PIXEL + BYTES_A_LAYER * layers)
         check_fits(f"label_image: {width:,} x {height:,} pixels", bytes_needed, "choose a smaller size")
-        labelling = _Labelling(own, own.camera, own.size, layers, flow, threads)
+        labelling = _Labelling(own, own.camera, own.size, window, layers, view["shutter"] is not None, threads)
         labelling.run(part_of(progress, 0.3, 0.7))
-        return labelling.result(classes, others)
+        return labelling.result(classes, others, depsgraph)
     finally:
         if sync is None:
             own.close()
@@ -104,11 +146,15 @@ def label_image(
 
 @dataclass
 class _Labelling:
-    """Of one synced scene, block of rows after block of rows."""
+    """Of one synced scene, block of rows after block of rows.
+
+    frame: (width, height) of the whole image. window: (left, right, bottom, top), the pixels of it that are labelled.
+    """
 
     sync: SceneSync
     camera: Camera
-    size: tuple[int, int]
+    frame: tuple[int, int]
+    window: tuple[int, int, int, int]
     layers: int
     flow: bool
     threads: int
@@ -118,6 +164,9 @@ class _Labelling:
     def __post_init__(self) -> None:
         from perfect_bvh.render import NO_DEPTH
 
+        left, right, bottom, top = self.window
+        self.size = right - left, top - bottom
+        self.cut = slice(self.frame[1] - top, self.frame[1] - bottom), slice(left, right)
         count = self.size[0] * self.size[1]
         self.mesh_rows = IdRows(self.sync.mesh_ids)
         self.instance_rows = IdRows(self.sync.appearance.instances.ids)
@@ -144,9 +193,12 @@ class _Labelling:
                 raise perfect_bvh.Cancelled("labelling was cancelled")
 
     def _label(self, snapshot: Snapshot, rows: slice) -> None:
-        origins, directions = (part.reshape(-1, 3) for part in self.camera.pixel_rays(self.size, rows))
-        rays = (origins, directions, self.camera.clip_start, self.camera.clip_end)
-        how = {"mask": VISIBLE_TO_CAMERA, "threads": self.threads, "times": MIDDLE if self.flow else 0.0}
+        rows_cut, columns = self.cut
+        of_frame = slice(rows_cut.start + rows.start, rows_cut.start + rows.stop)
+        parts = self.camera.pixel_rays(self.frame, of_frame)
+        origins, directions = (part[:, columns].reshape(-1, 3) for part in parts)
+        rays, limits = (origins, directions), {"t_min": self.camera.clip_start, "t_max": self.camera.clip_end}
+        how = {**limits, "mask": VISIBLE_TO_CAMERA, "threads": self.threads, "times": MIDDLE if self.flow else 0.0}
         listed = snapshot.list_intersections(*rays, fields=LISTED, **how)
         first_pixel = rows.start * self.size[0]
         counts = np.diff(listed.ray_splits)
@@ -201,14 +253,14 @@ class _Labelling:
         normals[away] *= -1.0
         return normals
 
-    def result(self, classes: LabelReader, others: LabelReader) -> Labels:
+    def result(self, classes: LabelReader, others: LabelReader, depsgraph: bpy.types.Depsgraph) -> Labels:
         """What was kept, by the things that were met. classes: reads the one label that says categories."""
         width, height = self.size
         owners, pixels = np.concatenate(self.owners), np.concatenate(self.pixels)
         present = distinct(owners).astype(np.int32)
         present_rows = IdRows(present)
-        (category,) = classes.read().of(self.sync.record).values()
-        labels = others.read().of(self.sync.record)
+        (category,) = classes.read(depsgraph).of(self.sync.record).values()
+        labels = others.read(depsgraph).of(self.sync.record)
         things, categories = find_things(self.sync, present, category, labels)
         rows = self.instance_rows.find(self.instances, "label_image: instance")
 
@@ -248,10 +300,10 @@ class _Labelling:
         made: npt.NDArray[np.float32] = perfect_bvh.render_passes(
             self.sync.scene,
             replace(self.camera, border=(0.0, 1.0, 0.0, 1.0)),
-            size=self.size,
+            size=self.frame,
             appearance=self.sync.appearance,
             passes=("vector",),
             shutter=shutter,
             threads=self.threads,
         )["vector"]
-        return made
+        return made[self.cut]

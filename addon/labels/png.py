@@ -58,7 +58,9 @@ def grey_images(labels: Labels, depth_scale: float, plain: Mapping[str, str]) ->
 
 def _label(name: str, label: LabelColumn) -> Uint16Array:
     if not label.table.is_whole:
-        raise ValueError(f"png: label {name!r} has fractions: choose exr, npy or npz, or leave it out")
+        raise ValueError(
+            f"png: label {name!r} has fractions, or -1 as a value: choose exr, npy or npz, or leave it out"
+        )
     is_there = label.values != label.table.missing
     lowest = int(label.values.min(where=is_there, initial=0))
     if lowest < 0:

@@ -44,11 +44,17 @@ class PERFECT_BVH_OT_bench(Ticking, bpy.types.Operator):
         subtype="DIR_PATH",
     )
 
+    for_viewport: bpy.props.BoolProperty(
+        name="As in Viewports",
+        description="Measure the objects and modifier levels that viewports show, instead of a render's",
+        default=False,
+    )
+
     _bench: Any
     _steps: Generator[tuple[float, str], None, None]
     _place: SceneReference
     _scene_uid: int
-    _frame: tuple[int, float]
+    _frame: tuple[int, float, int]
     _where: Path
 
     @classmethod
@@ -103,8 +109,13 @@ class PERFECT_BVH_OT_bench(Ticking, bpy.types.Operator):
             return False
         self._scene_uid = context.scene.session_uid
         self._place = SceneReference("bench", context.scene, context.view_layer)
-        self._frame = context.scene.frame_current, context.scene.frame_subframe
-        self._bench = SceneBench(subject_of(context.scene), self.seconds)
+        camera = context.scene.camera
+        self._frame = context.scene.frame_current, context.scene.frame_subframe, camera.session_uid if camera else 0
+        try:
+            self._bench = SceneBench(subject_of(context.scene, for_viewport=self.for_viewport), self.seconds)
+        except ValueError as problem:
+            self._complain(problem)
+            return False
         self._steps = self._bench.steps()
         return True
 

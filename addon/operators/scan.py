@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import bpy
 
 from ..settings.preferences import native_error
+from ..statistics import messages
 from . import scanned_file
 from .scanned_file import ScannedFile
 from .ticking import Ticking
@@ -76,12 +77,17 @@ class PERFECT_BVH_OT_scan(Ticking, bpy.types.Operator):
         self._end(context)
 
     def execute(self, context: bpy.types.Context) -> set[str]:
+        from ..live.scene_view import SceneView
+
         if not self._begin(context):
             return {"CANCELLED"}
-        done: float | None = 0.0
+        settings = context.scene.perfect_bvh.scan
+        view = SceneView("scan", context.scene, context.view_layer, for_viewport=settings.use_viewport)
+        done: float | None = None
         try:
-            while done is not None and done < 1.0:
-                done = self._step(STEP_SECONDS)
+            done = view.hold(self._run)
+        except ValueError as problem:
+            self._complain(problem)
         finally:
             self._end(context)
         return self._give_up(context) if done is None else self._finish(context)
@@ -105,6 +111,13 @@ class PERFECT_BVH_OT_scan(Ticking, bpy.types.Operator):
             return False
         self._steps = self._job.steps()
         return True
+
+    def _run(self) -> float | None:
+        """All steps, in one go."""
+        done: float | None = 0.0
+        while done is not None and done < 1.0:
+            done = self._step(STEP_SECONDS)
+        return done
 
     def _step(self, seconds: float) -> float | None:
         """Work for about `seconds`; the share done, None if the scan has failed, with the reason reported."""
@@ -141,6 +154,9 @@ class PERFECT_BVH_OT_scan(Ticking, bpy.types.Operator):
         clouds, warnings = self._job.result()
         for warning in warnings:
             self._complain(warning, "WARNING")
+        outcomes = self._job.ray_outcomes()
+        if outcomes.cast:
+            messages.add(context.scene, self.bl_label, str(outcomes), is_note=True)
         if not clouds and self._file is None:
             return {"CANCELLED"}
         made = self._add(context, clouds)
@@ -164,11 +180,13 @@ class PERFECT_BVH_OT_scan(Ticking, bpy.types.Operator):
 
 def _find_complaint(context: bpy.types.Context) -> str | None:
     """Why no scan is possible here."""
+    from ..extract.camera import has_camera
+
     scene = context.scene
     settings = scene.perfect_bvh.scan
     if context.mode != "OBJECT":
         return "Points are added as an object: leave the mode of the active one first"
-    if settings.sensor is None and scene.camera is None:
+    if settings.sensor is None and not has_camera(scene):
         return "There is neither a sensor nor an active camera"
     if not settings.use_points and not settings.use_files:
         return "Nothing would be made: choose Points in Scene, Files, or both"

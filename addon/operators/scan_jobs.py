@@ -12,12 +12,22 @@ import bpy
 from ..settings.scan_settings import label_names
 from ..statistics.words import duration
 from ..support.files import prepare_folder
-from .scan_request import carrier_of, check_colors, folder_of, frames_of, plan_of, sensor_of, threads_of
+from .scan_request import (
+    carrier_of,
+    check_colors,
+    exclude_mount_of,
+    folder_of,
+    frames_of,
+    plan_of,
+    sensor_of,
+    threads_of,
+)
 from .scanned_file import ScannedFile
 
 if TYPE_CHECKING:
     from ..pieces.piece import Piece
     from ..scanning import PointCloud
+    from ..scanning.outcomes import RayCounts
 
 
 _folders_in_use: set[Path] = set()
@@ -39,6 +49,8 @@ class PointsJob:
             threads=threads_of(scene),
             labels=label_names(settings),
             seed=settings.seed,
+            exclude_mount=exclude_mount_of(scene),
+            for_viewport=settings.use_viewport,
         )
         self.where = ""
         """What is worked on, for the status bar."""
@@ -62,9 +74,12 @@ class PointsJob:
         """Points to be added, with the names of their objects, and warnings."""
         cloud = self._scanner.result()
         if not len(cloud):
-            none = f"None of {cloud.ray_count:,} rays met anything: no points were made"
-            return [], [*cloud.warnings, none]
+            return [], [*cloud.warnings, "No points were made"]
         return [("Scan", cloud)], list(cloud.warnings)
+
+    def ray_outcomes(self) -> RayCounts:
+        """What became of the rays."""
+        return self._scanner.result().ray_outcomes
 
     def summary(self, names: list[str], seconds: float) -> str:
         """What was made, in a sentence. names: of the objects that were."""
@@ -132,6 +147,10 @@ class FilesJob:
                 f"The points of {self._pieces.kept} pieces that were there are not added; without Resume all are"
             )
         return [(name, cloud) for name, cloud in self._clouds if len(cloud)], warnings
+
+    def ray_outcomes(self) -> RayCounts:
+        """What became of the rays of the pieces that were scanned."""
+        return self._pieces.counts
 
     def summary(self, names: list[str], seconds: float) -> str:
         """What was made, in a sentence. names: of the objects that were."""

@@ -73,12 +73,15 @@ def frames_of(scene: bpy.types.Scene) -> tuple[int, int] | None:
     return settings.frame_start, settings.frame_end
 
 
-def carrier_of(scene: bpy.types.Scene) -> bpy.types.Object:
-    """The object that carries the sensor."""
-    carrier = scene.perfect_bvh.scan.sensor or scene.camera
-    if carrier is None:
-        raise ValueError("There is neither an object that carries the sensor nor an active camera")
+def carrier_of(scene: bpy.types.Scene) -> bpy.types.Object | None:
+    """The object that carries the sensor; None for the camera of each frame."""
+    carrier: bpy.types.Object | None = scene.perfect_bvh.scan.sensor
     return carrier
+
+
+def exclude_mount_of(scene: bpy.types.Scene) -> bool | None:
+    """As `scan` has it; None to decide by the object."""
+    return {"AUTO": None, "EXCLUDE": True, "SCAN": False}[scene.perfect_bvh.scan.mount]
 
 
 def threads_of(scene: bpy.types.Scene) -> int:
@@ -107,6 +110,8 @@ def plan_of(scene: bpy.types.Scene) -> ScanPlan:
         threads=threads_of(scene),
         labels=label_names(settings),
         seed=settings.seed,
+        exclude_mount=exclude_mount_of(scene),
+        for_viewport=settings.use_viewport,
     )
 
 

@@ -55,14 +55,14 @@ class ScannedFile:
             _watch.known[self._uid] = (state, f"edited {_session} {state}")
         self._name = _watch.known[self._uid][1]
 
-    def inputs_of(self, plan: ScanPlan, carrier: bpy.types.Object) -> dict[str, Any]:
+    def inputs_of(self, plan: ScanPlan, carrier: bpy.types.Object | None) -> dict[str, Any]:
         """What pieces are made from, as the command line has it of a file that is saved."""
         from ..extract.libraries import find_missing_libraries
 
         path = Path(bpy.data.filepath)
         inputs = plan.inputs(
             path,
-            carrier.name,
+            carrier,
             autoexec=bpy.context.preferences.filepaths.use_scripts_auto_execute,
             allow_missing=bool(find_missing_libraries()),
         )

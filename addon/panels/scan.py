@@ -5,6 +5,7 @@ from __future__ import annotations
 import bpy
 
 from ..settings.point_color_items import OTHER
+from ..statistics.messages import notes_of
 from .common import TABS, SidebarPanel, draw_lines, draw_messages_of, settings_layout
 
 
@@ -22,6 +23,8 @@ class PERFECT_BVH_PT_scan(SidebarPanel, bpy.types.Panel):
         _draw_files(context, layout, settings)
         layout.operator("perfect_bvh.scan", text="Start Scan", icon="OUTLINER_OB_POINTCLOUD")
         draw_messages_of(context, layout, "Scan")
+        for note in notes_of(context.scene, "Scan"):
+            draw_lines(context, layout, note, "INFO", TABS)
 
 
 def _draw_sensor(layout: bpy.types.UILayout, settings: bpy.types.PropertyGroup) -> None:
@@ -40,7 +43,9 @@ def _draw_sensor(layout: bpy.types.UILayout, settings: bpy.types.PropertyGroup) 
     if settings.pattern not in ("CAMERA", "LIDAR"):  # which have no noise
         layout.prop(settings, "seed")
     layout.prop(settings, "sensor")
+    layout.prop(settings, "mount")
     layout.prop(settings, "labels")
+    layout.prop(settings, "use_viewport")
 
 
 def _draw_frames(layout: bpy.types.UILayout, settings: bpy.types.PropertyGroup) -> None:

@@ -7,6 +7,7 @@ from typing import ClassVar
 import bpy
 
 from ..settings.denoisers import denoising_data_settings
+from ..settings.modes import find_mode
 from .common import RenderPanel, settings_layout
 
 
@@ -29,6 +30,9 @@ class PERFECT_BVH_PT_passes(RenderPanel, bpy.types.Panel):
         column = layout.column(heading="Indexes", align=True)
         column.prop(view_layer, "use_pass_object_index", text="Object")
         column.prop(view_layer, "use_pass_material_index", text="Material")
+        threshold = layout.column()
+        threshold.active = find_mode(context.scene.perfect_bvh.mode).shading
+        threshold.prop(view_layer, "pass_alpha_threshold")
         denoising = denoising_data_settings(view_layer)
         if denoising is not None:
             layout.column(heading="Denoising").prop(denoising, "denoising_store_passes", text="Data")

@@ -54,10 +54,10 @@ class PieceFolder:
             frames = tuple(found["frames"])
             other = find_difference(self.inputs, found["inputs"])
             if any(wanted.get(frame, frames) != frames for frame in frames):
-                other = "division of the frames"
+                other = "how the frames are divided"
             if other is not None:
                 raise OtherInputsError(
-                    f"{self.folder} holds pieces of another {self._what}: {path.name} has another {other}; "
+                    f"{self.folder} holds pieces of another {self._what}: {path.name} differs in {other}; "
                     "choose another folder, or empty this one"
                 )
 

@@ -10,6 +10,7 @@ import numpy.typing as npt
 
 from ..sync.label_columns import LabelColumn
 from .light.model import LUMINANCE
+from .outcomes import Outcomes, RayCounts
 from .point_cloud import COLUMNS, PointCloud
 
 if TYPE_CHECKING:
@@ -66,11 +67,16 @@ class Collector:
         self._materials = _Names()
         self._ray_count = 0
         self._labels: list[dict[str, npt.NDArray[Any]]] = []
+        self.counts = RayCounts()
 
     @property
     def next_ray_id(self) -> int:
         """What the first ray of the next batch has."""
         return self._rays_before + self._ray_count
+
+    def count(self, outcomes: Outcomes) -> None:
+        """Counts what became of the rays of a batch."""
+        self.counts += RayCounts.of(outcomes)
 
     def add(
         self,
@@ -148,6 +154,7 @@ class Collector:
             object_names=tuple(self._objects.names),
             material_names=tuple(self._materials.names),
             ray_count=self._ray_count,
+            ray_outcomes=self.counts,
             warnings=warnings,
             pose_error=pose_error,
             scene_error=scene_error,

@@ -27,14 +27,16 @@ from .point_cloud import AXES, COLUMNS, SINGULAR, PointCloud
 LAS_STEP = 1e-4  # of coordinates, in world units: LAS keeps them as whole numbers
 MOST_LAS_STEPS = 2**31 - 1
 LAS_DATE = date(2000, 1, 1)  # whenever they are written: the same points are the same bytes
+Float64Array = npt.NDArray[np.float64]
 MOST_IN_A_RECORD = 65_535  # bytes; longer texts go on in the next one of their name
 
 
 def save_cloud(cloud: PointCloud, path: str | os.PathLike[str]) -> Path:
     """Writes a cloud in the format of the path's ending; a file of that name is replaced once the new one is complete.
 
-    LAS keeps positions to a tenth of a millimetre of a world unit, or as exactly as they can be if they are spread over
-    more than 200 kilometres. Raises ValueError for another ending, ImportError with what to install, OSError.
+    LAS and LAZ keep positions in steps of 1/10,000 of a world unit, or of 2^-32 of an axis' extent if that is longer
+    than 429,000 units. Raises ValueError for another ending, and if positions or intensities that LAS would round to
+    whole numbers are not finite; ImportError with what to install; OSError.
     """
     path = Path(path)
     write = WRITERS.get(path.suffix.lower())
@@ -117,10 +119,7 @@ def _las(cloud: PointCloud, path: Path) -> None:
     laspy = _library("laspy")
     header = laspy.LasHeader(point_format=6, version="1.4")
     header.generating_software = "Perfect BVH"
-    low = cloud.positions.min(axis=0) if len(cloud) else np.zeros(3)
-    high = cloud.positions.max(axis=0) if len(cloud) else np.zeros(3)
-    header.offsets = np.floor(low)
-    header.scales = np.maximum(LAS_STEP, (high - header.offsets) / MOST_LAS_STEPS)
+    header.offsets, header.scales = _las_steps(cloud)
     own, labels = {"x", "y", "z", "time", "intensity", "return_id", "return_count"}, label_columns(cloud.labels, ".las")
     extra = {name: values for name, values in _table(cloud, labels).items() if name not in own}
     header.add_extra_dims([laspy.ExtraBytesParams(name, values.dtype) for name, values in extra.items()])
@@ -142,6 +141,22 @@ def _las(cloud: PointCloud, path: Path) -> None:
         points[name] = values
     with path.open("wb") as file:
         points.write(file, do_compress=path.suffix.lower() == ".laz")
+
+
+def _las_steps(cloud: PointCloud) -> tuple[Float64Array, Float64Array]:
+    """Returns the offsets and scales, (3,) each, with which every position fits into 32 bits with a sign."""
+    is_good = np.isfinite(cloud.positions).all(axis=1) & ~np.isnan(cloud.intensities)
+    if not is_good.all():
+        raise ValueError(
+            f"save_cloud: LAS holds finite positions and intensities alone, but {np.count_nonzero(~is_good):,} of "
+            f"{len(cloud):,} points have others; leave those out, or write npz"
+        )
+    if not len(cloud):
+        return np.zeros(3), np.full(3, LAS_STEP)
+    low, high = cloud.positions.min(axis=0), cloud.positions.max(axis=0)
+    offsets = np.floor(low / 2 + high / 2)  # halves first: the sum of finite numbers may not be finite
+    reach = np.maximum(high - offsets, offsets - low)
+    return offsets, np.maximum(LAS_STEP, reach / (MOST_LAS_STEPS - 1))  # a step less: the quotient rounds
 
 
 def _arrow(cloud: PointCloud) -> Any:

@@ -1,4 +1,6 @@
-"""A scan over frames into a folder, piece by piece, in steps: for the command line and for the button alike.
+"""A scan over frames into a folder, piece by piece: its plan, and its steps for the button.
+
+The command line takes the plan alone: what runs its pieces, here or by workers, runs other commands' pieces as well.
 
 What a piece holds depends on its frames and on the plan alone: each is scanned by a scene of the engine's own, so that
 it is the same bytes whoever asked for it, and whatever pieces were there before.
@@ -15,13 +17,14 @@ from typing import Any
 import bpy
 
 from ..extract.simulations import has_simulations
-from ..live.scene_reference import SceneReference
+from ..live.scene_view import SceneView
 from ..pieces.folder import PieceFolder
 from ..pieces.piece import Piece
 from ..pieces.scene_inputs import scene_inputs
+from .outcomes import RayCounts
 from .pieces import BEFORE, light_input, pieces_of, sensor_input, write_piece
 from .point_cloud import PointCloud
-from .scan import Scanner
+from .scan import Scanner, find_sensor
 from .sensor_files import Sensor
 
 
@@ -32,7 +35,8 @@ class ScanPlan:
     frames: in any order; of them pieces are made of at most `size` that follow each other. is_one_pass: a whole pass of
     the sensor in the current frame, which `frames` names. suffix: of the format, such as ".npz". steps: key moments of
     a frame. threads: 0 for all. seed: of the sensor's noise.
-    labels: names of further columns.
+    labels: names of further columns. exclude_mount: as `scan` has it. for_viewport: what viewports show is scanned, not
+    what a render does.
     """
 
     sensor: Sensor
@@ -44,6 +48,8 @@ class ScanPlan:
     threads: int = 0
     seed: int = 0
     labels: tuple[str, ...] = ()
+    exclude_mount: bool | None = None
+    for_viewport: bool = False
 
     def pieces(self) -> list[Piece]:
         """In the order of their frames."""
@@ -53,8 +59,10 @@ class ScanPlan:
         """Where pieces go. inputs: see below."""
         return PieceFolder(path, inputs, BEFORE, "scan")
 
-    def inputs(self, scene_file: Path, carrier: str, *, autoexec: bool, allow_missing: bool) -> dict[str, Any]:
-        """What the bytes of pieces depend on. scene_file: that is open. carrier: the name of the sensor's object."""
+    def inputs(
+        self, scene_file: Path, carrier: bpy.types.Object | None, *, autoexec: bool, allow_missing: bool
+    ) -> dict[str, Any]:
+        """What the bytes of pieces depend on. scene_file: that is open. carrier: None for the camera of each frame."""
         return scene_inputs(
             scene_file,
             autoexec=autoexec,
@@ -62,15 +70,17 @@ class ScanPlan:
             sensor=sensor_input(self.sensor.pattern),
             light=light_input(self.sensor.light),
             seed=self.seed,
-            on=carrier,
+            on=None if carrier is None else carrier.name,
+            viewport=self.for_viewport,
             steps=self.steps,
             begins=min(self.frames),
             is_one_pass=self.is_one_pass,
             format=self.suffix,
             labels=list(self.labels),
+            exclude_mount=self.exclude_mount,
         )
 
-    def scanner(self, piece: Piece, carrier: bpy.types.Object) -> Scanner:
+    def scanner(self, piece: Piece, carrier: bpy.types.Object | None) -> Scanner:
         """Of one piece, in the context's scene. Raises ValueError like `Scanner`."""
         return Scanner(
             self.sensor,
@@ -81,20 +91,23 @@ class ScanPlan:
             threads=self.threads,
             seed=self.seed,
             labels=self.labels,
+            exclude_mount=self.exclude_mount,
+            for_viewport=self.for_viewport,
         )
 
 
 class PieceScan:
     """One run over the pieces of a plan, in the scene and view layer of the context.
 
-    carrier: the object that carries the sensor. place: where pieces go, prepared: what counts as done there is kept.
+    carrier: the object that carries the sensor, None for the camera of each frame. place: where pieces go, prepared:
+    what counts as done there is kept.
     on_piece: called with each cloud before it is written; what it raises ends the run, and the piece is not written.
     """
 
     def __init__(
         self,
         plan: ScanPlan,
-        carrier: bpy.types.Object,
+        carrier: bpy.types.Object | None,
         place: PieceFolder,
         *,
         on_piece: Callable[[Piece, PointCloud], object] | None = None,
@@ -103,13 +116,15 @@ class PieceScan:
         self.number = 1
         """Of the piece that is worked on, from 1."""
         self.written = self.kept = self.points = 0
+        self.counts = RayCounts()
         self.warnings: dict[str, None] = {}
         """Of the pieces that were scanned, each once."""
         self._plan = plan
         self._place = place
         self._on_piece = on_piece
-        self._where = SceneReference("scan", bpy.context.scene, bpy.context.view_layer)
-        self._carrier_name, self._carrier_uid = carrier.name, carrier.session_uid
+        where = bpy.context.scene, bpy.context.view_layer
+        self._where = SceneView("scan", *where, for_viewport=plan.for_viewport)
+        self._carrier = None if carrier is None else (carrier.name, carrier.session_uid)
         self._scanner: Scanner | None = None
         self._played_to = min(plan.frames) - 1
 
@@ -163,11 +178,8 @@ class PieceScan:
             self._on_piece(piece, cloud)
         write_piece(self._place, piece, cloud)
         self.written, self.points = self.written + 1, self.points + len(cloud)
+        self.counts += cloud.ray_outcomes
         self.warnings |= dict.fromkeys(cloud.warnings)
 
-    def _find_carrier(self, scene: bpy.types.Scene) -> bpy.types.Object:
-        """By what stays the same when an undo has replaced all objects."""
-        found = next((obj for obj in scene.objects if obj.session_uid == self._carrier_uid), None)
-        if found is None:
-            raise ValueError(f"scan: the sensor {self._carrier_name!r} was deleted during the scan")
-        return found
+    def _find_carrier(self, scene: bpy.types.Scene) -> bpy.types.Object | None:
+        return None if self._carrier is None else find_sensor(scene, *self._carrier)

@@ -49,6 +49,7 @@ def write_piece(place: PieceFolder, piece: Piece, cloud: PointCloud) -> None:
         piece,
         rays=cloud.ray_count,
         points=len(cloud),
+        ray_outcomes=cloud.ray_outcomes.named,
         object_names=list(cloud.object_names),
         material_names=list(cloud.material_names),
         labels=cloud.described_labels(label_columns(cloud.labels, path.suffix.lower())),

@@ -15,6 +15,7 @@ import numpy.typing as npt
 from ..support.arrays import write_arrays
 from ..support.files import replacing
 from ..sync.label_columns import LabelColumn
+from .outcomes import RayCounts
 
 # In the order of the file; each holds one row a point.
 COLUMNS = (
@@ -85,7 +86,8 @@ class PointCloud:
     return_ids, return_counts: (N,) int32, which echo of its ray's beam a point is, from 0, the nearest first, and how
     many of the beam were kept: 0 and 1 without light.
     labels: further columns by the names that were asked for: custom properties, collections and others, see `scan`.
-    ray_count: how many were cast. warnings: what could not be read or followed, as sentences.
+    ray_count: how many were cast. ray_outcomes: what became of them, a `RayCounts`, whose counts add up to ray_count in
+    every cloud of a scan. warnings: what could not be read or followed, and why a scan is of no use, as sentences.
 
     pose_error, scene_error: in world units, what the straight ways between the key moments of a LiDAR's frames leave
     of curved ones: about how far points may be off since the sensor, and since what it met, was not quite there. Each
@@ -119,6 +121,7 @@ class PointCloud:
     pose_error: float = 0.0
     scene_error: float = 0.0
     labels: Mapping[str, LabelColumn] = field(default_factory=dict)
+    ray_outcomes: RayCounts = field(default_factory=RayCounts)
 
     def __len__(self) -> int:
         return len(self.positions)

@@ -10,8 +10,10 @@ like any other, so that a long scan of a scene in which little moves reads and b
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Generator, Sequence
 from contextlib import closing
+from functools import partial
 from typing import Any
 
 import bpy
@@ -19,17 +21,19 @@ import numpy as np
 
 from ..extract.camera import without_scale
 from ..extract.label_values import LabelReader, LabelReading
-from ..live.scene_reference import SceneReference
 from ..live.scene_sync import UpdateCommit
+from ..live.scene_view import SceneMoment, SceneView, viewport_depsgraph
 from ..support.memory import check_fits
 from ..sync.records import AttributeRequest
 from .collector import Collector
+from .complaints import complaints_of, mount_left_out, unit_complaints
 from .light.model import Light
 from .light.ray_noise import RayNoise
+from .mount import Mount, surrounds
 from .patterns import Float64Array, Pattern, View
 from .point_cloud import PointCloud
 from .poses import Path, bend
-from .sensor_files import Sensor
+from .sensor_files import Sensor, sensor_names
 from .stretch_sync import StretchSync
 from .stretches import Stretch, rays_before, stretches_of
 from .traced_stretch import TracedStretch
@@ -60,13 +64,15 @@ def scan(
     progress: Progress | None = None,
     light: Light | None = None,
     seed: int = 0,
+    exclude_mount: bool | None = None,
+    for_viewport: bool = False,
 ) -> PointCloud:
     """Casts a pattern of rays in the current scene and returns the points that they meet, as a `PointCloud`.
 
     pattern: a `CameraGrid`, `SpinningLidar`, `Rosette`, `Raster` or `DepthCamera`, or a whole `Sensor`, see
         `load_sensor`, whose light counts as well.
-    sensor: the object that casts them; by default the scene's active camera. A camera looks along its own -Z with +Y
-        up; any other object along +Y with +Z up. A camera grid needs a camera. Scale is ignored.
+    sensor: the object that casts them; by default the camera of each frame, as markers choose it. A camera looks along
+        its own -Z with +Y up; any other object along +Y with +Z up. A camera grid needs a camera. Scale is ignored.
     frames: (first, last), both included; the frame that was current is set again at the end. A LiDAR spins on through
         all of them. By default the current frame alone, of which a LiDAR makes one whole turn.
     steps_per_frame: how many key moments a frame has. Blender evaluates each once; between two of them the sensor of a
@@ -81,38 +87,45 @@ def scan(
         instancer that shows it, of the object's data, of the instancer's data, of the material that is met), or
         "object", "instancer", "material" or "collection" (the first by name that holds the object itself). Texts become
         rows of a table of all that the file has, sorted, so that parts of a scan have the same; numbers stay. What has
-        no such label has -1, or NaN among numbers that are not whole. They are as they are where a stretch begins.
+        no such label has -1, or NaN among floats: numbers of which one has a fraction or is -1 itself. They are as they
+        are where a stretch begins.
     threads: at most so many; 0 for all.
     light: what light does to the beams: how wide they are, which echoes are kept, glass, mirrors, noise. See `Light`
         and `light/README.md` beside this file. None, the default: the sensor's own; a pattern has none, and is an ideal
         sensor: one thin ray, whose first hit is the point, whatever it is made of.
-    seed: of noise and dropout, 0 to 2 ** 64 - 1: the same one gives the same points, whatever threads, parts and
+    seed: of noise and dropout, 0 to 2 ** 31 - 1: the same one gives the same points, whatever threads, parts and
         processes do the work.
+    exclude_mount: whether the mount is invisible to the rays: the sensor's object and its children, and theirs, with
+        the instances that they make; not its parents. None, the default: for a `Sensor` (not for a bare pattern) whose
+        object is a mesh around it, that is if the object's origin is inside of the bounds of its mesh (without
+        modifiers); `PointCloud.warnings` then says so.
+    for_viewport: whether the scan sees what viewports show; by default what a render does: its objects, collections,
+        modifier levels and particles.
     progress: called with 0 to 1, also while trees are built; returning False raises `perfect_bvh.Cancelled`, within
         about a tenth of a second, as Ctrl-C raises KeyboardInterrupt. The frame is set back either way.
 
-    What is seen is what the viewport shows, as far as cameras may see it (Object > Visibility > Ray Visibility). What
-    cannot be followed from one key moment to the next, since it comes, goes or gets other triangles in between, stands
-    still until the later one, and is named in `PointCloud.warnings`.
+    What is seen is seen as far as cameras may see it (Object > Visibility > Ray Visibility). Blender evaluates it in a
+    render that makes no image, of which handlers of renders are told. A sensor that is hidden in renders is placed as
+    in viewports. What cannot be followed from one key moment to the next, since it comes, goes or gets other triangles
+    in between, stands still until the later one, and is named in `PointCloud.warnings`.
     Raises ValueError for a sensor that cannot scan, or that is deleted meanwhile, for a label that nothing in the file
     has or whose values are neither numbers, texts nor data-blocks, and what the engine raises.
     """
     how = {"frames": frames, "steps_per_frame": steps_per_frame, "since": since, "labels": labels, "threads": threads}
-    how |= {"light": light, "seed": seed}
+    how |= {"light": light, "seed": seed, "exclude_mount": exclude_mount, "for_viewport": for_viewport}
     scanner = Scanner(pattern, sensor, **how)
-    with closing(scanner.steps()) as steps:
-        for done in steps:
-            if progress is not None and progress(done) is False:
-                raise _cancelled()
+    if not scanner.run(progress):
+        raise _cancelled()
     return scanner.result()
 
 
 class Scanner:
     """A scan that can be done in steps, so that Blender goes on meanwhile. The arguments are those of `scan`.
 
-    Run through `steps()`, then ask for the `result()`. Closing the iterator of the steps early gives the scan up, in
-    the middle of a build, too; the current frame is set again either way. Each stretch shows the scene as it was when
-    its first step began. Raises ValueError for arguments with which no scan is possible.
+    Run through `steps()`, or call `run`, which is faster; then ask for the `result()`. Closing the iterator of the
+    steps early gives the scan up, in the middle of a build, too; the current frame is set again either way. Each
+    stretch shows the scene as it was when its first step began. Raises ValueError for arguments with which no scan is
+    possible.
     """
 
     def __init__(
@@ -127,24 +140,32 @@ class Scanner:
         threads: int = 0,
         light: Light | None = None,
         seed: int = 0,
+        exclude_mount: bool | None = None,
+        for_viewport: bool = False,
     ) -> None:
+        is_named = isinstance(pattern, Sensor) and pattern.name in sensor_names()
+        is_sensor = isinstance(pattern, Sensor)
         if isinstance(pattern, Sensor):
             pattern, light = pattern.pattern, light or pattern.light
         if light is not None and not isinstance(light, Light):
             raise ValueError(f"scan: light must be a Light, such as Light(Beam(rays=7, resolution=0.5)), got {light!r}")
         scene = bpy.context.scene
-        sensor = scene.camera if sensor is None else sensor
-        _check_sensor(pattern, sensor, scene)
+        if sensor is not None or not any(marker.camera for marker in scene.timeline_markers):
+            _check_sensor(pattern, scene.camera if sensor is None else sensor, scene)
         self._pattern = pattern
         self._light, self._random = light, RayNoise(seed)
-        self._place = SceneReference("scan", scene, bpy.context.view_layer)
-        self._sensor_name, self._sensor_uid = sensor.name, sensor.session_uid
+        self._place = SceneView("scan", scene, bpy.context.view_layer, for_viewport=for_viewport)
+        self._sensor = None if sensor is None else (sensor.name, sensor.session_uid)
         rate = scene.render.fps / scene.render.fps_base
         self._stretches = tuple(stretches_of(pattern, rate, frames, steps_per_frame, since))
         self._threads = threads
         self._labels = LabelReader("scan", labels)
         self._collector = Collector(rays_before(pattern, self._stretches))
         self._warnings: dict[str, None] = {}
+        self._exclude_mount = exclude_mount if is_sensor or exclude_mount is not None else False
+        self._mount: Mount | None = None
+        if is_named:
+            self._warnings |= dict.fromkeys(unit_complaints(scene.unit_settings, self._limits[1]))
         self._poses: list[Float64Array] = []
         self._pose_error = self._scene_error = 0.0
         self.built_share: float | None = None
@@ -153,7 +174,17 @@ class Scanner:
     def result(self) -> PointCloud:
         """What the finished scan has found."""
         errors = self._pose_error, self._scene_error
-        return self._collector.point_cloud(tuple(self._warnings), *errors, self._labels.tables)
+        complaints = complaints_of(self._collector.counts, self._limits)
+        return self._collector.point_cloud((*self._warnings, *complaints), *errors, self._labels.tables)
+
+    def run(self, progress: Progress | None = None) -> bool:
+        """Does all steps with one evaluated scene, which goes from frame to frame; False once `progress` returns it."""
+
+        def work() -> bool:
+            with closing(self.steps()) as steps:
+                return all(progress is None or progress(done) is not False for done in steps)
+
+        return self._place.hold(work)
 
     def steps(self) -> Generator[float, None, None]:
         """Does the scan; yields the share done, 0 to 1, every few tenths of a second, oftener while trees are built.
@@ -192,7 +223,8 @@ class Scanner:
         )
         rays = self._pattern.cast(stretch.start, stretch.end, view)
         shares = (rays.times - stretch.start) / max(stretch.end - stretch.start, MOST_SHORT)
-        cast = TracedStretch(sync, snapshot, self._pattern, rays, path, shares, labels, self._threads)
+        is_mount = None if self._mount is None else self._mount.find(sync.record)
+        cast = TracedStretch(sync, snapshot, self._pattern, rays, path, shares, labels, self._threads, is_mount)
         farthest = 0.0
         for traced, distance in cast.collect(self._collector, self._light, self._random):
             farthest = max(farthest, distance)
@@ -202,23 +234,28 @@ class Scanner:
 
     def _read(self, sync: StretchSync, stretch: Stretch) -> tuple[View | None, Path, UpdateCommit, LabelReading]:
         """What a stretch asks of Blender: the view of a camera grid, the sensor's way, trees in the making, labels."""
-        scene = self._place.find()
-        if stretch.frame is not None:
-            _set_frame(scene, stretch.frame, stretch.subframe)
-        sensor = self._find_sensor(scene)
-        depsgraph = self._place.depsgraph()
+        return self._place.read(partial(self._read_at, sync, stretch), stretch.frame, stretch.subframe)
+
+    def _read_at(
+        self, sync: StretchSync, stretch: Stretch, moment: SceneMoment
+    ) -> tuple[View | None, Path, UpdateCommit, LabelReading]:
+        """`_read`, where the stretch begins."""
+        sensor = self._find_sensor(moment)
+        self._find_mount(sensor, sync)
+        depsgraph = moment.depsgraph
         count = self._pattern.count(stretch.start, stretch.end)
-        view, reading = None, self._labels.read()
+        view, reading = None, self._labels.read(depsgraph)
         if self._pattern.needs_camera:
             building = sync.begin_update(depsgraph, count, camera=sensor, size=self._pattern.size)
             view, matrix = _view(sync)
             poses = [matrix, matrix]
         else:
-            poses = [_pose(sensor, depsgraph)]
+            poses = [_pose(sensor, moment)]
             if stretch.frame is None:
                 building = sync.begin_moment(depsgraph, count)
             else:
-                building = sync.begin_stretch(depsgraph, count, lambda: self._go_on(stretch, poses))
+                which = sensor.name, sensor.session_uid  # its camera, wherever a marker may change to another one
+                building = sync.begin_stretch(depsgraph, count, lambda: self._go_on(stretch, moment, which, poses))
         self._warnings |= dict.fromkeys(sync.warnings)
         if self._light is not None:
             left_out = [str(row) for row in sync.record.not_shown if row.kind in ("material", "image")]
@@ -226,13 +263,11 @@ class Scanner:
         self._scene_error = sync.scene_error
         return view, Path(poses[0], poses[-1]), building, reading
 
-    def _go_on(self, stretch: Stretch, poses: list[Float64Array]) -> Any:
+    def _go_on(self, stretch: Stretch, moment: SceneMoment, sensor: tuple[str, int], poses: list[Float64Array]) -> Any:
         """Goes to the stretch's end; gives what is evaluated there, and adds the sensor's pose to `poses`."""
-        scene = self._place.find()
-        _set_frame(scene, stretch.next_frame, stretch.next_subframe)
-        depsgraph = self._place.depsgraph()
-        poses.append(_pose(self._find_sensor(scene), depsgraph))
-        return depsgraph
+        moment.go_to(stretch.next_frame, stretch.next_subframe)
+        poses.append(_pose(find_sensor(moment.scene, *sensor), moment))
+        return moment.depsgraph
 
     def _follow(self, path: Path, distance: float) -> None:
         """Keeps the last poses, and how far from a straight line they are."""
@@ -252,13 +287,36 @@ class Scanner:
         building.result()
         return share
 
-    def _find_sensor(self, scene: bpy.types.Scene) -> bpy.types.Object:
-        found = scene.objects.get(self._sensor_name)
-        if found is None or found.session_uid != self._sensor_uid:
-            found = next((obj for obj in scene.objects if obj.session_uid == self._sensor_uid), None)
-        if found is None:
-            raise ValueError(f"scan: the sensor {self._sensor_name!r} was deleted during the scan")
-        return found
+    @property
+    def _limits(self) -> tuple[float, float]:
+        """The nearest and the farthest that the sensor measures, in scene units."""
+        return getattr(self._pattern, "min_distance", 0.0), getattr(self._pattern, "max_distance", math.inf)
+
+    def _find_mount(self, sensor: bpy.types.Object, sync: StretchSync) -> None:
+        """Finds what is of the sensor's object, and hides it from the rays if that is asked for, or is the default."""
+        if self._mount is not None and self._mount.uid == sensor.session_uid:
+            return
+        self._mount = Mount.of(sensor)
+        is_default = self._exclude_mount is None and surrounds(sensor)
+        sync.hidden = self._mount if self._exclude_mount or is_default else None
+        if is_default:
+            self._warnings |= {mount_left_out(self._mount.name): None}
+
+    def _find_sensor(self, moment: SceneMoment) -> bpy.types.Object:
+        """The one that was named, or the moment's camera."""
+        if self._sensor is not None:
+            return find_sensor(moment.scene, *self._sensor)
+        camera = moment.camera
+        _check_sensor(self._pattern, camera, moment.scene)
+        return camera
+
+
+def find_sensor(scene: bpy.types.Scene, name: str, session_uid: int) -> bpy.types.Object:
+    """By what stays the same when an undo has replaced all objects. Raises ValueError if it is gone."""
+    found = next((obj for obj in scene.objects if obj.session_uid == session_uid), None)
+    if found is None:
+        raise ValueError(f"scan: the sensor {name!r} was deleted during the scan")
+    return found
 
 
 def _check_sensor(pattern: Pattern, sensor: bpy.types.Object | None, scene: bpy.types.Scene) -> None:
@@ -270,12 +328,6 @@ def _check_sensor(pattern: Pattern, sensor: bpy.types.Object | None, scene: bpy.
         raise ValueError(f"scan: the sensor {sensor.name!r} is not in scene {scene.name!r}")
 
 
-def _set_frame(scene: bpy.types.Scene, frame: int, subframe: float) -> None:
-    """Goes there, unless that is where the scene is: a frame takes as long to evaluate again as it took before."""
-    if (scene.frame_current, scene.frame_subframe) != (frame, np.float32(subframe)):
-        scene.frame_set(frame, subframe=subframe)
-
-
 def _view(sync: StretchSync) -> tuple[View, Float64Array]:
     """The view of a camera grid, and the (4, 4) matrix from the camera's space to the world."""
     camera = sync.camera
@@ -284,9 +336,14 @@ def _view(sync: StretchSync) -> tuple[View, Float64Array]:
     return View(camera.window, camera.projection, camera.clip_start, camera.clip_end), camera.matrix
 
 
-def _pose(sensor: bpy.types.Object, depsgraph: Any) -> Float64Array:
+def _pose(sensor: bpy.types.Object, moment: SceneMoment) -> Float64Array:
     """The (4, 4) matrix from the space of a pattern that needs no camera to the world."""
-    matrix = without_scale(np.array(sensor.evaluated_get(depsgraph).matrix_world, dtype=np.float64))
+    placed = sensor.evaluated_get(moment.depsgraph)
+    if not placed.is_evaluated and moment.frame_set is not None:  # hidden in renders, which do not place it
+        scene = moment.scene
+        scene.frame_set(scene.frame_current, subframe=scene.frame_subframe)
+        placed = sensor.evaluated_get(viewport_depsgraph(moment.depsgraph))
+    matrix = without_scale(np.array(placed.matrix_world, dtype=np.float64))
     if matrix is None:
         raise ValueError(f"scan: the sensor {sensor.name!r} has no usable matrix: an axis is scaled to zero")
     if sensor.type != "CAMERA":

@@ -21,5 +21,6 @@ def drop_hidden(
 ) -> None:
     """Makes misses of hits that something hides from a second eye. eyes: (R, 3), where it is when each ray is cast."""
     ways = hits.positions - eyes
-    is_hidden = snapshot.test_occlusions(eyes, ways, 0.0, ALMOST_THERE, mask=mask, times=times, threads=threads)
+    how = {"mask": mask, "times": times, "threads": threads}
+    is_hidden = snapshot.test_occlusions(eyes, ways, t_max=ALMOST_THERE, **how)
     hits.instance_ids[is_hidden & hits.is_hit] = -1

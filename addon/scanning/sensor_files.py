@@ -8,7 +8,7 @@ A file says what kind of sensor it is, and the arguments of that pattern by thei
     rate = 10.0
 
 `title` and `source` are for readers. The tables [beam], [light], [detection] and [noise] say what light does to its
-beams, see `light.py`; without any of them it is an ideal sensor.
+beams, see `light/README.md`; without any of them it is an ideal sensor.
 """
 
 from __future__ import annotations

@@ -20,13 +20,19 @@ from ..sync.motion_records import MomentRecord, MotionSettings
 from ..sync.records import AttributeRequest, SceneRecord
 from ..sync.scene_difference import AppliedDifference, SceneDifference
 from ..sync.stretch_words import StretchWords
+from .mount import Mount
 from .scene_bend import SceneBend
 
 _BEGIN, _END = Fraction(0), Fraction(1)
 
 
 class StretchSync(SceneSync):
-    """For scans: it watches nothing, so that its snapshots do not go stale by what the user does meanwhile."""
+    """For scans: it watches nothing, so that its snapshots do not go stale by what the user does meanwhile.
+
+    hidden: what no ray meets, of all that is read from then on.
+    """
+
+    hidden: Mount | None = None
 
     def __init__(self, attributes: AttributeRequest) -> None:
         super().__init__(attributes, watch=False)
@@ -60,6 +66,10 @@ class StretchSync(SceneSync):
         count = len(record.objects)
         settings = MotionSettings(steps=np.full(count, 2, np.int32), deforms=np.ones(count, np.bool_))
         return add_motion(record, {_BEGIN: _moment(record), _END: _moment(ahead)}, settings, StretchWords)
+
+    def _read_record(self, depsgraph: Any, view: dict[str, Any], **how: Any) -> SceneRecord:
+        record = super()._read_record(depsgraph, view, **how)
+        return record if self.hidden is None else self.hidden.hide(record)
 
     def _read_here(self, depsgraph: Any) -> SceneRecord:
         return self._read_record(depsgraph, {"camera": _no_camera}, cache=self._cache)

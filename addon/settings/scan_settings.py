@@ -68,10 +68,20 @@ class PERFECT_BVH_PG_scan(bpy.types.PropertyGroup):
     sensor: bpy.props.PointerProperty(
         name="Carried By",
         description=(
-            "Object that carries the sensor; the active camera if empty. A camera looks along its own -Z with +Y up, "
-            "anything else along +Y with +Z up"
+            "Object that carries the sensor; the camera of each frame if empty. A camera looks along its own -Z with "
+            "+Y up, anything else along +Y with +Z up"
         ),
         type=bpy.types.Object,
+    )
+    mount: bpy.props.EnumProperty(
+        name="Mount",
+        description="Whether the rays meet the object that carries the sensor, its children and their instances",
+        items=[
+            ("AUTO", "Automatic", "Excluded where the sensor is inside of its object's mesh: within the mesh's bounds"),
+            ("EXCLUDE", "Exclude", "The rays go through the object and its children"),
+            ("SCAN", "Scan", "The rays meet the object and its children as they meet all others"),
+        ],
+        default="AUTO",
     )
     width: bpy.props.IntProperty(
         name="Resolution X", description="How many rays are in a row", default=640, min=1, max=65536, subtype="PIXEL"
@@ -140,6 +150,13 @@ class PERFECT_BVH_PG_scan(bpy.types.PropertyGroup):
     )
     frame_end: bpy.props.IntProperty(
         name="End", description="The last frame that is scanned", default=24, min=-MOST, max=MOST
+    )
+    use_viewport: bpy.props.BoolProperty(
+        name="As in Viewports",
+        description=(
+            "Scan the objects, collections, modifier levels and particles that viewports show, instead of a render's"
+        ),
+        default=False,
     )
     steps_per_frame: bpy.props.IntProperty(
         name="Steps per Frame",

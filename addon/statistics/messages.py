@@ -20,11 +20,15 @@ RENDER, VIEWPORT, VIEW = "Render", "Viewport", "Render View to Image"
 
 @dataclass(frozen=True, slots=True)
 class Message:
-    """source: what it is of. text: a sentence, with what can be done about it. is_error: whether there is no result."""
+    """source: what it is of. text: a sentence, with what can be done about it. is_error: whether there is no result.
+
+    is_note: whether nothing is wrong; such a message is shown by the panel of its source alone.
+    """
 
     source: str
     text: str
     is_error: bool = False
+    is_note: bool = False
 
 
 _of_views: weakref.WeakKeyDictionary[object, tuple[int, Message]] = weakref.WeakKeyDictionary()  # with the scene's uid
@@ -40,11 +44,16 @@ def tell(scene: bpy.types.Scene, source: str, *texts: str, is_error: bool = Fals
         tell_of_news()
 
 
-def add(scene: bpy.types.Scene, source: str, text: str, *, is_error: bool = False) -> None:
+def add(scene: bpy.types.Scene, source: str, text: str, *, is_error: bool = False, is_note: bool = False) -> None:
     """The same beside what was told of it."""
     of_scene = _told.setdefault(scene.original.session_uid, {})
-    of_scene[source] = (*of_scene.get(source, ()), Message(source, text, is_error))
+    of_scene[source] = (*of_scene.get(source, ()), Message(source, text, is_error, is_note))
     tell_of_news()
+
+
+def notes_of(scene: bpy.types.Scene, source: str) -> tuple[str, ...]:
+    """Returns the notes on what was done last."""
+    return tuple(message.text for message in _told.get(scene.session_uid, {}).get(source, ()) if message.is_note)
 
 
 def tell_of_view(scene: bpy.types.Scene, view: object, text: str | None, *, is_error: bool = False) -> None:
@@ -72,8 +81,9 @@ def begin_render(scene: bpy.types.Scene) -> None:
 
 
 def messages_of(scene: bpy.types.Scene) -> tuple[Message, ...]:
-    """All there are of a scene, the gravest first, each once."""
-    found = [message for told in list(_told.get(scene.session_uid, {}).values()) for message in told]
+    """All there are of a scene but notes, the gravest first, each once."""
+    told = [message for each in list(_told.get(scene.session_uid, {}).values()) for message in each]
+    found = [message for message in told if not message.is_note]
     found += [message for uid, message in list(_of_views.values()) if uid == scene.session_uid]
     found.sort(key=lambda message: not message.is_error)
     statistics = last_statistics(scene)

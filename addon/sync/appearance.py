@@ -68,6 +68,7 @@ def make_appearance(record: SceneRecord, instance_ids: Int32Array, mesh_ids: Int
         catcher_mask=CATCHES_SHADOWS,
         film_transparent=record.film_transparent,
         plain_reflectance=record.plain_reflectance,
+        pass_alpha_threshold=record.pass_alpha_threshold,
         images=tuple(
             [
                 ImageTexture(image.pixels, image.extension, image.uv_transform, image.uv_map, image.tiles)

@@ -43,7 +43,7 @@ def plain_keys(record: PlacedInstances) -> Uint64Array:
     instances = record.instances
     keys = np.zeros(len(instances), np.uint64)
     for column in (*_uids(record), *instances.persistent_ids.T):
-        keys = _mix(keys ^ column.astype(np.uint32).astype(np.uint64))
+        keys = mix(keys ^ column.astype(np.uint32).astype(np.uint64))
     return keys
 
 
@@ -70,7 +70,7 @@ def _uids(record: PlacedInstances) -> tuple[Int64Array, Int64Array]:
     return uids[record.instances.object_indices], uids[record.instances.parent_indices]
 
 
-def _mix(values: Uint64Array) -> Uint64Array:
+def mix(values: Uint64Array) -> Uint64Array:
     """One round of the splitmix64 generator (Steele, Lea and Flood 2014): a bijection that spreads every bit."""
     values = values + np.uint64(0x9E3779B97F4A7C15)
     values = (values ^ (values >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
@@ -91,7 +91,7 @@ def number_repeated(keys: Uint64Array) -> Uint64Array:
         starts = np.maximum.accumulate(np.where(is_repeated, 0, positions))
         numbers = (positions - starts).astype(np.uint64)
         keys = keys.copy()
-        keys[by_key[is_repeated]] = _mix(ordered[is_repeated] + numbers[is_repeated])
+        keys[by_key[is_repeated]] = mix(ordered[is_repeated] + numbers[is_repeated])
 
 
 def match_keys(old: npt.NDArray[Any], new: npt.NDArray[Any]) -> Int32Array:

@@ -14,16 +14,14 @@ from .records import SceneRecord
 Float64Array = npt.NDArray[np.float64]
 LabelValue = int | float | str | None
 MISSING = -1
-# Where the file has whole numbers below 0 that -1 could be mistaken for: the smallest of 32 bits.
-MISSING_AMONG_NEGATIVES = -(2**31)
 
 
 @dataclass(frozen=True, slots=True)
 class LabelTable:
     """What the values of a label are.
 
-    names: of a label whose values are rows of them; None for numbers. missing: what stands where nothing has the label:
-    NaN among numbers that are not whole, else -1, or the smallest int32 if the file has values below 0.
+    names: of a label whose values are rows of them; None for numbers. missing: the value where nothing has the label:
+    -1 for rows of names and whole numbers, NaN for floats. Numbers are floats if any has a fraction or is -1 itself.
     """
 
     names: tuple[str, ...] | None

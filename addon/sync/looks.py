@@ -9,11 +9,13 @@ import numpy as np
 
 from .records import ImageRecord, MaterialVariants, SceneRecord
 
+_OF_THE_FILM = ("film_transparent", "plain_reflectance", "pass_alpha_threshold")
+
 
 def find_look_differences(old: SceneRecord, new: SceneRecord) -> tuple[str, ...]:
     """What differs, in words: "materials", "objects", "film", "world", "lights", "variants", "images"."""
     found = [name for name in ("materials", "objects", "world") if getattr(old, name) != getattr(new, name)]
-    if (old.film_transparent, old.plain_reflectance) != (new.film_transparent, new.plain_reflectance):
+    if any(getattr(old, name) != getattr(new, name) for name in _OF_THE_FILM):
         found.append("film")
     if _differ(old.lights, new.lights):
         found.append("lights")

@@ -1,7 +1,7 @@
 """From a scene at several moments of the shutter to what moves in it: the motions that the engine is given.
 
 What is the same at all of its moments gets no motion. What cannot be followed, because it is not there at one of them
-or has other triangles, stands still as at the frame, and is named once.
+or has other triangles, or may be another instance, stands still as at the frame, and is named once.
 """
 
 from __future__ import annotations
@@ -27,6 +27,7 @@ from .motion_records import (
 )
 from .motion_words import MotionWords
 from .records import CameraRecord, Int32Array, MeshRecord, SceneRecord
+from .reordered import find_reordered
 
 # A matrix whose largest entry is 1 and whose determinant is below it flattens space: how it turns cannot be told.
 _FLAT = 1e-24
@@ -59,8 +60,11 @@ def add_motion(
         asked = steps == count
         there = np.logical_and.reduce([moment.rows >= 0 for moment in at])
         words.add_missing(asked & ~there)
-        motions += _move(record, at, asked & there, words)
-        shapes.add(at, asked & there & deforms, words)
+        reordered = find_reordered(record, at, asked & there)
+        words.add_reordered(np.flatnonzero(reordered))
+        followed = asked & there & ~reordered
+        motions += _move(record, at, followed, words)
+        shapes.add(at, followed & deforms, words)
     meshes, columns, mesh_motions = shapes.split()
     camera = _camera_motion(record, moments, settings, words)
     not_shown = words.rows

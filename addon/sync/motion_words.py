@@ -14,6 +14,7 @@ from .not_shown import NotShown
 from .records import ObjectRecord, SceneRecord
 
 _OF_MISSING = "Bake it, or let it begin or end at a whole frame; or turn its Motion Blur off"
+_OF_ORDER = "Give the points ids, by Set ID, before nodes change their order; or turn its Motion Blur off"
 _OF_SHAPES = "Keep its number of points the same from frame to frame, or turn its Deformation motion blur off"
 _OF_FLAT = "Scale it to a small number instead of zero, or turn its Motion Blur off"
 _OF_CAMERA = "Keep the camera's type and scale usable throughout the shutter, or turn its Motion Blur off"
@@ -42,6 +43,11 @@ class MotionWords:
         """(I,) bool: instances that are not there at all of their moments."""
         for owner, count, is_plain in _owners(self._record, np.flatnonzero(missing)):
             self._rows[self._missing_row(owner, count, is_plain)] = None
+
+    def add_reordered(self, rows: IntArray) -> None:
+        """Of instances without ids whose order changes."""
+        for owner, count, _ in _owners(self._record, rows):
+            self._rows[self._reordered_row(owner, count)] = None
 
     def add_flat(self, rows: IntArray) -> None:
         """Of instances that a transform flattens at one of their moments."""
@@ -82,6 +88,10 @@ class MotionWords:
         subject = "it is" if is_plain else _instances(count)
         text = f"{subject} there only at other moments of the shutter than the frame; not shown"
         return row_of(owner, text, _OF_MISSING)
+
+    def _reordered_row(self, owner: ObjectRecord, count: int) -> NotShown:
+        text = f"{count:,} of its instances have no ids and trade places within the shutter, as if sorted anew"
+        return row_of(owner, f"{text}; {_still(count, False)}", _OF_ORDER)
 
     def _flat_row(self, owner: ObjectRecord, count: int, is_plain: bool) -> NotShown:
         whose = "its scale is" if is_plain else f"the scale of {count:,} of its instances is"

@@ -413,6 +413,7 @@ class SceneRecord:
     size: tuple[int, int]
     film_transparent: bool = False
     plain_reflectance: float = 0.0  # of what has no material
+    pass_alpha_threshold: float = 0.0  # what has less alpha is not in passes
     images: tuple[ImageRecord, ...] = ()
     lights: LightRecords = field(default_factory=LightRecords)
     world: WorldRecord | None = None

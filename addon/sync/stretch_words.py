@@ -7,6 +7,7 @@ from .motion_words import MotionWords, row_of
 from .not_shown import NotShown
 from .records import ObjectRecord
 
+_OF_ORDER = "Give the points ids, by Set ID, before nodes change their order"
 _ADVICE = "Raise Steps per Frame: there is less time between two key moments then"
 
 
@@ -22,6 +23,10 @@ class StretchWords(MotionWords):
         subject, met = ("it comes", "it is") if is_plain else ("some of its instances come", "they are")
         text = f"{subject} between two key moments of the scan; until the later one {met} not met"
         return row_of(owner, text, _ADVICE)
+
+    def _reordered_row(self, owner: ObjectRecord, count: int) -> NotShown:
+        text = "instances without ids change places between two key moments of the scan, as if by another order"
+        return row_of(owner, f"{text}; until the later one they stand still, as at the earlier one", _OF_ORDER)
 
     def _flat_row(self, owner: ObjectRecord, count: int, is_plain: bool) -> NotShown:
         whose, subject = (

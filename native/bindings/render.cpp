@@ -239,6 +239,7 @@ void read_appearance(const py::dict& values, Appearance& appearance) {
   appearance.catcher_mask = get<std::uint32_t>(values, "catcher_mask");
   appearance.film_transparent = get<bool>(values, "film_transparent");
   appearance.plain_reflectance = get<float>(values, "plain_reflectance");
+  appearance.pass_alpha_threshold = get<float>(values, "pass_alpha_threshold");
   for (const auto& [key, value] : values["meshes"].cast<py::dict>()) {
     const auto mesh = value.cast<py::dict>();
     MeshAttributes attributes;

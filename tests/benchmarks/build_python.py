@@ -101,7 +101,7 @@ def planner_choices(mesh: BenchMesh) -> list[dict[str, Any]]:
 def count_visits(scene: perfect_bvh.Scene, rays: Rays) -> dict[str, float]:
     """Nodes and triangles a ray; of occlusion rays, to the first hit rather than to any."""
     fields = ("nodes_visited", "primitives_tested")
-    hits = scene.cast_rays(rays.origins, rays.directions, 0.0, rays.t_max, fields=fields)
+    hits = scene.cast_rays(rays.origins, rays.directions, t_min=0.0, t_max=rays.t_max, fields=fields)
     return {name: float(np.mean(getattr(hits, name))) for name in fields}
 
 

@@ -185,12 +185,12 @@ def compare_alone(labels: Any, things: list[bpy.types.Object], count: int) -> Ro
     for row in chosen:
         name = labels.things[row].name
         for thing in things:
-            thing.hide_viewport = thing.name != name
+            thing.hide_render = thing.name != name
         alone = label_image(size=SIZE)
         seen = [np.sort(found.amodal.pixels_of(number)) for found, number in ((labels, rows[name]), (alone, 0))]
         differing += not np.array_equal(*seen)
     for thing in things:
-        thing.hide_viewport = False
+        thing.hide_render = False
     return {"rendered_alone": len(chosen), "amodal_masks_that_differ": differing}
 
 

@@ -80,12 +80,14 @@ def ours(scene: perfect_bvh.Scene, name: str, isa: str | None = None, **keywords
     def cast(rays: Rays) -> perfect_bvh.Hits:
         perfect_bvh.set_active_isa(isa)
         fields = ("t_hit", "primitive_ids", "instance_ids")
-        columns = (rays.origins, rays.directions, 0.0, rays.t_max)
-        return snapshot.cast_rays(*columns, fields=fields, threads=1, **keywords)
+        columns = rays.origins, rays.directions
+        return snapshot.cast_rays(*columns, t_max=rays.t_max, fields=fields, threads=1, **keywords)
 
     def test(rays: Rays) -> npt.NDArray[np.bool_]:
         perfect_bvh.set_active_isa(isa)
-        return snapshot.test_occlusions(rays.origins, rays.directions, 0.0, rays.t_max, threads=1, **keywords)
+        return snapshot.test_occlusions(
+            rays.origins, rays.directions, t_min=0.0, t_max=rays.t_max, threads=1, **keywords
+        )
 
     def answers(rays: Rays) -> Answers:
         hits = cast(rays)

@@ -29,10 +29,10 @@ def measure_from_python(
     snapshot = peers.scene_of(mesh).snapshot()
 
     def cast(rays: Rays, threads: int, **fields: Any) -> object:
-        columns = (rays.origins, rays.directions, 0.0, rays.t_max)
+        columns = rays.origins, rays.directions
         if rays.is_any_hit:
-            return snapshot.test_occlusions(*columns, threads=threads)
-        return snapshot.cast_rays(*columns, threads=threads, **fields)
+            return snapshot.test_occlusions(*columns, t_max=rays.t_max, threads=threads)
+        return snapshot.cast_rays(*columns, t_max=rays.t_max, threads=threads, **fields)
 
     casts: Casts = {
         "t, triangle": lambda rays: cast(rays, 1, fields=FIELDS),

@@ -79,7 +79,7 @@ def measure(name: str, kind: str, rounds: int, ray_limit: int) -> dict[str, Any]
     """One scene and pattern."""
     bpy.ops.wm.open_mainfile(filepath=str(REPOSITORY / "blend_scenes" / f"{name}.blend"))
     pattern = PATTERNS[kind]
-    clouds, scan_ms = timed(rounds, lambda: scan(pattern, threads=1))
+    clouds, scan_ms = timed(rounds, lambda: scan(pattern, threads=1, for_viewport=True))  # as `scene.ray_cast` sees it
     sync = SceneSync()
     sync.update(bpy.context.evaluated_depsgraph_get(), size=pattern.size)
     rays = world_rays(pattern, sync, ray_limit)
@@ -185,8 +185,8 @@ def wrong_of(sync: SceneSync, rays: WorldRays, rows: npt.NDArray[np.int64]) -> i
     hits = sync.scene.cast_rays(
         rays.origins[rows],
         rays.directions[rows],
-        rays.nearest[rows].astype(np.float32),
-        rays.farthest[rows].astype(np.float32),
+        t_min=rays.nearest[rows].astype(np.float32),
+        t_max=rays.farthest[rows].astype(np.float32),
         mask=VISIBLE_TO_CAMERA,
         audit=1.0,
     )

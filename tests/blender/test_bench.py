@@ -242,7 +242,7 @@ def test_the_button_makes_a_table_without_matplotlib(moving_ball: bpy.types.Scen
 def begin_button(folder: Path) -> tuple[FakeOperator, FakeWindow]:
     """It measures, and has reached the frames."""
     operator, window = FakeOperator(PERFECT_BVH_OT_bench), FakeWindow()
-    operator.seconds, operator.folder = 60.0, str(folder)
+    operator.seconds, operator.folder, operator.for_viewport = 60.0, str(folder), False
     assert operator.invoke(window, None) == {"RUNNING_MODAL"}
     operator._bench._clock = count(operator._bench._started, 1e-3).__next__
     operator._bench._seconds = 4.0

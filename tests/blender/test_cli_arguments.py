@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 from blender.command_lines import run_command
+from perfect_bvh_addon.cli import build_parser
 from perfect_bvh_addon.cli.arguments import CommandError, Output, check_blend_file, check_mode, parse_frames, parse_size
 from perfect_bvh_addon.cli.console import format_table
 from perfect_bvh_addon.support.files import replacing
@@ -39,11 +40,28 @@ def test_frames_that_mean_nothing_are_refused(text: str) -> None:
         parse_frames(text)
 
 
-def test_a_size_is_two_positive_numbers() -> None:
+def test_a_size_is_two_numbers_that_blender_can_have() -> None:
     assert parse_size("960x540") == (960, 540)
-    for text in ("960", "0x5", "5x-1", "axb", "99999x1", "1.5x2"):
-        with pytest.raises(argparse.ArgumentTypeError):
+    assert parse_size("4x65536") == (4, 65536)
+    for text in ("960", "5x-1", "axb", "1.5x2"):
+        with pytest.raises(argparse.ArgumentTypeError, match="expected WIDTHxHEIGHT"):
             parse_size(text)
+    for text in ("0x5", "1x3", "4x3", "3x540"):
+        with pytest.raises(argparse.ArgumentTypeError, match=f"no side below 4 pixels, got {text}; make a larger"):
+            parse_size(text)
+    with pytest.raises(argparse.ArgumentTypeError, match="no side above 65536 pixels, got 4x65537"):
+        parse_size("4x65537")
+
+
+def test_all_commands_take_the_same_seeds(capsys: pytest.CaptureFixture[str]) -> None:
+    parser = build_parser("perfect-bvh")
+    for command in ("render", "scan"):
+        line = [command, "scene.blend", "-o", "out", "--seed"]
+        assert parser.parse_args([*line, str(2**31 - 1)]).seed == 2**31 - 1
+        for wrong in ("-1", str(2**31), "1.0", "x"):
+            with pytest.raises(SystemExit):
+                parser.parse_args([*line, wrong])
+            assert f"must be a whole number from 0 to {2**31 - 1}, got {wrong!r}" in capsys.readouterr().err
 
 
 def test_an_unknown_mode_is_refused_with_the_known_ones() -> None:

@@ -35,7 +35,7 @@ def test_info_lists_the_meshes(small_file: Path, capsys) -> None:
     assert build >= 0 and rays > 0 and trace > 0
     assert lines[5].startswith("2 meshes, 812 triangles; 2 instances show 812 triangles; top level")
     assert lines[6] == (
-        "rays and trace ms: of one image of 64 x 36 pixels, mode preview, samples 16, on one thread, as expected"
+        "rays and trace ms: of one image of 64 x 36 pixels, mode lit, samples 16, on one thread, as expected"
     )
 
 
@@ -57,7 +57,13 @@ def test_info_needs_no_camera(small_file: Path, broken_files: dict[str, Path], c
         (("render", "{small}", "-o", "{text}/a.png"), "cannot write into"),
         (("render", "{small}", "-o", "{tmp}/a.png", "--frames", "1-3"), "3 frames need a folder"),
         (("render", "{small}", "-o", "{tmp}/a.png", "--size", "big"), "expected WIDTHxHEIGHT"),
+        (("render", "{small}", "-o", "{tmp}/a.png", "--size", "1x3"), "no side below 4 pixels, got 1x3"),
         (("render", "{small}", "-o", "{tmp}/a.png", "--samples", "0"), "must be at least 1"),
+        (
+            ("render", "{small}", "-o", "{tmp}/a/", "--frames", "1-2", "--piece", "1"),
+            "--piece needs --resume, --workers",
+        ),
+        (("scan", "{small}", "-o", "{tmp}/a", "--steps", "2"), "--steps needs --frames"),
         (("render", "{small}"), "-o"),
         (("paint", "{small}"), "invalid choice"),
     ],

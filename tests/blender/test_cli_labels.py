@@ -59,11 +59,75 @@ def test_what_renders_do_not_show_has_no_label(small_file: Path, tmp_path: Path)
         assert [thing["name"] for thing in json.loads(str(data["things"]))] == ["Sheet"]
 
 
+def test_a_cropped_render_region_is_labelled_as_it_is_rendered(small_file: Path, tmp_path: Path) -> None:
+    """Against the depth of the render, and what labels of the whole frame have there."""
+    arguments = ("--layers", 2, "--flow", "-q")
+    assert run("labels", small_file, "-o", tmp_path / "whole", *arguments) == 0
+    bpy.ops.wm.open_mainfile(filepath=str(small_file))
+    render = bpy.context.scene.render
+    render.use_border = render.use_crop_to_border = True
+    render.border_min_x, render.border_max_x, render.border_min_y, render.border_max_y = 0.27, 0.81, 0.13, 0.7
+    bpy.ops.wm.save_mainfile()
+    assert run("labels", small_file, "-o", tmp_path / "part", *arguments) == 0
+    image = tmp_path / "depth.exr"
+    assert run("render", small_file, "-o", image, "--mode", "depth", "--samples", 1, "-q") == 0
+    (depth,) = (plane for name, plane in read_exr(image).items() if name.endswith("R"))
+    rows, columns = slice(36 - int(0.7 * 36), 36 - int(0.13 * 36)), slice(int(0.27 * 64), int(0.81 * 64))
+    with (
+        np.load(tmp_path / "whole" / "labels_0001.npz") as whole,
+        np.load(tmp_path / "part" / "labels_0001.npz") as part,
+    ):
+        assert np.array_equal(part["depth"], depth) and (depth < 100.0).any()
+        for name in ("depth", "positions", "normals", "flow"):
+            assert np.array_equal(part[name], whole[name][rows, columns]), name
+        assert np.array_equal(part["layer_depths"], whole["layer_depths"][:, rows, columns])
+    (row,) = json.loads((tmp_path / "part" / "coco_0001-0001.json").read_text())["images"]
+    assert (row["height"], row["width"]) == depth.shape
+
+
+def test_flow_of_what_viewports_show(small_file: Path, tmp_path: Path) -> None:
+    for name, more in (("render", ()), ("viewport", ("--viewport",))):
+        assert run("labels", small_file, "-o", tmp_path / name, "--flow", "--no-coco", "-q", *more) == 0
+    with np.load(tmp_path / "render/labels_0001.npz") as one, np.load(tmp_path / "viewport/labels_0001.npz") as other:
+        assert np.array_equal(one["flow"], other["flow"]) and np.abs(one["flow"]).max() > 0.1
+
+
+@pytest.mark.parametrize("command", ["render", "labels", "info"])
+def test_a_percentage_that_leaves_no_pixel_is_refused(
+    small_file: Path, tmp_path: Path, capfd: Any, command: str
+) -> None:
+    bpy.ops.wm.open_mainfile(filepath=str(small_file))
+    render = bpy.context.scene.render
+    render.resolution_x, render.resolution_y, render.resolution_percentage = 160, 99, 1
+    bpy.ops.wm.save_mainfile()
+    output = [] if command == "info" else ["-o", tmp_path / f"{command}.png"]
+    assert run(command, small_file, *output) == 2
+    said = capfd.readouterr().err
+    assert "160 x 99 pixels at 1 % are 1 x 0, which is no image; choose a larger resolution" in said
+    assert ("--size 960x540" in said) == (command != "info")
+
+
+def test_a_percentage_that_leaves_one_pixel_is_honoured(small_file: Path, tmp_path: Path) -> None:
+    """Blender renders less than its least resolution, if a percentage asks for it."""
+    bpy.ops.wm.open_mainfile(filepath=str(small_file))
+    render = bpy.context.scene.render
+    render.resolution_x, render.resolution_y, render.resolution_percentage = 299, 100, 1
+    bpy.ops.wm.save_mainfile()
+    image = tmp_path / "depth.exr"
+    assert run("render", small_file, "-o", image, "--mode", "depth", "--samples", 1, "-q") == 0
+    (depth,) = (plane for name, plane in read_exr(image).items() if name.endswith("R"))
+    assert run("labels", small_file, "-o", tmp_path / "labels", "-q") == 0
+    with np.load(tmp_path / "labels" / "labels_0001.npz") as data:
+        assert data["depth"].shape == (1, 2) and np.array_equal(data["depth"], depth)
+
+
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
         (("--layers", "0"), "must be 1 to 1000"),
         (("--frames", "x"), "expected frames such as"),
+        (("--size", "1x3"), "no side below 4 pixels, got 1x3; make a larger image and cut it"),
+        (("--depth-scale", "0.01"), "--depth-scale is of PNG files: add png to --format"),
         (("-o", "{file}"), "expected a folder, it is a file"),
     ],
 )
@@ -152,8 +216,8 @@ def test_what_the_engine_fails_by_is_told(
 def test_a_piece_that_blender_gives_up_is_no_stop(
     small_file: Path, tmp_path: Path, capfd: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from perfect_bvh_addon.cli import labels
+    from perfect_bvh_addon.live import scene_view
 
-    monkeypatch.setattr(labels, "render_job", lambda *_: None)
+    monkeypatch.setattr(scene_view, "serve_visit", lambda *_: True)
     assert run("labels", small_file, "-o", tmp_path / "out", "--frames", "1-2", "-q") == 2
-    assert "Blender has given it up" in capfd.readouterr().err
+    assert "Blender cannot read scene 'Scene' as a render does" in capfd.readouterr().err

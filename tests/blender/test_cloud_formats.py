@@ -130,12 +130,39 @@ def test_las_holds_every_column(tmp_path: Path, suffix: str, count: int, far: fl
     check_labels(made, json.loads(texts["labels"]), lambda name: points[name])
 
 
-def test_las_goes_as_far_as_whole_numbers_reach(tmp_path: Path) -> None:
-    made = cloud()
-    wide = replace(made, positions=made.positions * 1e6)
-    points = laspy.read(save_cloud(wide, tmp_path / "points.las"))
-    step = np.ptp(wide.positions, axis=0).max() / 2**31
-    assert np.abs(np.column_stack([points.x, points.y, points.z]) - wide.positions).max() <= step
+@pytest.mark.parametrize("extent", [1.0, 2e5, 4e5, 5e5, 1e9, 1e30, 1.7e308])
+@pytest.mark.parametrize("suffix", [".las", ".laz"])
+def test_las_holds_any_finite_extent(tmp_path: Path, extent: float, suffix: str) -> None:
+    """To half of a step, which is 1e-4 or, of wide clouds, a part of 2^32 - 4 of the extent (and rounding)."""
+    made = cloud(33)
+    for seed in range(8):
+        random = np.random.default_rng(seed)
+        positions = random.uniform(-1.0, 1.0, (33, 3)) * extent * [1.0, 0.5, 1e-3]
+        positions[0] = [extent, 0.0, extent / 3]
+        points = laspy.read(save_cloud(replace(made, positions=positions), tmp_path / f"points{suffix}"))
+        found = np.column_stack([points.x, points.y, points.z])
+        low, high = positions.min(axis=0), positions.max(axis=0)
+        step = np.maximum(1e-4, (high / 2 - low / 2 + 1.0) / (2**31 - 2))
+        assert np.all(np.abs(found - positions) <= 0.50001 * step)
+
+
+@pytest.mark.parametrize("far", [0.0, 1e15, -1e300])
+def test_las_holds_a_single_point_anywhere(tmp_path: Path, far: float) -> None:
+    made = cloud(1)
+    points = laspy.read(save_cloud(replace(made, positions=np.full((1, 3), far)), tmp_path / "points.las"))
+    assert [points.x[0], points.y[0], points.z[0]] == [far] * 3
+
+
+@pytest.mark.parametrize("suffix", [".las", ".laz"])
+def test_las_refuses_what_is_not_finite(tmp_path: Path, suffix: str) -> None:
+    made = cloud(20)
+    made.positions[3, 0], made.positions[3, 1], made.positions[7, 2] = math.nan, math.inf, -math.inf
+    made.intensities[9] = math.nan
+    with pytest.raises(ValueError, match="but 3 of 20 points have others"):
+        save_cloud(made, tmp_path / f"points{suffix}")
+    assert list(tmp_path.iterdir()) == []
+    with np.load(save_cloud(made, tmp_path / "points.npz")) as data:
+        assert np.array_equal(data["positions"], made.positions, equal_nan=True)
 
 
 def test_las_holds_names_of_any_number(tmp_path: Path) -> None:

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -15,8 +17,8 @@ from oracles.cycles import Passes, preserved, render_passes  # noqa: E402
 from oracles.png import read_png  # noqa: E402
 from perfect_bvh_addon import engine  # noqa: E402
 from perfect_bvh_addon.engine import RenderJob, attend  # noqa: E402
-from perfect_bvh_addon.extract.camera import panorama_settings  # noqa: E402
-from perfect_bvh_addon.image.plan import border_pixels  # noqa: E402
+from perfect_bvh_addon.extract.camera import border_pixels, panorama_settings  # noqa: E402
+from perfect_bvh_addon.image.throttle import SHOW_SECONDS  # noqa: E402
 from perfect_bvh_addon.statistics import last_result  # noqa: E402
 
 BACKGROUND_DEPTH = 1e10
@@ -190,14 +192,21 @@ def test_a_moved_object_is_not_built_again(scene) -> None:
     assert report.commit.meshes == ()
 
 
-def test_rounds_that_a_window_shows_do_not_change_the_image(scene, monkeypatch) -> None:
+@pytest.mark.parametrize(
+    ("seconds_between", "writes"),
+    [(SHOW_SECONDS, 5), (0.0, 2)],  # after 1, 2, 4 and 5 samples and at the end; after the first one and at the end
+    ids=["slow", "quick"],
+)
+def test_rounds_that_a_window_shows_do_not_change_the_image(scene, monkeypatch, seconds_between, writes) -> None:
     scene.perfect_bvh.samples = 5
     updates: list[object] = []
+    clock = itertools.count(0.0, seconds_between)
     monkeypatch.setattr(engine, "SHOWS_ROUNDS", True)
+    monkeypatch.setattr(engine, "Throttle", partial(engine.Throttle, clock=lambda: next(clock)))
     monkeypatch.setattr(engine, "write_passes", count_calls(engine.write_passes, updates))
     shown = render_passes(scene, "PERFECT_BVH")
     monkeypatch.undo()
-    assert len(updates) == 5  # after 1, 2, 4 and 5 samples, and at the end
+    assert len(updates) == writes
     silent = render_passes(scene, "PERFECT_BVH")
     for name in Passes.__slots__:
         np.testing.assert_array_equal(getattr(shown, name), getattr(silent, name))

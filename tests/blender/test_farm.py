@@ -114,6 +114,38 @@ def test_whatever_is_killed_the_bytes_are_the_same(
     assert killer.killed
 
 
+@pytest.mark.skipif(sys.platform == "win32", reason="SIGKILL, which Windows has not")
+def test_a_worker_that_is_killed_while_it_starts_is_started_again(folder: Path, tmp_path: Path) -> None:
+    with subprocess.Popen(
+        command("labels", tmp_path / "out", "--no-coco", "--workers", 2, frames="1-2"),
+        cwd=folder,
+        stderr=subprocess.PIPE,
+        text=True,
+    ) as started:
+        root, killed = psutil.Process(started.pid), []
+        while not killed:
+            assert started.poll() is None
+            killed = [each for each in root.children() if "spawn_main" in " ".join(each.cmdline())][:1]
+        killed[0].kill()
+        errors = started.communicate(timeout=300)[1]
+    assert started.returncode == 0, errors
+    assert len(contents(tmp_path / "out")) == 3
+
+
+def test_workers_run_no_modules_of_the_users(folder: Path, tmp_path: Path) -> None:
+    """Neither those in the current folder, which have names of Python's, nor a script that has no guard."""
+    for name in ("random", "queue", "socket", "numpy"):
+        (tmp_path / f"{name}.py").write_text("raise SystemExit('the user's own module')")
+    script = tmp_path / "scripts" / "run.py"
+    script.parent.mkdir()
+    verb, *more = command("labels", tmp_path / "out", "--no-coco", "--workers", 2, frames="1-4")[3:]
+    arguments = [verb, str(folder / "small.blend"), *more[1:]]
+    script.write_text(f"from perfect_bvh_addon.cli import main\nprint('status', main({arguments!r}))\n")
+    done = subprocess.run([sys.executable, str(script)], cwd=tmp_path, capture_output=True, text=True, timeout=300)
+    assert done.stdout.endswith("status 0\n"), done.stderr
+    assert len(contents(tmp_path / "out")) == 6
+
+
 def test_what_a_blender_has_died_of_is_told(folder: Path, tmp_path: Path) -> None:
     save_with_script(folder, tmp_path, BROKEN)
     status, errors = run_job(tmp_path, "labels", tmp_path / "out", "--workers", 1, "--autoexec", frames="1-2")
@@ -161,7 +193,7 @@ def test_what_workers_cannot_see_is_said_before_anything_starts(folder: Path, tm
     for changed, said in (
         (look(str(tmp_path / "small.blend"), str(probe)), "does not see"),
         (look(Arguments.file, str(tmp_path / "missing")), "does not see the output folder"),
-        ({**seen, "size": 3}, "sees another file"),
+        ({**seen, "size": 3}, "is another file there, of 3 bytes"),
         ({**seen, "version": "0.1.9"}, "version 0.1.9"),
         ({**seen, "has_blender": False}, "no module bpy"),
         (ModuleNotFoundError("No module named 'perfect_bvh_addon'"), "not this version"),
@@ -285,8 +317,8 @@ def blender(folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> It
 
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
     arguments = vars(build_parser("perfect-bvh").parse_args(["labels", "missing.blend", "-o", str(tmp_path)]))
-    job = {"id": "1", "version": perfect_bvh.__version__, "inputs": {}, "arguments": arguments}
-    made = worker.BlenderProcess()
+    job = {"id": "1", "version": perfect_bvh.__version__, "inputs": {}, "checksums": {}, "arguments": arguments}
+    made = worker.BlenderProcess("1")
     try:
         assert "cannot open it" in made.ask({"job": job, "piece": 0})["refused"]
         (around, inside) = sorted(temporary_folders(tmp_path), reverse=True)
@@ -316,25 +348,60 @@ def test_a_blender_that_is_busy_is_ended_with_its_temporary_folder(
     blender: worker.BlenderProcess, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(worker, "_busy", {blender})
-    worker.end_blenders()
+    worker.end_blenders("1")
     assert blender._process.poll() is not None and temporary_folders(tmp_path) == []
 
 
-class StandIn:
-    """A Blender of a worker that answers, or has ended with a status."""
+def test_a_run_stops_and_ends_its_own_blenders_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Two runs share a worker of one scheduler."""
+    made = [StandIn(None, job_id) for job_id in "abab"]
+    monkeypatch.setattr(worker, "_busy", set(made[:2]))
+    monkeypatch.setattr(worker, "_free", made[2:])
+    worker.stop_pieces("a")
+    assert [each.heard for each in made] == [["stop"], [], [], []]
+    worker.end_blenders("b")
+    assert [each.heard for each in made] == [["stop"], ["end", "tidy"], [], ["end", "close"]]
+    assert worker._free == [made[2]]
 
-    def __init__(self, status: int | None) -> None:
+
+def test_a_run_is_not_given_the_blender_of_another(monkeypatch: pytest.MonkeyPatch) -> None:
+    import distributed
+
+    other = StandIn(None, "a")
+    monkeypatch.setattr(worker, "_free", [other])
+    monkeypatch.setattr(worker, "BlenderProcess", lambda job_id: StandIn(None, job_id))
+    monkeypatch.setattr(distributed, "get_worker", lambda: SimpleNamespace(address="here"))
+    for _ in range(2):
+        assert "done" in worker.do_piece({"id": "b"}, 0)
+    assert [each.job_id for each in worker._free] == ["a", "b"] and not other.heard
+
+
+class StandIn:
+    """A Blender of a worker that answers, or has ended with a status. heard: what was asked of it."""
+
+    def __init__(self, status: int | None, job_id: str = "1") -> None:
         self.has_left = status == 0
         self.status = status
-        self.is_closed = False
+        self.job_id = job_id
+        self.heard: list[str] = []
 
     def ask(self, _: object) -> dict[str, Any]:
+        self.heard.append("ask")
         if self.status is not None:
             raise worker.DeadBlenderError(f"status {self.status}")
         return {"done": {}}
 
+    def stop(self) -> None:
+        self.heard.append("stop")
+
+    def end(self) -> None:
+        self.heard.append("end")
+
+    def tidy(self) -> None:
+        self.heard.append("tidy")
+
     def close(self) -> None:
-        self.is_closed = True
+        self.heard.append("close")
 
 
 @pytest.mark.parametrize(
@@ -354,11 +421,11 @@ def test_a_blender_that_has_left_for_idleness_is_no_death(
     blenders = [StandIn(status) for status in free]
     made = StandIn(fresh)
     monkeypatch.setattr(worker, "_free", [*blenders])
-    monkeypatch.setattr(worker, "BlenderProcess", lambda: made)
+    monkeypatch.setattr(worker, "BlenderProcess", lambda _: made)
     monkeypatch.setattr(distributed, "get_worker", lambda: SimpleNamespace(address="here"))
-    found = worker.do_piece({}, 0)
+    found = worker.do_piece({"id": "1"}, 0)
     assert found.items() >= answer.items()
-    assert all(each.is_closed for each in blenders) and made.is_closed == (fresh is not None)
+    assert all("close" in each.heard for each in blenders) and ("close" in made.heard) == (fresh is not None)
     assert worker._free == ([made] if "done" in answer else []) and not worker._busy
 
 
@@ -416,8 +483,8 @@ def test_greys_of_pieces_are_on_the_scale_of_the_first_frame(folder: Path, tmp_p
     ("changed", "said"),
     [
         ({"version": "0.1.9"}, "not 0.1.9"),
-        ({"inputs": {"files": {"small.blend": "1"}}}, "it sees another files"),
-        ({"inputs": {"blender": "4.2.0"}}, "it sees another blender"),
+        ({"inputs": {"files": {"small.blend": "1"}}}, "it differs from the run in 'files' (small.blend)"),
+        ({"inputs": {"blender": "4.2.0"}}, ', not "4.2.0")'),
         ({"arguments": {"file": "missing.blend"}}, "Blender cannot open it"),
     ],
 )
@@ -432,7 +499,14 @@ def test_a_worker_that_joins_with_other_software_or_files_refuses(
 
     asked = ["labels", str(folder / "small.blend"), "-o", str(tmp_path), "--frames", "1-2"]
     arguments = {**vars(build_parser("perfect-bvh").parse_args(asked)), **changed.get("arguments", {})}
-    job = {"id": "1", "version": perfect_bvh.__version__, "inputs": {}, **changed, "arguments": arguments}
+    job = {
+        "id": "1",
+        "version": perfect_bvh.__version__,
+        "inputs": {},
+        "checksums": {},
+        **changed,
+        "arguments": arguments,
+    }
     try:
         answer = Bench(StopRequest()).answer({"job": job, "piece": 0})
     finally:

@@ -18,8 +18,8 @@ from perfect_bvh_addon.scanning.light.image_lookup import look_up  # noqa: E402
 CALIBRATED = Light(Beam(returns=4), Optics(calibrated=True))
 
 
-def linear(byte: int) -> float:
-    """IEC 61966-2-1."""
+def linear(byte: float) -> float:
+    """IEC 61966-2-1; also between bytes, as Cycles interpolates them."""
     value = byte / 255
     return value / 12.92 if value <= 0.04045 else ((value + 0.055) / 1.055) ** 2.4
 
@@ -30,8 +30,7 @@ def pixel(pixels: np.ndarray, extension: str, column: int, row: int) -> list[flo
         column, row = column % width, row % height
     elif extension == "clip" and not (0 <= column < width and 0 <= row < height):
         return [0.0] * 4
-    found = pixels[min(max(row, 0), height - 1), min(max(column, 0), width - 1)].tolist()
-    return found if pixels.dtype == np.float32 else [*map(linear, found[:3]), found[3] / 255]
+    return pixels[min(max(row, 0), height - 1), min(max(column, 0), width - 1)].tolist()
 
 
 def expected_color(pixels: np.ndarray, extension: str, u: float, v: float) -> list[float]:
@@ -45,7 +44,7 @@ def expected_color(pixels: np.ndarray, extension: str, u: float, v: float) -> li
             share = (x - column if right else 1 - (x - column)) * (y - row if above else 1 - (y - row))
             corner = pixel(pixels, extension, column + right, row + above)
             color = [one + share * other for one, other in zip(color, corner, strict=True)]
-    return color
+    return color if pixels.dtype == np.float32 else [*map(linear, color[:3]), color[3] / 255]
 
 
 @pytest.mark.parametrize("extension", ["repeat", "extend", "clip"])

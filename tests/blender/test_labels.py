@@ -115,11 +115,11 @@ def test_amodal_masks_are_those_of_each_thing_alone(scene: Any) -> None:
         keep = thing.instancer or thing.name
         others = [obj for obj in scene.objects if obj.name not in (keep, "camera")]
         for obj in others:
-            obj.hide_viewport = True
+            obj.hide_render = True
         bpy.context.view_layer.update()
         shown = label_image(sync=alone, size=SIZE)
         for obj in others:
-            obj.hide_viewport = False
+            obj.hide_render = False
         bpy.context.view_layer.update()
         assert len(shown.things) == 1
         assert np.array_equal(amodal, shown.thing_ids == 0), thing

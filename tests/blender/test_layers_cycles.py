@@ -15,7 +15,7 @@ bpy = pytest.importorskip("bpy")
 
 import perfect_bvh_addon  # noqa: E402
 from blender.node_setups import add, image_node, new_red, paint, shader, surface  # noqa: E402
-from oracles.cycles import preserved, render_passes  # noqa: E402
+from oracles.cycles import preserved, render_noisy  # noqa: E402
 from perfect_bvh_addon.live.sync_cache import clear_syncs  # noqa: E402
 
 SIDE, PATCH, SAMPLES, CELLS = 64, 4, 16, 8
@@ -56,8 +56,8 @@ def check(scene: Any) -> np.ndarray:
     with preserved(
         (cycles, "samples", SAMPLES), (cycles, "use_denoising", False), (cycles, "use_adaptive_sampling", False)
     ):
-        theirs = patches(render_passes(scene, "CYCLES").combined)
-    ours = patches(render_passes(scene, "PERFECT_BVH").combined)
+        theirs = patches(render_noisy(scene, "CYCLES"))
+    ours = patches(render_noisy(scene, "PERFECT_BVH"))
     assert np.abs(ours - theirs).mean() < 0.02
     assert np.abs(ours - theirs).max() < 0.25  # one of few samples across an edge
     return ours

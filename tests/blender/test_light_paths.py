@@ -53,7 +53,7 @@ def test_each_sheet_on_a_rays_way_is_met_once_in_its_order() -> None:
     bounces, origins, directions = followed(sync, Optics(bounces=64))
     found = Arrivals.joined(bounces)
     assert found.are_straight.all() and len(bounces) > 15
-    hits, splits = sync.scene.list_intersections(origins, directions, 0.0, 80.0)
+    hits, splits = sync.scene.list_intersections(origins, directions, t_min=0.0, t_max=80.0)
     order = np.argsort(found.rows, kind="stable")
     assert np.array_equal(np.bincount(found.rows, minlength=COUNT), np.diff(splits))
     assert np.array_equal(found.primitive_ids[order], hits.primitive_ids)
@@ -78,7 +78,7 @@ def test_mirrors_send_light_where_a_loop_sends_it() -> None:
         place, ahead, length = origins[row], directions[row] / np.linalg.norm(directions[row]), 0.0
         last = -1
         for number in range(7):
-            listed, _ = sync.scene.list_intersections(place[None], ahead[None], 0.0, 1e4)
+            listed, _ = sync.scene.list_intersections(place[None], ahead[None], t_min=0.0, t_max=1e4)
             others = np.flatnonzero(listed.primitive_ids != last)  # a plane is not met twice in a row
             first = others[0] if len(others) else None
             length += 0.0 if first is None else float(listed.t_hit[first])

@@ -14,7 +14,7 @@ import pytest
 bpy = pytest.importorskip("bpy")
 
 from blender.builders import camera_object  # noqa: E402
-from oracles.cycles import FILTER_WIDTH, preserved, render_beside, write_multilayer  # noqa: E402
+from oracles.cycles import FILTER_WIDTH, preserved, render_beside, render_image, write_multilayer  # noqa: E402
 from oracles.exr import read_exr  # noqa: E402
 
 SCENES = Path(__file__).parents[2] / "blend_scenes"
@@ -143,23 +143,17 @@ def test_a_view_layer_may_be_without(scene: Any) -> None:
 def vectors(scene: Any, engine: str) -> Image:
     """(H, W, 4) of the Vector pass, row 0 on top."""
     layer, cycles = scene.view_layers[0], scene.cycles
-    with (
-        tempfile.TemporaryDirectory() as folder,
-        preserved(
-            (layer, "use_pass_vector", True),
-            (scene.render, "use_motion_blur", False),
-            (cycles, "samples", 1),
-            (cycles, "use_adaptive_sampling", False),
-            (cycles, "use_denoising", False),
-            (cycles, "filter_width", FILTER_WIDTH),
-            (cycles, "max_bounces", 0),
-            (scene.perfect_bvh, "samples", 1),
-        ),
+    with preserved(
+        (layer, "use_pass_vector", True),
+        (scene.render, "use_motion_blur", False),
+        (cycles, "samples", 1),
+        (cycles, "use_adaptive_sampling", False),
+        (cycles, "use_denoising", False),
+        (cycles, "filter_width", FILTER_WIDTH),
+        (cycles, "max_bounces", 0),
+        (scene.perfect_bvh, "samples", 1),
     ):
-        path = Path(folder) / "vectors.exr"
-        write_multilayer(path, scene, engine)
-        planes = read_exr(path)
-        return np.stack([planes[f"{layer.name}.Vector.{channel}"] for channel in "XYZW"], axis=-1)
+        return render_image(scene, engine, "Vector", "XYZW")
 
 
 def check_vectors(scene: Any, moving_share: float) -> None:
@@ -190,6 +184,72 @@ def test_vectors_of_an_example_are_those_of_cycles(registered: None) -> None:
     set_size(scene)
     scene.frame_set(12)
     check_vectors(scene, 0.1)
+
+
+def move_camera(scene: Any, move: str) -> None:
+    """A key at frames 1 and 9 each; the wall stands still."""
+    camera = scene.camera
+    bpy.data.objects["Cube"].animation_data_clear()
+    bpy.data.objects["Cube"].hide_render = True
+    for frame, to in ((1, -1.0), (9, 1.0)):
+        if move == "sideways":
+            camera.location.x = to
+        elif move == "forwards":
+            camera.location.y = -8.0 + to
+        else:
+            camera.data.ortho_scale = 6.0 + to
+        camera.keyframe_insert("location", frame=frame)
+        camera.data.keyframe_insert("ortho_scale", frame=frame)
+    scene.frame_set(5)
+
+
+@pytest.mark.parametrize("move", ["sideways", "forwards", "wider"])
+def test_vectors_of_orthographic_cameras_are_exact(scene: Any, move: str) -> None:
+    """Cycles projects them as if the camera that moves had a perspective, and overlooks a change of scale."""
+    scene.camera.data.type, scene.camera.data.ortho_scale = "ORTHO", 6.0
+    move_camera(scene, move)
+    width, height = SIZE
+    x, y = np.meshgrid((np.arange(width) + 0.5 - width / 2), (height / 2 - np.arange(height) - 0.5))
+    pixels = np.stack([x, y], axis=-1)
+    at_frames = []
+    for frame in (4, 5, 6):
+        scene.frame_set(frame)
+        at_frames.append((scene.camera.location.x, width / scene.camera.data.ortho_scale))
+    scene.frame_set(5)
+    here_x, here_scale = at_frames[1]
+    points = pixels / here_scale + [here_x, 0.0]
+    # Of the wall's points, in pixels to the right and up from the image's centre, in frames 4, 5, 6.
+    places = [(points - [where, 0.0]) * scale for where, scale in at_frames]
+    expected = np.concatenate([places[0] - places[1], places[1] - places[2]], axis=-1)
+    np.testing.assert_allclose(vectors(scene, "PERFECT_BVH"), expected, atol=1e-3)
+    assert (np.abs(expected).max() > 0.1) == (move != "forwards")
+
+
+def test_vectors_take_the_short_way_over_the_seam_of_a_panorama(scene: Any) -> None:
+    """Cycles' go once round the whole image there."""
+    data = scene.camera.data
+    data.type = "PANO"
+    if hasattr(data, "panorama_type"):
+        data.panorama_type = "EQUIRECTANGULAR"
+    else:
+        data.cycles.panorama_type = "EQUIRECTANGULAR"
+    bpy.data.objects["Cube"].hide_render = True
+    bpy.ops.mesh.primitive_uv_sphere_add(radius=50.0, location=scene.camera.location)  # seen all round
+    turns = {}
+    for frame, angle in ((1, -0.2), (9, 0.2)):
+        scene.camera.rotation_euler.z = angle
+        scene.camera.keyframe_insert("rotation_euler", frame=frame)
+    for frame in (4, 5, 6):
+        scene.frame_set(frame)
+        turns[frame] = scene.camera.rotation_euler.z
+    scene.frame_set(5)
+    pixels = SIZE[0] / (2.0 * math.pi)
+    expected = [(turns[4] - turns[5]) * pixels, 0.0, (turns[5] - turns[6]) * pixels, 0.0]
+    found = vectors(scene, "PERFECT_BVH")
+    assert abs(expected[0]) > 0.5
+    seen = np.abs(found).max(axis=-1) > 0.0  # but for the wall, which is another surface
+    np.testing.assert_allclose(found[:, [0, 1, -2, -1]], np.broadcast_to(expected, (SIZE[1], 4, 4)), atol=1e-3)
+    np.testing.assert_allclose(found[seen], np.broadcast_to(expected, found[seen].shape), atol=1e-3)
 
 
 def test_with_motion_blur_there_are_no_vectors(scene: Any) -> None:

@@ -182,7 +182,7 @@ def fading_otherwise(obj: Any) -> str:
     tree = obj.data.node_tree
     emission = next(node for node in tree.nodes if node.type == "EMISSION")
     tree.links.new(add(tree, "LightFalloff", Strength=2.0).outputs["Constant"], emission.inputs["Strength"])
-    return "Light Falloff is not shown; Strength 2 is"
+    return "Light Falloff is not shown; a quadratic one is"
 
 
 @pytest.mark.parametrize(

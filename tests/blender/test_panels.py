@@ -13,6 +13,7 @@ from perfect_bvh_addon import panels  # noqa: E402
 from perfect_bvh_addon.extract.camera import panorama_settings  # noqa: E402
 from perfect_bvh_addon.panels import common  # noqa: E402
 from perfect_bvh_addon.settings.scene_settings import ENGINE_NAME, read_settings  # noqa: E402
+from perfect_bvh_addon.statistics import messages  # noqa: E402
 
 
 @pytest.fixture(autouse=True)
@@ -94,6 +95,10 @@ def test_the_scan_panel_shows_what_belongs_to_the_sensor() -> None:
     settings.pattern = "LIDAR"
     assert {"elevations", "columns", "rate"} <= set(drawn(panel)) and "width" not in drawn(panel)
     settings.pattern = "spinning-64"
+    assert "mount" in drawn(panel)
+    messages.add(bpy.context.scene, "Scan", "9 rays", is_note=True)
+    assert drawn(panel)[-1] == "9 rays"
+    messages.tell(bpy.context.scene, "Scan")
     assert "seed" in drawn(panel) and not {"elevations", "width", "sensor_file"} & set(drawn(panel))
     settings.pattern = "FILE"
     assert "sensor_file" in drawn(panel)

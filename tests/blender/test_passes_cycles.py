@@ -26,6 +26,7 @@ from blender.judged_pixels import cast_through, judge_pixels  # noqa: E402
 from mathutils import Matrix  # noqa: E402
 from oracles.cycles import (  # noqa: E402
     Passes,
+    Surfaces,
     index_edges,
     preserved,
     render_cycles,
@@ -76,7 +77,7 @@ def scene(registered: None) -> bpy.types.Scene:
 # Comparison --------------------------------------------------------------------------------------------------------
 
 
-def unlike(ours: Passes, theirs: Passes) -> npt.NDArray[np.bool_]:
+def unlike(ours: Surfaces, theirs: Surfaces) -> npt.NDArray[np.bool_]:
     """Where the passes differ by more than the tolerances: arrays of one shape, or broadcast."""
     hit, hit_ours = theirs.depth < BACKGROUND, ours.depth < BACKGROUND
     depth = np.abs(ours.depth - theirs.depth) > DEPTH_TOLERANCE * np.abs(theirs.depth)
@@ -91,7 +92,7 @@ class Comparison:
     """compared: pixels away from index edges. disputed: those that differ. wrong: disputed, and the engine's fault."""
 
     ours: Passes
-    theirs: Passes
+    theirs: Surfaces
     compared: int
     disputed: list[tuple[int, int]]
     wrong: list[tuple[int, int]]
@@ -329,6 +330,44 @@ def test_several_materials_and_slots_of_the_object(scene) -> None:
     other.material_slots[1].material = materials[3]
     result = check(scene, objects=2)
     assert {1.0, 2.0, 3.0, 4.0} <= set(np.unique(result.theirs.material_index))
+
+
+@pytest.mark.parametrize("threshold", [0.0, 0.5, 1.0])
+def test_passes_are_without_what_has_less_alpha_than_the_threshold(scene, threshold: float) -> None:
+    """Of what has some alpha but too little, chance decides whether a pixel of Cycles has it: ours are without it."""
+    wall, alphas = (
+        add("Wall", bpy.ops.mesh.primitive_cube_add, size=8.0, location=(0.0, 8.0, 0.0)),
+        (0.0, 0.3, 0.5, 0.9),
+    )
+    panes = iter(alphas)
+
+    def make(x: float) -> bpy.types.Object:
+        pane = add("Pane", bpy.ops.mesh.primitive_plane_add, location=(x, 0.0, 0.0), rotation=(1.5, 0.0, 0.0))
+        pane.data.materials.append(bpy.data.materials.new("Pane"))
+        pane.active_material.use_nodes = True
+        pane.active_material.node_tree.nodes["Principled BSDF"].inputs["Alpha"].default_value = next(panes)
+        return pane
+
+    rows = [wall, *add_row(len(alphas), make)]
+    for number, obj in enumerate(rows):
+        obj.pass_index = number + 10
+    scene.render.resolution_x, scene.render.resolution_y = 80, 45
+    scene.perfect_bvh.samples = 1
+    layer = bpy.context.view_layer
+    shown = {}
+    for limit in (0.0, threshold):
+        with preserved((layer, "pass_alpha_threshold", limit)):
+            shown[limit] = render_passes(scene, "PERFECT_BVH"), render_cycles(scene)
+    at, away = shown[0.0][1].object_index, ~index_edges(shown[0.0][1].object_index)
+    ours, theirs = shown[threshold]
+    for alpha, obj in zip(alphas, rows[1:], strict=True):
+        inside = (at == obj.pass_index) & away
+        assert inside.sum() > 20
+        passed = alpha < threshold
+        np.testing.assert_array_equal(ours.object_index[inside] == obj.pass_index, not passed)
+        alike = inside & (theirs.object_index == ours.object_index)
+        assert alike.sum() > (0 if 0.0 < alpha < threshold else inside.sum() - 1)
+        np.testing.assert_allclose(ours.depth[alike], theirs.depth[alike], rtol=DEPTH_TOLERANCE)
 
 
 def test_collection_instances_and_their_indices(scene) -> None:

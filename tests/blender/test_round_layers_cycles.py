@@ -15,7 +15,7 @@ import pytest
 from blender.hair_and_points import cloud_object, hair_object
 from blender.node_setups import add, new_red, surface
 from blender.particle_hair import add_hair, emitter
-from oracles.cycles import preserved, render_passes
+from oracles.cycles import preserved, render_noisy
 from perfect_bvh_addon.live.sync_cache import clear_syncs
 
 WIDTH, HEIGHT, SAMPLES = 96, 64, 16
@@ -55,8 +55,8 @@ def pictures(scene: Any) -> tuple[np.ndarray, np.ndarray]:
     with preserved(
         (cycles, "samples", SAMPLES), (cycles, "use_denoising", False), (cycles, "use_adaptive_sampling", False)
     ):
-        theirs = render_passes(scene, "CYCLES").combined
-    return render_passes(scene, "PERFECT_BVH").combined, theirs
+        theirs = render_noisy(scene, "CYCLES")
+    return render_noisy(scene, "PERFECT_BVH"), theirs
 
 
 def check(scene: Any, tolerance: float = 0.02) -> np.ndarray:

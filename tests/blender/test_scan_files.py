@@ -90,7 +90,7 @@ def test_noise_is_that_of_the_seed(small_file: Path) -> None:
     assert bpy.ops.perfect_bvh.scan() == {"FINISHED"}
     assert contents(small_file.parent / "panel") == expected
     scan_settings().seed = 6
-    with pytest.raises(RuntimeError, match="has another seed"):
+    with pytest.raises(RuntimeError, match="differs in 'seed'"):
         bpy.ops.perfect_bvh.scan()
 
 
@@ -111,7 +111,7 @@ def test_labels_are_columns_of_files_and_of_points_to_color(small_file: Path) ->
     np.testing.assert_array_equal(shown.reshape(-1, 4), colors)
     settings.labels = "collection"
     settings.point_color = "DISTANCE"
-    with pytest.raises(RuntimeError, match="has another labels"):
+    with pytest.raises(RuntimeError, match="differs in 'labels'"):
         bpy.ops.perfect_bvh.scan()
 
 
@@ -155,10 +155,10 @@ def test_whole_files_are_kept_and_others_written_again(small_file: Path) -> None
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"steps_per_frame": 3}, "holds pieces of another scan: points_0001-0002.json has another steps"),
-        ({"frames_per_file": 3}, "has another division of the frames"),
-        ({"pattern": "spinning-16"}, "has another sensor; choose another folder, or empty this one"),
-        ({"frames": "CURRENT"}, "has another"),
+        ({"steps_per_frame": 3}, "holds pieces of another scan: points_0001-0002.json differs in 'steps'"),
+        ({"frames_per_file": 3}, "differs in how the frames are divided"),
+        ({"pattern": "spinning-16"}, "differs in 'sensor'; choose another folder, or empty this one"),
+        ({"frames": "CURRENT"}, "differs in how the frames are divided"),
     ],
 )
 def test_a_folder_of_another_scan_is_refused(small_file: Path, change: dict[str, Any], message: str) -> None:
@@ -248,10 +248,10 @@ def test_a_scene_that_is_not_saved_is_recognised_until_it_is_edited(small_file: 
     assert bpy.ops.perfect_bvh.scan() == {"FINISHED"}
     assert {path: path.stat().st_mtime_ns for path in folder.glob("*.npz")} == times
     bpy.data.objects["Sheet"].location.z += 0.1
-    with pytest.raises(RuntimeError, match="has another files"):
+    with pytest.raises(RuntimeError, match="differs in 'files'"):
         bpy.ops.perfect_bvh.scan()
     monkeypatch.setattr(scanned_file, "is_dirty", lambda: False)
-    with pytest.raises(RuntimeError, match="has another files"):
+    with pytest.raises(RuntimeError, match="differs in 'files'"):
         bpy.ops.perfect_bvh.scan()
 
 

@@ -23,12 +23,14 @@ class Counts:
     """What scans have had Blender evaluate, and have read."""
 
     def __init__(self) -> None:
-        self.frames: list[float] = []
+        self.frames: list[float] = []  # as a render sees them
+        self.viewport_frames: list[float] = []
         self.readings = 0
         self.meshes: list[str] = []
 
-    def note(self, scene: Any, _: Any) -> None:
-        self.frames.append(scene.frame_current_final)
+    def note(self, scene: Any, depsgraph: Any) -> None:
+        frames = self.frames if depsgraph.mode == "RENDER" else self.viewport_frames
+        frames.append(scene.frame_current_final)
 
 
 @pytest.fixture
@@ -82,14 +84,25 @@ def deform_the_box() -> None:
 
 @pytest.mark.parametrize(("steps", "moments"), [(1, [2, 3, 4, 5]), (2, [1.5, 2, 2.5, 3, 3.5, 4, 4.5, 5])])
 @pytest.mark.parametrize("move", [None, move_the_box, deform_the_box])
+@pytest.mark.parametrize("for_viewport", [False, True])
 def test_each_key_moment_is_evaluated_and_read_once(
-    head: Any, counts: Counts, move: Callable[[], None] | None, steps: int, moments: list[float]
+    head: Any,
+    counts: Counts,
+    move: Callable[[], None] | None,
+    steps: int,
+    moments: list[float],
+    for_viewport: bool,
 ) -> None:
     if move is not None:
         move()
     counts.frames.clear()
-    scan(LIDAR, head, frames=(1, 4), steps_per_frame=steps)
-    assert counts.frames == [*moments, 1.0]  # the first is current, the last is the way back
+    counts.viewport_frames.clear()
+    scan(LIDAR, head, frames=(1, 4), steps_per_frame=steps, for_viewport=for_viewport)
+    if for_viewport:
+        assert (counts.frames, counts.viewport_frames) == ([], [*moments, 1.0])  # the last is the way back
+    else:
+        assert counts.frames == [1.0, *moments]
+        assert set(counts.viewport_frames) == {1.0}
     assert counts.readings == len(moments) + 1
     assert counts.meshes.count("Ground") == 1
     assert counts.meshes.count("Box") == (len(moments) + 1 if move is deform_the_box else 1)
@@ -119,7 +132,7 @@ def test_a_single_moment_has_no_shutter(head: Any, counts: Counts) -> None:
     scene.frame_set(3)
     counts.frames.clear()
     cloud = scan(LIDAR, head)
-    assert (counts.frames, counts.readings, cloud.scene_error) == ([], 1, 0.0)
+    assert (counts.frames, counts.readings, cloud.scene_error) == ([3.0], 1, 0.0)
     x = cloud.positions[cloud.object_ids == cloud.object_names.index("Box"), 0]
     assert abs((x.min() + x.max()) / 2 - -0.6) < 0.2
     camera = bpy.data.objects.new("Camera", bpy.data.cameras.new("Camera"))
@@ -127,7 +140,7 @@ def test_a_single_moment_has_no_shutter(head: Any, counts: Counts) -> None:
     scene.collection.objects.link(camera)
     counts.frames.clear()
     cloud = scan(CameraGrid(32, 18), camera, frames=(1, 3), steps_per_frame=2)
-    assert counts.frames == [1.0, 1.5, 2.0, 2.5, 3.0, 3.5, 3.0] and cloud.scene_error == 0.0
+    assert counts.frames == [3.0, 1.0, 1.5, 2.0, 2.5, 3.0, 3.5] and cloud.scene_error == 0.0
     for step in range(6):
         scene.frame_set(1 + step // 2, subframe=step % 2 / 2)
         alone = scan(CameraGrid(32, 18), camera)
@@ -242,14 +255,14 @@ def other_triangles() -> str:
 
 def gone() -> str:
     move_the_box()
-    keyed(bpy.data.objects["Box"], "hide_viewport", [False, True], (2, 3))
+    keyed(bpy.data.objects["Box"], "hide_render", [False, True], (2, 3))
     return (
         "Box: it goes between two key moments of the scan; until the later one it stands still, as at the earlier one"
     )
 
 
 def come() -> str:
-    keyed(bpy.data.objects["Box"], "hide_viewport", [True, False], (2, 3))
+    keyed(bpy.data.objects["Box"], "hide_render", [True, False], (2, 3))
     return "Box: it comes between two key moments of the scan; until the later one it is not met"
 
 

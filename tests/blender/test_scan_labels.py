@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +19,7 @@ from perfect_bvh_addon import CameraGrid, PointCloud, scan  # noqa: E402
 from perfect_bvh_addon.scanning import make_point_object  # noqa: E402
 
 GRID = CameraGrid(200, 20)
+PARTS_WITH_EMPTY = {x: {"" if x == 3.0 else part} for x, part in PARTS.items()}
 SENSOR = 'kind = "depth camera"\nwidth = 20\nheight = 10\nhorizontal = 8\nvertical = 8\nrate = 24\n'
 
 
@@ -68,10 +70,37 @@ def test_whole_numbers_stay_and_others_are_floats(room: Any) -> None:
     assert np.isnan(floats.values).sum() == (~np.isin(floats.values, (2.0, 0.5))).sum() > 0
 
 
-def test_where_minus_one_is_a_value_nothing_is_another(room: Any) -> None:
-    bpy.data.objects["Data"]["categoryID"] = -1
-    column = scan(GRID, labels=("categoryID",)).labels["categoryID"]
-    assert set(column.values) == {-1, 7, 70_000, -(2**31)} and column.table.missing == -(2**31)
+def test_nothing_is_minus_one_among_whole_numbers_and_nan_among_floats(room: Any) -> None:
+    data = bpy.data.objects["Data"]
+    for value in (-2, -(2**31), 0):
+        data["categoryID"] = value
+        column = scan(GRID, labels=("categoryID",)).labels["categoryID"]
+        assert set(column.values) == {-1, 7, 70_000, value} and column.values.dtype == np.int32
+        assert column.table.described() == {"names": None, "missing": -1}
+    for value in (-1, 0.5):
+        data["categoryID"] = value
+        cloud = scan(GRID, labels=("categoryID",))
+        column = cloud.labels["categoryID"]
+        assert set(column.values[~np.isnan(column.values)]) == {7.0, 70_000.0, value}
+        assert column.table.described() == {"names": None, "missing": None}
+        assert by_place(cloud, "categoryID")[3.0] == {value} and by_place(cloud, "categoryID")[12.0] == {None}
+
+
+def test_an_empty_text_is_a_text(room: Any) -> None:
+    bpy.data.objects["Data"]["part"] = ""
+    cloud = scan(GRID, labels=("part",))
+    assert by_place(cloud, "part") == PARTS_WITH_EMPTY
+    assert cloud.labels["part"].names[0] == ""
+
+
+def test_what_is_not_finite_is_none_and_nothing_else_is_refused(room: Any) -> None:
+    own, data = bpy.data.objects["Own"], bpy.data.objects["Data"]
+    own["odd"], data["odd"] = math.nan, math.inf
+    with pytest.raises(ValueError, match="label 'odd' has no finite number: all its values are NaN or infinite"):
+        scan(GRID, labels=("odd",))
+    bpy.data.objects["Painted"]["odd"] = 3
+    column = scan(GRID, labels=("odd",)).labels["odd"]
+    assert set(column.values) == {-1, 3} and column.values.dtype == np.int32
 
 
 def test_names_of_blenders_own(room: Any) -> None:
@@ -107,10 +136,22 @@ def test_a_property_that_becomes_a_text_is_refused(room: Any) -> None:
 
     bpy.app.handlers.frame_change_post.append(rename)
     try:
-        with pytest.raises(ValueError, match="'categoryID' held whole numbers alone at first, and now has 'seven'"):
+        with pytest.raises(
+            ValueError, match="'categoryID' held whole numbers other than -1 alone at first, and now has 'seven'"
+        ):
             scan(GRID, frames=(1, 3), labels=("categoryID",))
     finally:
         bpy.app.handlers.frame_change_post.remove(rename)
+
+
+def test_a_whole_number_that_becomes_minus_one_is_refused(room: Any) -> None:
+    own = bpy.data.objects["Own"]
+    for frame, number in ((1, 0), (3, -2)):
+        own["categoryID"] = number
+        own.keyframe_insert('["categoryID"]', frame=frame)
+    room.frame_set(1)
+    with pytest.raises(ValueError, match="held whole numbers other than -1 alone at first, and now has -1 on 'Own'"):
+        scan(GRID, frames=(1, 3), labels=("categoryID",))
 
 
 def test_numbers_that_are_keyed_are_those_of_their_frame(room: Any) -> None:
@@ -172,7 +213,7 @@ def test_pieces_have_one_table_whatever_is_met_in_them(room: Any, tmp_path: Path
     assert tables[0] == tables[1] == tables[2]
     assert tables[0]["part"]["names"] == sorted(part for part in PARTS.values() if part)
     assert run(*asked, "-o", tmp_path / "out", "--labels", "part") == 2
-    assert "has another labels" in capfd.readouterr().err
+    assert "differs in 'labels'" in capfd.readouterr().err
     assert run(*asked, "-o", tmp_path / "new", "--format", "ply", "--labels", "a b", "a_b") == 2
     assert "labels 'a b' and 'a_b' would both be column 'a_b'" in capfd.readouterr().err
     assert run(*asked, "-o", tmp_path / "new", "--labels", "prat") == 2

@@ -10,6 +10,7 @@ import bpy
 import numpy as np
 import perfect_bvh
 import pytest
+from blender.builders import NodeGroup, mesh_object
 from blender.moving_scenes import EVEN, FRAME, keyed, make
 from perfect_bvh.audit import AUDITED_FIELDS
 from perfect_bvh_addon import PointCloud, SpinningLidar, scan
@@ -212,3 +213,35 @@ def test_an_even_turn_is_no_curved_way(scene: Any) -> None:
     assert scan(lidar, head, frames=(1, 6)).scene_error < 1e-5
     keyed(wheel, "scale", [(-1.0, 1.0, 1.0), (-3.0, 2.0, 3.0)], (1, 25))
     assert scan(lidar, head, frames=(1, 6)).scene_error < 1e-5
+
+
+def points_sorted_anew(scene: Any, *, with_ids: bool) -> None:
+    """Cubes on the points of a row, which nodes sort by random numbers of each frame; with ids of the unsorted ones."""
+    bpy.ops.mesh.primitive_cube_add(size=0.5, location=(0.0, 0.0, -50.0))
+    group = NodeGroup("sorted")
+    line = group.node("GeometryNodeMeshLine", Count=40, Start_Location=(-20.0, 8.0, 0.0), Offset=(1.0, 0.0, 0.0))
+    time, number = group.node("GeometryNodeInputSceneTime"), group.node("FunctionNodeRandomValue")
+    ids, index = group.node("GeometryNodeSetID"), group.node("GeometryNodeInputIndex")
+    sort, on_points = group.node("GeometryNodeSortElements"), group.node("GeometryNodeInstanceOnPoints")
+    cube = group.node("GeometryNodeObjectInfo", Object=bpy.context.object, As_Instance=True)
+    group.link(line.outputs[0], ids.inputs["Geometry"])
+    group.link(index.outputs[0], ids.inputs["ID"])
+    group.link((ids if with_ids else line).outputs[0], sort.inputs["Geometry"])
+    group.link(time.outputs["Frame"], number.inputs["Seed"])
+    group.link(number.outputs[1], sort.inputs["Sort Weight"])
+    group.link(sort.outputs[0], on_points.inputs["Points"])
+    group.link(cube.outputs["Geometry"], on_points.inputs["Instance"])
+    group.show(on_points.outputs[0]).apply_to(mesh_object("Sorted"))
+
+
+@pytest.mark.parametrize("with_ids", [False, True])
+def test_copies_that_are_sorted_anew_are_met_where_they_are(scene: Any, with_ids: bool) -> None:
+    points_sorted_anew(scene, with_ids=with_ids)
+    cloud = scan(SpinningLidar(elevations=(0.0,), columns=3600, rate=24.0), sensor(), frames=(1, 2))
+    row = np.round(cloud.positions[:, 0])
+    assert len(cloud) > 500
+    assert np.abs(cloud.positions[:, 0] - row).max() <= 0.2501
+    assert np.abs(cloud.positions[:, 1] - 8.0).max() <= 0.2501
+    told = [text for text in cloud.warnings if "instances without ids change places" in text]
+    assert len(told) == (not with_ids) and len(cloud.warnings) == len(told)
+    assert all("Sorted" in text for text in told)

@@ -15,6 +15,7 @@ from blender.scanned_room import LIDAR, values_of  # noqa: E402
 from perfect_bvh_addon import CameraGrid, SpinningLidar, scan  # noqa: E402
 from perfect_bvh_addon.extract.camera import panorama_settings  # noqa: E402
 from perfect_bvh_addon.operators.scan_request import parse_elevations  # noqa: E402
+from perfect_bvh_addon.statistics.messages import messages_of, notes_of  # noqa: E402
 
 needs_proc = pytest.mark.skipif(
     sys.platform != "linux", reason="only Linux has /proc, where not even root can make a file"
@@ -33,6 +34,24 @@ def test_the_button_scans_with_a_lidar_over_frames(room) -> None:
     pattern = SpinningLidar(elevations=parse_elevations("-30:20:6"), columns=36, max_distance=100.0)
     cloud = scan(pattern, bpy.data.objects["Head"], frames=(1, 3))
     assert len(values_of(bpy.data.objects["Scan"], "distance", "value")) == len(cloud)
+
+
+@pytest.mark.parametrize("use_files", [False, True])
+def test_the_mount_is_chosen_and_the_panel_counts_the_rays(room, tmp_path: Path, use_files: bool) -> None:
+    """The cube is around the sensor: automatically left out."""
+    settings = room.perfect_bvh.scan
+    settings.pattern, settings.sensor, settings.columns = "LIDAR", bpy.data.objects["Red"], 36
+    settings.use_files, settings.folder = use_files, str(tmp_path)
+    pattern = SpinningLidar(elevations=parse_elevations(settings.elevations), columns=36, max_distance=100.0)
+    for settings.mount, is_out in (("AUTO", True), ("EXCLUDE", True), ("SCAN", False)):
+        for path in tmp_path.iterdir():
+            path.unlink()
+        assert bpy.ops.perfect_bvh.scan() == {"FINISHED"}
+        (note,) = notes_of(room, "Scan")
+        assert note == str(scan(pattern, settings.sensor, exclude_mount=is_out).ray_outcomes)
+        found = " ".join(message.text for message in messages_of(room))
+        assert ("'Red' and its children are invisible" in found) == (settings.mount == "AUTO") and note not in found
+        assert ("or almost all, are on the sensor's own object" in found) == (not is_out)
 
 
 @pytest.mark.parametrize(

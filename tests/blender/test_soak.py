@@ -22,15 +22,15 @@ HAPPENED = {"hold", "look", "look_all", "stop", "ask_to_stop", "update", "linger
     ("watches", "kind", "seed"),
     [
         (True, "objects", 11),
-        (True, "geometry", 8),
         (True, "mixed", 63),
-        (False, "objects", 10),
-        (False, "geometry", 8),
         (False, "mixed", 13),
+        pytest.param(True, "geometry", 8, marks=pytest.mark.long),
+        pytest.param(False, "objects", 10, marks=pytest.mark.long),
+        pytest.param(False, "geometry", 8, marks=pytest.mark.long),
     ],
 )
 def test_random_edits(watches: bool, kind: Kind, seed: int) -> None:
-    """750 steps in all, and so many more until what the test is about has happened.
+    """125 steps each, and so many more until what the test is about has happened.
 
     watches: whether Blender's handlers tell what was evaluated.
     """

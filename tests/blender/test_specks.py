@@ -16,7 +16,7 @@ import pytest
 
 bpy = pytest.importorskip("bpy")
 
-from oracles.cycles import preserved, render_passes  # noqa: E402
+from oracles.cycles import preserved, render_noisy  # noqa: E402
 from perfect_bvh_addon import SceneSync  # noqa: E402
 from perfect_bvh_addon.settings.light_paths import read_light_paths  # noqa: E402
 from perfect_bvh_addon.sync.records import AttributeRequest  # noqa: E402
@@ -147,6 +147,6 @@ def test_shiny_things_look_as_in_cycles_under_small_bright_ones(shop: bpy.types.
         (cycles, "use_denoising", False),
         (cycles, "use_adaptive_sampling", False),
     ):
-        theirs = render_passes(shop, "CYCLES").combined[..., :3]
+        theirs = render_noisy(shop, "CYCLES")[..., :3]
     ours, theirs = (np.minimum(each, 2.0).reshape(9, 4, 16, 4, 3).mean(axis=(1, 3)) for each in (ours, theirs))
     assert np.abs(ours - theirs).mean() < 0.13 * theirs.mean()

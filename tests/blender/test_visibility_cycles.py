@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 import bpy
-import numpy as np
 import pytest
 from blender.builders import (
     SQUARE,
@@ -21,7 +19,7 @@ from blender.builders import (
     mesh_object,
     object_info,
 )
-from oracles.png import load_image
+from oracles.cycles import render_image
 from perfect_bvh_addon.extract import read_scene
 from perfect_bvh_addon.sync.records import VISIBLE_TO_CAMERA
 
@@ -106,7 +104,7 @@ CHANGES = {
 
 
 @pytest.mark.parametrize("change", CHANGES)
-def test_the_camera_sees_what_cycles_sees(scene: Any, tmp_path: Path, change: str) -> None:
+def test_the_camera_sees_what_cycles_sees(scene: Any, change: str) -> None:
     """A square before an opaque wall: Cycles shows the square, a hole, or the wall."""
     squares = collection("squares")
     mesh_object("square", painted("square", (1, 0, 0, 1)), collection=squares)
@@ -128,7 +126,7 @@ def test_the_camera_sees_what_cycles_sees(scene: Any, tmp_path: Path, change: st
         (row,) = rows
         return "hole" if record.objects[record.instances.object_indices[row]].holdout else "square"
 
-    assert in_render(outcome_of) == cycles_outcome(scene, tmp_path / "cycles.exr")
+    assert in_render(outcome_of) == cycles_outcome(scene)
 
 
 def painted(name: str, color: tuple[float, ...]) -> Any:
@@ -147,19 +145,12 @@ def painted(name: str, color: tuple[float, ...]) -> Any:
     return data
 
 
-def cycles_outcome(scene: Any, path: Path) -> str:
+def cycles_outcome(scene: Any) -> str:
     """What Cycles has in the middle of the image: "square" (red), "wall" (green) or "hole" (nothing)."""
-    scene.render.engine = "CYCLES"
     scene.cycles.samples, scene.cycles.use_denoising, scene.cycles.device = 1, False, "CPU"
     scene.render.film_transparent = True
-    scene.render.image_settings.file_format = "OPEN_EXR"
-    scene.render.filepath = str(path)
     scene.render.resolution_x = scene.render.resolution_y = 8
-    bpy.ops.render.render(write_still=True)
-    image = load_image(path)
-    pixels = np.empty(8 * 8 * 4, np.float32)
-    image.pixels.foreach_get(pixels)
-    red, green, _, alpha = pixels.reshape(8, 8, 4)[4, 4]
+    red, green, _, alpha = render_image(scene, "CYCLES", "Combined", "RGBA")[4, 4]
     if alpha < 0.5:
         return "hole"
     assert max(red, green) > 0.9

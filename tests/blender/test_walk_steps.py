@@ -50,7 +50,7 @@ def test_a_pixels_ray_is_the_one_that_is_traced(crowd: perfect_bvh.Snapshot, pro
         for column in range(SIZE[0]):
             ray = pixel_ray(record, (column + 0.5) / SIZE[0], 1.0 - (row + 0.5) / SIZE[1])
             assert ray is not None and np.linalg.norm(ray.direction) == pytest.approx(1.0)
-            walk = crowd.walk_ray(ray.origin, ray.direction, ray.t_min, ray.t_max)
+            walk = crowd.walk_ray(ray.origin, ray.direction, t_min=ray.t_min, t_max=ray.t_max)
             assert walk.hit_row is None or walk.t[walk.hit_row] == pytest.approx(traced["distance"][row, column], 1e-5)
             hit = -1 if walk.hit_row is None else int(walk.primitive_ids[walk.hit_row])
             cost = traced["nodes_visited"][row, column] + traced["primitives_tested"][row, column]

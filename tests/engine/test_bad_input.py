@@ -168,7 +168,7 @@ def test_invalid_rays_are_misses(scene, origin, direction, t_min, t_max, dtype):
     assert hits.is_hit.tolist() == [False, True] and hits.invalid_count == 1
     assert scene.test_occlusions(origins, directions, t_min=[t_min, 0], t_max=[t_max, INF]).tolist() == [False, True]
     fields = scene.cast_rays(
-        origins, directions, [t_min, 0.0], [t_max, INF], fields=("t_hit", "distances", "positions")
+        origins, directions, t_min=[t_min, 0.0], t_max=[t_max, INF], fields=("t_hit", "distances", "positions")
     )
     assert fields.t_hit.tolist() == fields.distances.tolist() == [INF, 1.0]
     np.testing.assert_allclose(fields.positions, [(0, 0, 0), (0.2, 0.2, 0)], rtol=0, atol=1e-7)

@@ -36,7 +36,7 @@ def make_scene(parts, build="auto"):
 def check(scene, world, points, max_distance=np.inf, mask=ALL, tolerance=1e-12):
     """Right distances, and a point of the named triangle at that distance, for every point."""
     corners, instances, primitives, masks = world
-    found = scene.compute_closest_points(points, max_distance, mask)
+    found = scene.compute_closest_points(points, max_distance=max_distance, mask=mask)
     every = distances_to_triangles(points, corners)
     visible = (masks[None, :] & np.broadcast_to(np.asarray(mask, np.uint32), len(points))[:, None]) != 0
     every = np.where(visible, every, np.inf)
@@ -165,9 +165,9 @@ def test_on_the_surface_and_at_the_limit():
     found = scene.compute_closest_points(on)
     assert found.distances.max() <= 1e-16 and np.abs(found.points - on).max() <= 1e-15
     above = on + (0.0, 0.0, 0.75)
-    assert scene.compute_closest_points(above, 0.75).is_found.all()
-    assert not scene.compute_closest_points(above, np.nextafter(0.75, 0.0)).is_found.any()
-    assert scene.compute_closest_points(on, 0.0).is_found.sum() > 0
+    assert scene.compute_closest_points(above, max_distance=0.75).is_found.all()
+    assert not scene.compute_closest_points(above, max_distance=np.nextafter(0.75, 0.0)).is_found.any()
+    assert scene.compute_closest_points(on, max_distance=0.0).is_found.sum() > 0
 
 
 def test_given_in_float64_far_from_zero():
@@ -194,7 +194,7 @@ def test_shapes_and_nothing_to_find():
     bad = [(np.nan, 0, 0), (0, np.inf, 0), (0, 0, -np.inf), (1e300, 0, 0)]
     answer = scene.compute_closest_points(bad)
     assert not answer.is_found.any() and answer.invalid_count == 3
-    limits = scene.compute_closest_points(np.zeros((3, 3)), [np.nan, -1.0, 0.5])
+    limits = scene.compute_closest_points(np.zeros((3, 3)), max_distance=[np.nan, -1.0, 0.5])
     assert limits.is_found.tolist() == [False, False, True] and limits.invalid_count == 2
     assert not scene.compute_closest_points((0, 0, 1), mask=0).is_found
     empty = perfect_bvh.Scene()

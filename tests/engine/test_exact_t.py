@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from fractions import Fraction
 
 import numpy as np
@@ -9,6 +10,7 @@ import numpy.typing as npt
 import perfect_bvh
 import pytest
 from oracles import meshes
+from oracles.exact_rays import lines_meet
 
 RAYS = 400
 UNITS = 2  # in the last place
@@ -25,8 +27,12 @@ def isa(request):
 
 def exact_t(corners: F64, origin: F64, direction: F64) -> Fraction:
     """Where the ray meets the plane of three corners (3, 3), without any rounding."""
-    a, b, c = ([Fraction(x) for x in corner.tolist()] for corner in corners)
-    o, d = ([Fraction(x) for x in vector.tolist()] for vector in (origin, direction))
+    return _exact_t((*corners.ravel().tolist(), *origin.tolist(), *direction.tolist()))
+
+
+@functools.cache  # kernels, strategies and layouts are asked alike
+def _exact_t(numbers: tuple[float, ...]) -> Fraction:
+    a, b, c, o, d = ([Fraction(x) for x in numbers[first : first + 3]] for first in range(0, 15, 3))
     e, f, away = ([x - y for x, y in zip(*two, strict=True)] for two in ((b, a), (c, a), (a, o)))
     normal = [e[1] * f[2] - e[2] * f[1], e[2] * f[0] - e[0] * f[2], e[0] * f[1] - e[1] * f[0]]
     return sum(n * x for n, x in zip(normal, away, strict=True)) / sum(n * x for n, x in zip(normal, d, strict=True))
@@ -161,28 +167,18 @@ def test_on_triangles_of_any_shape(make):
     )
 
 
-def sides_of_edges(corners: F64, origin: F64, direction: F64) -> list[Fraction]:
-    """Of a line at three corners (3, 3), without any rounding: of one sign if it passes through the triangle."""
-    o, d = ([Fraction(x) for x in vector.tolist()] for vector in (origin, direction))
-    a, b, c = ([Fraction(x) - y for x, y in zip(corner.tolist(), o, strict=True)] for corner in corners)
-    sides = []
-    for e, f in ((b, c), (c, a), (a, b)):
-        normal = [e[1] * f[2] - e[2] * f[1], e[2] * f[0] - e[0] * f[2], e[0] * f[1] - e[1] * f[0]]
-        sides.append(sum(n * x for n, x in zip(normal, d, strict=True)))
-    return sides
-
-
-def exact_hits(positions: npt.NDArray[np.float32], triangles: np.ndarray, origin: F64, direction: F64) -> list:
-    """Ids of the triangles that the ray meets ahead of its origin, the nearest first: of equal floats the least id."""
-    met = []
-    for number, corners in enumerate(positions.astype(np.float64)[triangles]):
-        sides = sides_of_edges(corners, origin, direction)
-        if not (all(side >= 0 for side in sides) or all(side <= 0 for side in sides)) or sum(sides) == 0:
-            continue
-        t = exact_t(corners, origin, direction)
-        if t >= 0:
-            met.append((np.float32(float(t)), number))
-    return [number for _, number in sorted(met)]
+def exact_hits(
+    positions: npt.NDArray[np.float32], triangles: np.ndarray, origins: F64, directions: F64
+) -> list[list[int]]:
+    """Ids of the triangles that each ray meets ahead of its origin, the nearest first: of equal floats the least id."""
+    corners = positions.astype(np.float64)[triangles]
+    ids = []
+    for met, origin, direction in zip(
+        lines_meet(positions, triangles, origins, directions), origins, directions, strict=True
+    ):
+        ahead = [(exact_t(corners[number], origin, direction), int(number)) for number in np.flatnonzero(met)]
+        ids.append([number for _, number in sorted((np.float32(float(t)), number) for t, number in ahead if t >= 0)])
+    return ids
 
 
 def beside_edges(positions: npt.NDArray[np.float32], triangles: np.ndarray, eye: F64, away: float) -> tuple[F64, F64]:
@@ -203,18 +199,24 @@ CUBE_TRIANGLES = np.array(
 )
 
 
+@functools.cache
+def beside_edges_of_a_cube(offset: float, away: float) -> tuple[npt.NDArray[np.float32], F64, F64, list[list[int]]]:
+    """Positions, origins, directions and what they meet, for each set of instructions the same."""
+    positions = (CUBE @ rotation(12).T + offset).astype(np.float32)
+    origins, directions = beside_edges(positions, CUBE_TRIANGLES, offset + np.array([4.0, 3.0, 2.0]), away)
+    return positions, origins, directions, exact_hits(positions, CUBE_TRIANGLES, origins, directions)
+
+
 @pytest.mark.parametrize("layout", ["default", "compact"])
 @pytest.mark.parametrize("strategy", ["stream", "packets"])
 @pytest.mark.parametrize("away", [1e-6, 1e-8])
 @pytest.mark.parametrize("offset", [0.0, 1e3])
 def test_beside_edges(offset, away, strategy, layout):
     """What is hit is what the ray meets, though float cannot tell, behind a silhouette too; t is that of its plane."""
-    positions = (CUBE @ rotation(12).T + offset).astype(np.float32)
-    origins, directions = beside_edges(positions, CUBE_TRIANGLES, offset + np.array([4.0, 3.0, 2.0]), away)
+    positions, origins, directions, expected = beside_edges_of_a_cube(offset, away)
     scene = perfect_bvh.Scene()
     scene.add_instance(scene.add_mesh(positions, CUBE_TRIANGLES, perfect_bvh.BuildConfig(layout=layout)))
     scene.commit()
-    expected = [exact_hits(positions, CUBE_TRIANGLES, *ray) for ray in zip(origins, directions, strict=True)]
     assert 0.05 < np.mean([not met for met in expected]) < 0.5  # past a silhouette
     hits = scene.cast_rays(origins, directions, strategy=strategy)
     assert hits.primitive_ids.tolist() == [met[0] if met else -1 for met in expected]
@@ -234,10 +236,8 @@ def test_beside_the_edge_that_two_grounds_share():
     random = np.random.default_rng(14)
     targets = np.column_stack([random.uniform(-0.02, 0.02, RAYS), random.uniform(-5.0, 5.0, RAYS), np.zeros(RAYS)])
     origins = np.column_stack([random.uniform(-2.0, 2.0, (RAYS, 2)), random.uniform(3.0, 6.0, RAYS)])
-    hits = check(positions, triangles, np.eye(4), origins @ turn.T, (targets - origins) @ turn.T)
-    expected = [
-        exact_hits(positions, triangles, *ray)[0]
-        for ray in zip(origins @ turn.T, (targets - origins) @ turn.T, strict=True)
-    ]
+    rays = origins @ turn.T, (targets - origins) @ turn.T
+    hits = check(positions, triangles, np.eye(4), *rays)
+    expected = [met[0] for met in exact_hits(positions, triangles, *rays)]
     assert hits.primitive_ids.tolist() == expected
     assert 0.3 < np.mean(expected) < 0.7

@@ -190,3 +190,13 @@ def test_wrong_arguments():
     for query in (stack().count_intersections, stack().list_intersections):
         with pytest.raises(perfect_bvh.Cancelled):
             query(**rays_through_it(), progress=lambda share: False)
+
+
+@pytest.mark.parametrize("most", [2**31 - 1, 2**31, 2**40, 2**63 - 1])
+def test_a_limit_beyond_any_count_limits_nothing(most: int) -> None:
+    scene, _ = make_scene([(meshes.grid(4), np.eye(4), 1)])
+    rays = meshes.random_rays(200, 5)
+    every, limited = scene.list_intersections(*rays), scene.list_intersections(*rays, max_hits=most)
+    assert len(every.hits.t_hit) > 10
+    assert np.array_equal(every.ray_splits, limited.ray_splits)
+    assert np.array_equal(every.hits.t_hit, limited.hits.t_hit)

@@ -27,7 +27,7 @@ def test_they_meet_what_the_renderer_sees(projection: Any) -> None:
     passes = perfect_bvh.render_passes(scene, camera, size=SIZE, passes=("depth", "primitive"))
     origins, directions = camera.pixel_rays(SIZE)
     assert origins.shape == directions.shape == (17, 31, 3)
-    hits = scene.cast_rays(origins, directions, camera.clip_start, camera.clip_end)
+    hits = scene.cast_rays(origins, directions, t_min=camera.clip_start, t_max=camera.clip_end)
     assert (passes["primitive"] >= 0).sum() > 50
     same = passes["primitive"] == hits.primitive_ids
     assert same.all() if projection != "equirectangular" else same.mean() > 0.99

@@ -43,6 +43,7 @@ def test_pixels_do_not_depend_on_threads():
         (Appearance(materials=materials(alphas=np.zeros(2, np.float32))), "materials.alphas has 2 rows"),
         (Appearance(plain_reflectance=1.5), "plain_reflectance must be .*, got 1.5"),
         (Appearance(plain_reflectance=math.nan), "plain_reflectance must be .*, got nan"),
+        (Appearance(pass_alpha_threshold=1.5), "pass_alpha_threshold must be .*, got 1.5"),
         (Appearance(lights=lights(5)), "lights.kinds must be 0 to 4 .*, got 5"),
         (Appearance(lights=lights(0, power=math.inf)), "lights.powers must be finite, got inf"),
         (Appearance(lights=LightTable(kinds=np.zeros(1, np.int32))), "lights.positions must have a row for each"),

@@ -43,6 +43,21 @@ def test_images_show_the_right_way_up(linear):
         assert picture[row, column, :3] == pytest.approx(color, abs=0.05)
 
 
+@pytest.mark.parametrize("share", [0.0, 0.25, 0.5, 0.9, 1.0])
+def test_between_pixels_bytes_are_srgb_and_floats_linear(share):
+    """As in Cycles: half way between black and white it is 0.214 of bytes, and 0.5 of floats."""
+    pixels = np.full((1, 2, 4), 255, np.uint8)
+    pixels[0, 0, :3], pixels[0, 1, :3] = (0, 20, 255), (255, 200, 255)
+    stored = (pixels[0, 0, :3] * (1 - share) + pixels[0, 1, :3] * share) / 255
+    linear = np.where(stored <= 0.04045, stored / 12.92, ((stored + 0.055) / 1.055) ** 2.4)
+    place = ((0.0, 0.0, 0.25 + 0.5 * share), (0.0, 0.0, 0.5))
+    for kind, expected in ((pixels, linear), (np.float32(pixels) / np.float32(255), stored)):
+        image, black = ImageTexture(kind, "extend", place), np.zeros((1, 3), np.float32)
+        look = papered(image, base_colors=black, emissions=np.ones((1, 3), np.float32), emission_images=FIRST)
+        seen = render(floor(), ABOVE, "preview", SIZE, 1, replace(look, world=BLACK))[16, 16, :3]
+        assert seen == pytest.approx(expected, abs=1e-5)
+
+
 def test_a_uv_transform_says_where_an_image_is_looked_up():
     """Turned by a quarter, shrunk and moved: of four pixels the second is seen on all of the floor."""
     image = ImageTexture(four_pixels(), "extend", ((0.0, -0.1, 0.95), (0.1, 0.0, 0.05)))

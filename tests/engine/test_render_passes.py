@@ -15,6 +15,7 @@ from perfect_bvh import (
     Appearance,
     Camera,
     InstanceTable,
+    LightPaths,
     MaterialTable,
     MeshAppearance,
     Scene,
@@ -121,7 +122,7 @@ def test_panoramas_see_by_longitude_and_latitude() -> None:
     local = np.stack(
         [flat * np.sin(longitude), np.broadcast_to(np.sin(latitude), SIZE[::-1]), -flat * np.cos(longitude)], axis=-1
     )
-    hits = scene.cast_rays(turn[:3, 3], local @ turn[:3, :3].T, 0.5, 7.0)
+    hits = scene.cast_rays(turn[:3, 3], local @ turn[:3, :3].T, t_min=0.5, t_max=7.0)
     assert set(np.unique(hits.instance_ids)) == {-1, 0, 1, 2, 3, 4}
     np.testing.assert_array_equal(passes["instance"], hits.instance_ids)
     np.testing.assert_allclose(passes["depth"], np.where(hits.is_hit, hits.t_hit, 1e10), rtol=1e-6)
@@ -413,3 +414,67 @@ def test_a_sample_that_others_follow_spreads_like_them() -> None:
     np.testing.assert_array_equal(rounds[0], first)
     (one,) = (passes["combined"].copy() for _, passes in render_progressively(scene, camera, **asked, samples=1))
     np.testing.assert_array_equal(one, alone)
+
+
+def panes(alphas: tuple[float, ...], threshold: float, **more: Any) -> Appearance:
+    """Squares one behind the other, each of its own material: rows 0, 1 ..., pass indices 1, 2 ..."""
+    count = len(alphas)
+    table = np.arange(count, dtype=np.int32)
+    return Appearance(
+        instances=InstanceTable(
+            table, np.arange(count + 1, dtype=np.int32), table, table + np.int32(1), np.zeros(count, np.bool_)
+        ),
+        materials=MaterialTable(
+            np.ones((count, 4), np.float32), table + np.int32(1), alphas=np.float32(alphas), **more
+        ),
+        pass_alpha_threshold=threshold,
+    )
+
+
+@pytest.mark.parametrize(
+    ("alphas", "threshold", "bounces", "seen"),
+    [
+        ((0.0, 0.49, 0.5, 1.0), 0.5, 8, 2),
+        ((0.0, 0.49, 0.49, 0.0), 0.5, 8, None),
+        ((0.0, 0.2, 0.3, 1.0), 0.0, 8, 0),
+        ((0.2, 0.2, 0.9, 1.0), 1.0, 8, 3),
+        ((0.2, 0.2, 0.9, 1.0), 1.0, 3, 3),
+        ((0.2, 0.2, 0.9, 1.0), 1.0, 2, None),
+    ],
+)
+def test_passes_look_through_what_has_less_alpha_than_the_threshold(
+    alphas: tuple[float, ...], threshold: float, bounces: int, seen: int | None
+) -> None:
+    scene = quad_scene(*(placed(z=-2.0 - layer, scale=10.0) for layer in range(len(alphas))))
+    asked: dict[str, Any] = {"size": SIZE, "light_paths": LightPaths(transparent_bounces=bounces)}
+    names = ("depth", "instance", "object_index", "material_index", "normal", "primitive")
+    passes = render_passes(scene, Camera(window=WINDOW), appearance=panes(alphas, threshold), passes=names, **asked)
+    hits = seen is not None
+    depth, row = (2.0 + seen, seen) if seen is not None else (1e10, -1)
+    np.testing.assert_allclose(passes["depth"], depth, rtol=1e-6)
+    np.testing.assert_array_equal(passes["instance"], row)
+    np.testing.assert_array_equal(passes["object_index"], row + 1)
+    np.testing.assert_array_equal(passes["material_index"], row + 1)
+    np.testing.assert_array_equal(passes["primitive"] >= 0, hits)
+    np.testing.assert_array_equal(passes["normal"][..., 2], float(hits))
+
+
+def test_the_threshold_of_passes_is_not_that_of_the_image() -> None:
+    scene, camera = quad_scene(placed(z=-2.0), placed(z=-3.0, scale=10.0)), Camera(window=WINDOW)
+
+    def shown(threshold: float) -> dict[str, npt.NDArray[Any]]:
+        asked: dict[str, Any] = {"mode": "preview", "size": SIZE, "passes": ("combined", "depth")}
+        return render_passes(scene, camera, appearance=panes((0.3, 1.0), threshold), **asked)
+
+    without, with_threshold = shown(0.0), shown(0.5)
+    np.testing.assert_array_equal(without["combined"], with_threshold["combined"])
+    assert set(np.unique(without["depth"].round(4))) == {2.0, 3.0}
+    np.testing.assert_allclose(with_threshold["depth"], 3.0, rtol=1e-6)
+
+
+def test_passes_end_at_holdouts_behind_transparent_surfaces() -> None:
+    scene = quad_scene(*(placed(z=-2.0 - layer, scale=10.0) for layer in range(3)))
+    appearance = panes((0.2, 1.0, 1.0), 0.5, holdouts=np.float32((0.0, 1.0, 0.0)))
+    passes = render_passes(scene, Camera(window=WINDOW), size=SIZE, appearance=appearance, passes=("depth", "instance"))
+    np.testing.assert_array_equal(passes["depth"], np.float32(1e10))
+    np.testing.assert_array_equal(passes["instance"], -1)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 import threading
 
 import numpy as np
@@ -439,3 +440,16 @@ def test_the_number_of_threads_is_checked():
         with pytest.raises(ValueError, match=f"set_thread_count: count must be 0 .* got {count}"):
             perfect_bvh.set_thread_count(count)
     assert perfect_bvh.thread_count() == before
+
+
+def test_queries_take_all_but_the_rays_by_keyword_and_in_one_order() -> None:
+    order = ["t_min", "t_max", "max_distance", "mask", "cull", "times", "time", "fields", "max_hits", "out", "strategy"]
+    order += ["audit", "threads", "progress"]
+    queries = {"cast_rays": 2, "test_occlusions": 2, "count_intersections": 2, "list_intersections": 2, "walk_ray": 2}
+    for name, rays in (queries | {"compute_closest_points": 1}).items():
+        _, *parameters = inspect.signature(getattr(perfect_bvh.Scene, name)).parameters.values()
+        by_keyword = [one.name for one in parameters if one.kind is one.KEYWORD_ONLY]
+        assert len(parameters) - len(by_keyword) == rays, name
+        assert by_keyword == [one for one in order if one in by_keyword], name
+    with pytest.raises(TypeError, match="positional"):
+        perfect_bvh.Scene().cast_rays(*DOWN, 0.0)

@@ -113,7 +113,9 @@ def _record_cast(
 def _record_points(recorder: Recorder, made: EngineScene, count: int) -> None:
     points = np.random.default_rng(33).uniform(-2.0, 2.0, (count // 3, 3)) + made.centre
     for name, limit in (("all", np.inf), ("near", 0.2)):
-        first, second = (made.scene.compute_closest_points(points, limit, threads=threads) for threads in (1, 2))
+        first, second = (
+            made.scene.compute_closest_points(points, max_distance=limit, threads=threads) for threads in (1, 2)
+        )
         columns = [{field: getattr(found, field) for field in CLOSEST_FIELDS} for found in (first, second)]
         check_equal("threads=2", *columns, CLOSEST_FIELDS)
         recorder.within(name).add_all(columns[0])

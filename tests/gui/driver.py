@@ -18,12 +18,12 @@ from typing import Any
 import bpy
 import numpy as np
 import numpy.typing as npt
+from console_alarms import find_alarms
 
 Step = Generator[float, None, Any]
 
 OUTPUT = Path(os.environ["WINDOWS_OUTPUT"])
 CONSOLE = OUTPUT / "console.log"
-ALARMS = ("Traceback (most recent call last)", "Error: Python:", "Segmentation fault")
 
 
 class StepError(AssertionError):
@@ -94,8 +94,7 @@ def redraw() -> None:
 def alarms_on_console() -> list[str]:
     sys.stdout.flush()
     sys.stderr.flush()
-    text = CONSOLE.read_text(encoding="utf-8", errors="replace")
-    return [line for line in text.splitlines() if any(alarm in line for alarm in ALARMS)]
+    return find_alarms(CONSOLE.read_text(encoding="utf-8", errors="replace"))
 
 
 # The run -------------------------------------------------------------------------------------------------------------

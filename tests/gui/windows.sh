@@ -44,7 +44,7 @@ if [ $status -ne 0 ] || ! grep -q "^ALL STEPS PASSED" "$console"; then
   echo "The windows' test failed (status $status); screenshots are in $output" >&2
   exit 1
 fi
-if grep -nE "Traceback|Segmentation fault|not freed memory" "$console"; then
+if ! python3 "$repository/tests/gui/console_alarms.py" "$console"; then
   echo "The console is not clean" >&2
   exit 1
 fi

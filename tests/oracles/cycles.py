@@ -7,37 +7,46 @@ to one ray within 0.005 pixels of the pixel's centre. The passes come back throu
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import bpy
 import numpy as np
 import numpy.typing as npt
 
-from .exr import read_exr
+from . import recorded
+from .exr import Planes, read_exr
+from .scene_digest import scene_digest
 
 FILTER_WIDTH = 0.01
 Image = npt.NDArray[np.float32]
 MODERN_NAMES = bpy.app.version >= (5, 0, 0)
 OBJECT_INDEX = "Object Index" if MODERN_NAMES else "IndexOB"
 MATERIAL_INDEX = "Material Index" if MODERN_NAMES else "IndexMA"
+FLAT = ("Depth.Z", f"{OBJECT_INDEX}.X", f"{MATERIAL_INDEX}.X")  # in the order of the fields of `Surfaces`
 
 
 @dataclass(frozen=True, slots=True)
-class Passes:
-    """The passes of one render: float32, row 0 on top.
+class Surfaces:
+    """What each pixel shows: float32, row 0 on top.
 
-    combined: (H, W, 4). depth: (H, W), Z along the view axis, 1e10 on the background. normal: (H, W, 3), world
-    space, turned to the viewer, zero on the background. object_index, material_index: (H, W).
+    depth: (H, W), Z along the view axis, 1e10 on the background. normal: (H, W, 3), world space, turned to the
+    viewer, zero on the background. object_index, material_index: (H, W).
     """
 
-    combined: npt.NDArray[np.float32]
     depth: npt.NDArray[np.float32]
-    normal: npt.NDArray[np.float32]
     object_index: npt.NDArray[np.float32]
     material_index: npt.NDArray[np.float32]
+    normal: npt.NDArray[np.float32]
+
+
+@dataclass(frozen=True, slots=True)
+class Passes(Surfaces):
+    """What each pixel shows, and combined: (H, W, 4)."""
+
+    combined: npt.NDArray[np.float32]
 
 
 @contextmanager
@@ -54,11 +63,9 @@ def preserved(*settings: tuple[object, str, object]) -> Iterator[None]:
             setattr(owner, name, value)
 
 
-def write_multilayer(path: Path, scene: bpy.types.Scene, engine: str, is_denoised: bool = False) -> None:
-    """Render with `engine`, every pass on, into an uncompressed 32-bit multilayer OpenEXR file.
-
-    is_denoised: of our own engine's images; Cycles does as the scene says.
-    """
+@contextmanager
+def _as_multilayer(path: Path, scene: bpy.types.Scene, engine: str, is_denoised: bool) -> Iterator[None]:
+    """The scene renders with `engine`, every pass on, into an uncompressed 32-bit multilayer OpenEXR file meanwhile."""
     view_layer = scene.view_layers[0]
     image = scene.render.image_settings
     settings = [
@@ -78,7 +85,47 @@ def write_multilayer(path: Path, scene: bpy.types.Scene, engine: str, is_denoise
     if hasattr(image, "use_exr_interleave"):
         settings.append((image, "use_exr_interleave", True))  # several parts fail where pixels are not square
     with preserved(*settings):
+        yield
+
+
+def write_multilayer(path: Path, scene: bpy.types.Scene, engine: str, is_denoised: bool = False) -> None:
+    """Render with `engine`, every pass on, into an uncompressed 32-bit multilayer OpenEXR file.
+
+    is_denoised: of our own engine's images; Cycles does as the scene says.
+    """
+    with _as_multilayer(path, scene, engine, is_denoised):
         bpy.ops.render.render(write_still=True, scene=scene.name)
+
+
+def render_planes(scene: bpy.types.Scene, engine: str, names: Sequence[str], is_half: bool = False) -> Planes:
+    """The first view layer's planes `names` ("Depth.Z"), (H, W) each; those of Cycles may come from a recording.
+
+    is_half: the recording may be in half precision, as the samples' noise is larger than its steps.
+    """
+    prefix = f"{scene.view_layers[0].name}."
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "planes.exr"
+
+        def render() -> Planes:
+            bpy.ops.render.render(write_still=True, scene=scene.name)
+            return {key.removeprefix(prefix): plane for key, plane in read_exr(path).items()}
+
+        with _as_multilayer(path, scene, engine, is_denoised=False):
+            if engine == "CYCLES" and recorded.active is not None:
+                return recorded.active.planes(scene_digest(scene), names, is_half, render)
+            return render()
+
+
+def render_image(scene: bpy.types.Scene, engine: str, name: str, channels: str, is_half: bool = False) -> Image:
+    """(H, W, C): the planes of one pass as an image."""
+    names = [f"{name}.{channel}" for channel in channels]
+    planes = render_planes(scene, engine, names, is_half)
+    return np.stack([planes[name] for name in names], axis=-1)
+
+
+def render_noisy(scene: bpy.types.Scene, engine: str) -> Image:
+    """(H, W, 4): the image of samples by chance, that of Cycles in half precision at least."""
+    return render_image(scene, engine, "Combined", "RGBA", is_half=True)
 
 
 def render_beside(scene: bpy.types.Scene, samples: int) -> tuple[Image, Image]:
@@ -91,56 +138,33 @@ def render_beside(scene: bpy.types.Scene, samples: int) -> tuple[Image, Image]:
         (scene.perfect_bvh, "samples", samples),
         (scene.perfect_bvh, "use_noise_threshold", False),
     ):
-        theirs = render_passes(scene, "CYCLES").combined
-        return render_passes(scene, "PERFECT_BVH").combined, theirs
+        theirs = render_noisy(scene, "CYCLES")
+        return render_noisy(scene, "PERFECT_BVH"), theirs
 
 
 def render_cycles_uvs(scene: bpy.types.Scene) -> npt.NDArray[np.float32]:
     """(H, W, 3): Cycles' pass UV through the pixels' centres; (u, v, 1), zero where there is no map or no surface."""
     view_layer, cycles = scene.view_layers[0], scene.cycles
-    with (
-        tempfile.TemporaryDirectory() as folder,
-        preserved(
-            (view_layer, "use_pass_uv", True),
-            (cycles, "samples", 1),
-            (cycles, "use_adaptive_sampling", False),
-            (cycles, "use_denoising", False),
-            (cycles, "filter_width", FILTER_WIDTH),
-            (cycles, "max_bounces", 0),
-        ),
+    with preserved(
+        (view_layer, "use_pass_uv", True),
+        (cycles, "samples", 1),
+        (cycles, "use_adaptive_sampling", False),
+        (cycles, "use_denoising", False),
+        (cycles, "filter_width", FILTER_WIDTH),
+        (cycles, "max_bounces", 0),
     ):
-        path = Path(folder) / "uvs.exr"
-        write_multilayer(path, scene, "CYCLES")
-        planes = read_exr(path)
-        names = [f"{view_layer.name}.UV.{channel}" for channel in "UVA"]
-        return np.stack([planes[name] for name in names], axis=-1)
-
-
-def read_passes(path: Path, layer: str) -> Passes:
-    """The passes of one view layer from a file that `write_multilayer` wrote."""
-    planes = read_exr(path)
-
-    def stack(name: str, channels: str) -> npt.NDArray[np.float32]:
-        return np.stack([planes[f"{layer}.{name}.{channel}"] for channel in channels], axis=-1)
-
-    return Passes(
-        combined=stack("Combined", "RGBA"),
-        depth=planes[f"{layer}.Depth.Z"],
-        normal=stack("Normal", "XYZ"),
-        object_index=planes[f"{layer}.{OBJECT_INDEX}.X"],
-        material_index=planes[f"{layer}.{MATERIAL_INDEX}.X"],
-    )
+        return render_image(scene, "CYCLES", "UV", "UVA")
 
 
 def render_passes(scene: bpy.types.Scene, engine: str = "CYCLES") -> Passes:
     """The passes of `scene` as Blender's pipeline delivers them from `engine`."""
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "passes.exr"
-        write_multilayer(path, scene, engine)
-        return read_passes(path, scene.view_layers[0].name)
+    image, normal = [f"Combined.{channel}" for channel in "RGBA"], [f"Normal.{channel}" for channel in "XYZ"]
+    planes = render_planes(scene, engine, [*image, *FLAT, *normal])
+    combined, normals = (np.stack([planes[name] for name in names], axis=-1) for names in (image, normal))
+    return Passes(*(planes[name] for name in FLAT), normals, combined)
 
 
-def render_cycles(scene: bpy.types.Scene, samples: int = 1) -> Passes:
+def render_cycles(scene: bpy.types.Scene, samples: int = 1) -> Surfaces:
     """Cycles' own passes: `samples` rays a pixel through its centre, no bounces, no denoising, no lens blur.
 
     The normals come from a second render in which everything is diffuse: glossy closures bend the normal that
@@ -162,12 +186,12 @@ def render_cycles(scene: bpy.types.Scene, samples: int = 1) -> Passes:
             (camera.dof, "use_dof", False),
             (scene.render, "use_motion_blur", False),
         ):
-            passes = render_passes(scene, "CYCLES")
+            planes = render_planes(scene, "CYCLES", FLAT)
             with preserved((view_layer, "material_override", diffuse)):
-                normal = render_passes(scene, "CYCLES").normal
+                normal = render_image(scene, "CYCLES", "Normal", "XYZ")
     finally:
         bpy.data.materials.remove(diffuse)
-    return replace(passes, normal=normal)
+    return Surfaces(*(planes[name] for name in FLAT), normal)
 
 
 def _make_diffuse_material() -> bpy.types.Material:

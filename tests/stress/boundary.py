@@ -47,11 +47,13 @@ def cast_rays(data: bytes) -> Features:
     """Every query by rays, of the same rays: all answer or none does, and they agree."""
     source, caller = Bytes(data), Caller()
     made = scene()
-    arguments = (anything(source), anything(source), number(source), number(source), mask(source), cull(source))
-    hits = caller.ask(made.cast_rays, "cast_rays", *arguments)
-    occluded = caller.ask(made.test_occlusions, "test_occlusions", *arguments)
-    counts = caller.ask(made.count_intersections, "count_intersections", *arguments)
-    found = caller.ask(made.list_intersections, "list_intersections", *arguments, max_hits=2)
+    arguments = anything(source), anything(source)
+    names = ("t_min", number), ("t_max", number), ("mask", mask), ("cull", cull)
+    limits = {name: make(source) for name, make in names}
+    hits = caller.ask(made.cast_rays, "cast_rays", *arguments, **limits)
+    occluded = caller.ask(made.test_occlusions, "test_occlusions", *arguments, **limits)
+    counts = caller.ask(made.count_intersections, "count_intersections", *arguments, **limits)
+    found = caller.ask(made.list_intersections, "list_intersections", *arguments, **limits, max_hits=2)
     assert (hits is None) == (occluded is None) == (counts is None) == (found is None)
     if hits is None:
         return caller.features
@@ -71,7 +73,9 @@ def compute_closest_points(data: bytes) -> Features:
     """Distances that are numbers, and infinite where nothing was found."""
     source, caller = Bytes(data), Caller()
     points, max_distance, bits = anything(source), number(source), mask(source)
-    found = caller.ask(scene().compute_closest_points, "compute_closest_points", points, max_distance, bits)
+    found = caller.ask(
+        scene().compute_closest_points, "compute_closest_points", points, max_distance=max_distance, mask=bits
+    )
     if found is None:
         return caller.features
     assert found.distances.shape == np.shape(points)[:-1]

@@ -120,6 +120,37 @@ def test_a_mesh_of_others_that_rest_parts_from_theirs() -> None:
     assert whole.meshes is frame.meshes and [one.row for one in whole.motion.meshes] == [0]
 
 
+def row_of_copies(places: list[float], ids: list[int] | None = None) -> SceneRecord:
+    """One instancer's copies at these places, numbered by their order or by `ids`, and an object of its own."""
+    numbers = range(len(places)) if ids is None else ids
+    copies = [Shown("a", 1, x=x, parent=9, persistent_id=(0, n)) for x, n in zip(places, numbers, strict=True)]
+    return record([mesh("a")], [Shown("a", 2), *copies])
+
+
+@pytest.mark.parametrize(
+    ("later", "ids", "still", "moving"),
+    [
+        ([2.0, 0.0, 1.0, 3.0], None, 3, []),  # another order
+        ([3.0, 1.0, 2.0, 0.0], None, 2, []),
+        ([1.0, 3.0, 2.0], None, 2, []),  # one less, and another order
+        ([1.0, 2.0, 3.0, 4.0], None, 0, [1, 2, 3, 4]),  # a row that goes on by the way between two of them
+        ([2.0, 0.0, 1.0, 3.5], None, 0, [1, 2, 3, 4]),
+        ([0.0, 2.0, 2.0, 3.0], None, 0, [2]),
+        ([2.0, 0.0, 1.0, 3.0], [0, 2, 1, 3], 0, [1, 3]),  # ids, which go with the places
+    ],
+)
+def test_copies_without_ids_whose_order_changes_stand_still(
+    later: list[float], ids: list[int] | None, still: int, moving: list[int]
+) -> None:
+    frame = row_of_copies([0.0, 1.0, 2.0, 3.0])
+    moments = {Fraction(0): moment(frame), Fraction(1): moment(row_of_copies(later, ids))}
+    result = add_motion(frame, moments, settings(frame, 2))
+    rows = [row for motions in result.motion.instances for row in motions.rows.tolist()]
+    told = [text for text in result.warnings if "have no ids" in text]
+    assert rows == moving and len(told) == bool(still)
+    assert all(f"object 9: {still} of its instances" in text for text in told)
+
+
 @pytest.mark.parametrize("count", [1, 2, 3, 4])
 def test_what_nothing_tells_apart_is_followed_while_there_is_as_much_of_it(count: int) -> None:
     """Points of nodes may have equal ids."""

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import json
+import os
 from pathlib import Path
 from typing import Any
 
 import pytest
 from perfect_bvh_addon.cli.farm.costs import Costs
+from perfect_bvh_addon.pieces import inputs
 from perfect_bvh_addon.pieces.folder import OtherInputsError, PieceFolder
-from perfect_bvh_addon.pieces.inputs import inputs_of
+from perfect_bvh_addon.pieces.inputs import find_difference, inputs_of, known_checksums, learn_checksums
 from perfect_bvh_addon.pieces.piece import Piece, runs_of
 from perfect_bvh_addon.support.files import find_remainders
 
@@ -62,14 +64,14 @@ def test_what_is_no_manifest_is_not_trusted(tmp_path: Path, text: str) -> None:
 @pytest.mark.parametrize("frames", [(1,), (2, 3), (1, 2, 3), (0, 2)])
 def test_frames_are_divided_in_one_way(tmp_path: Path, frames: tuple[int, ...]) -> None:
     place = folder_with(tmp_path, piece_of(1, 2))
-    with pytest.raises(OtherInputsError, match="another division of the frames"):
+    with pytest.raises(OtherInputsError, match="differs in how the frames are divided"):
         place.check([piece_of(*frames)])
     place.check([piece_of(1, 2), piece_of(3, 4)])
 
 
 def test_pieces_of_other_inputs_are_refused(tmp_path: Path) -> None:
     folder_with(tmp_path, piece_of(1, 2))
-    with pytest.raises(OtherInputsError, match=r"x_1-2\.json has another steps"):
+    with pytest.raises(OtherInputsError, match=r"x_1-2\.json differs in 'steps'"):
         PieceFolder(tmp_path, {**INPUTS, "steps": 2}, "x_", "test").check([piece_of(7, 8)])
 
 
@@ -90,6 +92,35 @@ def test_inputs_are_as_json_gives_them_back(tmp_path: Path) -> None:
     assert made == json.loads(json.dumps(made))
     assert made["size"] == [4, 3] and list(made["files"]) == ["image.png"]
     assert len(made["files"]["image.png"].split(" ")) == 2
+
+
+def test_a_file_is_read_once_by_all_processes_of_a_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    read: list[str] = []
+    true_checksum = inputs.checksum
+    monkeypatch.setattr(inputs, "checksum", lambda path: read.append(path.name) or true_checksum(path))
+    monkeypatch.setattr(inputs, "_known", {})
+    paths = [tmp_path / "a.png", tmp_path / "b.png"]
+    for path in paths:
+        path.write_text("one")
+    first = inputs_of(paths)
+    told = json.loads(json.dumps(known_checksums()))  # as a worker gets it
+    inputs._known.clear()
+    learn_checksums(told)
+    assert inputs_of(paths) == first and read == ["a.png", "b.png"]
+    paths[0].write_text("two")  # as many bytes
+    os.utime(paths[0], ns=(1, 1))
+    assert find_difference(first, inputs_of(paths)) == "'files' (a.png)" and read == ["a.png", "b.png", "a.png"]
+
+
+def test_differences_are_named() -> None:
+    known: dict[str, Any] = {"files": {"a.png": "1", "b.png": "2"}, "blender": "5.0.1", "labels": ["a"]}
+    assert find_difference(known, known) is None
+    assert find_difference(known, {**known, "more": 1}) is None
+    assert find_difference(known, {**known, "blender": "4.2.0"}) == """'blender' ("4.2.0", not "5.0.1")"""
+    assert find_difference(known, {**known, "labels": []}) == """'labels' ([], not ["a"])"""
+    assert find_difference(known, {**known, "labels": ["a" * 100]}) == "'labels'"
+    assert find_difference(known, {**known, "files": {"b.png": "3", "c.png": "4"}}) == "'files' (a.png and 2 more)"
+    assert find_difference(known, {**known, "files": []}).startswith("'files' ([], not")
 
 
 def test_what_killed_processes_leave_is_found_and_nothing_else(tmp_path: Path) -> None:

@@ -43,6 +43,7 @@ CHANGES: dict[str, Any] = {
     "size": (3, 4),
     "film_transparent": True,
     "plain_reflectance": 0.5,
+    "pass_alpha_threshold": 0.5,
     "images": (ImageRecord("i", 1, np.zeros((1, 1, 4), np.float32), "repeat"),),
     "lights": LightRecords(kinds=("point",)),
     "world": WorldRecord(),

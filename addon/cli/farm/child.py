@@ -76,7 +76,7 @@ class Bench:
 def _open(job: dict[str, Any], stop: StopRequest) -> PieceWork:
     import perfect_bvh
 
-    from ...pieces.inputs import find_difference
+    from ...pieces.inputs import find_difference, learn_checksums
     from ..arguments import CommandError
     from ..blender import open_scene
     from ..labels import LabelsWork
@@ -87,21 +87,17 @@ def _open(job: dict[str, Any], stop: StopRequest) -> PieceWork:
         raise CommandError(f"it has version {perfect_bvh.__version__} of Perfect BVH, not {job['version']}")
     arguments = argparse.Namespace(**{name: _tuple(value) for name, value in job["arguments"].items()})
     scene = open_scene(Path(arguments.file), arguments)
+    learn_checksums(job["checksums"])
     made = {"scan": ScanWork, "labels": LabelsWork, "render": RenderWork}[arguments.command]
     work: PieceWork = made(scene, stop, arguments)
     other = find_difference(job["inputs"], work.place.inputs)
     if other is not None:
-        raise CommandError(f"it sees another {other}: {_short(work.place.inputs.get(other))}")
+        raise CommandError(f"it differs from the run in {other}")
     return work
 
 
 def _tuple(value: Any) -> Any:
     return tuple(value) if isinstance(value, list) else value
-
-
-def _short(value: Any) -> str:
-    text = json.dumps(value)
-    return text if len(text) < 200 else f"{text[:197]}..."
 
 
 def _take_streams() -> tuple[TextIO, TextIO]:

@@ -14,6 +14,7 @@ from collections import Counter
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from pathlib import Path
+from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 from ..arguments import CommandError
@@ -28,6 +29,7 @@ if TYPE_CHECKING:
 CONNECT_SECONDS = 20
 CLOSE_SECONDS = 5
 POLL_SECONDS = 0.2
+SAFE_PATH = "PYTHONSAFEPATH"
 LOCAL_SETTINGS = {
     # The first death of a worker is told at once, not after several: they are counted here, by piece.
     "distributed.scheduler.allowed-failures": 0,
@@ -75,10 +77,13 @@ def _local_cluster(count: int) -> Iterator[LocalCluster]:
     import dask
     from distributed import LocalCluster
 
-    with dask.config.set(LOCAL_SETTINGS):
+    from .nanny import PatientNanny
+
+    with _without_users_modules(), dask.config.set(LOCAL_SETTINGS):
         try:
             cluster = LocalCluster(
                 n_workers=count,
+                worker_class=PatientNanny,
                 threads_per_worker=1,
                 processes=True,
                 dashboard_address="127.0.0.1:0",  # whatever port is free; None would be that of another cluster
@@ -88,10 +93,29 @@ def _local_cluster(count: int) -> Iterator[LocalCluster]:
             )
         except (OSError, RuntimeError) as error:
             raise CommandError(f"--workers {count}: they could not be started ({error})") from error
+        try:
+            yield cluster
+        finally:
+            cluster.close(timeout=CLOSE_SECONDS)
+
+
+@contextmanager
+def _without_users_modules() -> Iterator[None]:
+    """Keeps workers that start meanwhile, the first ones and those after a death, from running the user's modules.
+
+    They look for no modules in the current folder, and do not run the user's script again, as multiprocessing would to
+    find its functions: a script then needs no `if __name__ == "__main__"`.
+    """
+    main, safe_path = sys.modules["__main__"], os.environ.get(SAFE_PATH)
+    sys.modules["__main__"], os.environ[SAFE_PATH] = ModuleType("__main__"), "1"
     try:
-        yield cluster
+        yield
     finally:
-        cluster.close(timeout=CLOSE_SECONDS)
+        sys.modules["__main__"] = main
+        if safe_path is None:
+            del os.environ[SAFE_PATH]
+        else:
+            os.environ[SAFE_PATH] = safe_path
 
 
 @contextmanager
@@ -177,9 +201,9 @@ def _fault_of(seen: Any, arguments: argparse.Namespace) -> str | None:
     if not seen["has_blender"]:
         return "its Python has no module bpy: pip install 'perfect-bvh[blender]'"
     if seen["size"] is None:
-        return f"it does not see {arguments.file}; all machines have to find the scene and all that it reads there"
+        return f"it does not see {arguments.file}; the scene and its files have to be at the same path on all machines"
     if seen["size"] != os.path.getsize(arguments.file):
-        return f"it sees another file as {arguments.file}, of {seen['size']:,} bytes"
+        return f"{arguments.file} is another file there, of {seen['size']:,} bytes"
     if not seen["sees_output"]:
         folder = Path(arguments.output)
         return f"it does not see the output folder of -o {folder}; all machines have to write into the same"

@@ -48,11 +48,14 @@ def _job_of(work: PieceWork, threads: int) -> dict[str, Any]:
     """All that a worker has to know, as plain data."""
     import perfect_bvh
 
+    from ...pieces.inputs import known_checksums
+
     return {
         "id": secrets.token_hex(8),
         "version": perfect_bvh.__version__,
         "arguments": {**vars(work.arguments), "threads": threads},
         "inputs": work.place.inputs,
+        "checksums": known_checksums(),
     }
 
 
@@ -90,7 +93,7 @@ class _Farm:
         if self._work.stop.is_set:
             if not self._is_stopping:
                 self._is_stopping = True
-                self._ask(lambda: self._client.run(worker.stop_pieces, on_error="return"))
+                self._ask(lambda: self._client.run(worker.stop_pieces, self._job["id"], on_error="return"))
             return
         addresses = list(self._ask(self._client.nthreads))
         if not addresses and not self._is_alone:
@@ -194,6 +197,6 @@ class _Farm:
         if self._client.status != "running":
             return
         try:
-            self._ask(lambda: self._client.run(worker.end_blenders, on_error="return"))
+            self._ask(lambda: self._client.run(worker.end_blenders, self._job["id"], on_error="return"))
         except CommandError:
-            sys.stderr.write("perfect-bvh: the workers are not reached; what they do, they end by themselves\n")
+            sys.stderr.write("perfect-bvh: cannot reach the workers; they will stop by themselves\n")

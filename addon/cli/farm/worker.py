@@ -1,6 +1,7 @@
 """What runs within workers of Dask. Each piece is done by a Blender in a process of its own, which lives on.
 
 Blender wants a process's main thread, which Dask does not give; and a Blender that dies takes nothing with it.
+Several runs may share a worker: each run has Blenders of its own, and stops and ends these alone.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ import subprocess
 import sys
 import tempfile
 import threading
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -38,17 +40,18 @@ class DeadBlenderError(Exception):
 
 
 class BlenderProcess:
-    """A process that does pieces, one at a time.
+    """A process that does pieces of one job, one at a time.
 
     A Blender that is killed leaves its temporary files behind. So it gets a folder for them, which goes with it; if its
     worker dies first, it removes that itself.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, job_id: str) -> None:
+        self.job_id = job_id
         self._said = tempfile.TemporaryFile()  # noqa: SIM115 - closed with the process
         self._folder = tempfile.mkdtemp(prefix=FOLDER_PREFIX)
         self._process = subprocess.Popen(
-            [sys.executable, "-m", CHILD, self._folder],
+            [sys.executable, "-P", "-m", CHILD, self._folder],  # -P: a random.py of the user's is not Python's
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=self._said,
@@ -152,10 +155,12 @@ def do_piece(job: dict[str, Any], number: int) -> dict[str, Any]:
     answer = None
     while answer is None:
         with _lock:
-            was_free = bool(_free)
-            blender = _free.pop() if was_free else BlenderProcess()
+            free = next(iter(_of_job(_free, job["id"])), None)
+            if free is not None:
+                _free.remove(free)
+            blender = free or BlenderProcess(job["id"])
             _busy.add(blender)
-        answer = _ask(blender, request, may_have_left=was_free)
+        answer = _ask(blender, request, may_have_left=free is not None)
     return {**answer, "host": socket.gethostname(), "worker": get_worker().address}
 
 
@@ -177,22 +182,28 @@ def _ask(blender: BlenderProcess, request: dict[str, Any], may_have_left: bool) 
     return answer
 
 
-def stop_pieces() -> None:
-    """Asks all Blenders of this worker to give up what they do. Does not wait for it."""
+def stop_pieces(job_id: str) -> None:
+    """Asks the Blenders of a job on this worker to give up what they do. Does not wait for it."""
     with _lock:
-        for blender in _busy:
+        for blender in _of_job(_busy, job_id):
             blender.stop()
 
 
-def end_blenders() -> None:
-    """Ends all Blenders of this worker, at once."""
+def end_blenders(job_id: str) -> None:
+    """Ends the Blenders of a job on this worker, at once."""
     with _lock:
-        for blender in (*_busy, *_free):
+        busy, free = _of_job(_busy, job_id), _of_job(_free, job_id)
+        for blender in (*busy, *free):
             blender.end()
-        for blender in _busy:
+        for blender in busy:
             blender.tidy()
-        while _free:
-            _free.pop().close()
+        for blender in free:
+            _free.remove(blender)
+            blender.close()
+
+
+def _of_job(blenders: Iterable[BlenderProcess], job_id: str) -> list[BlenderProcess]:
+    return [blender for blender in blenders if blender.job_id == job_id]
 
 
 def look(file: str, probe: str) -> dict[str, Any]:

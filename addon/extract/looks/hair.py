@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from ...sync.records import HairRecord
 from .lobes import Color
-from .node_graph import Scope, inputs_of
+from .node_graph import Scope, inputs_of, is_fed
 from .node_values import Value, ValueReader, constant
 
 LEAST_IOR = 1e-5
@@ -85,7 +85,7 @@ class HairReader:
         radial = roughness if is_huang else self._number(inputs["Radial Roughness"], 0.3, scope)
         base, absorption = self._colors(node, inputs, radial, scope)
         lobes = [inputs[f"{name} lobe"] for name in ("R", "TT", "TRT")] if is_huang else []
-        if inputs["Random Roughness"].is_linked or inputs["Random Roughness"].default_value:
+        if is_fed(inputs["Random Roughness"], scope) or inputs["Random Roughness"].default_value:
             self._omissions.note("Random Roughness of hair", "one for all strands is")
         return base, HairRecord(
             fiber=1.0,
@@ -114,7 +114,7 @@ class HairReader:
             base = self._values.read(inputs["Tint"], scope)
             amount, redness = (self._number(inputs[name], 0.5, scope) for name in ("Melanin", "Melanin Redness"))
             pigments = absorption_of_melanin(amount, redness)
-            if inputs["Random Color"].is_linked or inputs["Random Color"].default_value:
+            if is_fed(inputs["Random Color"], scope) or inputs["Random Color"].default_value:
                 self._omissions.note("Random Color of hair", "one for all strands is")
         if not base.is_even:
             return base, pigments

@@ -16,10 +16,11 @@ from ...sync.records import ImageRecord, LightRecords, WorldRecord
 from ..visibility import VisibilityReader
 from .color_math import BLENDS
 from .images import ImageReader
-from .node_graph import Scope, trace_back
+from .node_graph import GROUPS, Scope, find_output, trace_back
 from .node_values import HALF, Value, ValueReader, constant
 from .omissions import Omissions
-from .sky import read_sky
+from .shown_nodes import name_of
+from .sky import name_of_older_model, read_sky
 
 _KINDS = {"POINT": "point", "SUN": "sun", "SPOT": "spot"}
 _DEEPEST = 64
@@ -28,6 +29,7 @@ _LIGHT_RAYS = ("visible_diffuse", "visible_glossy", "visible_transmission")
 LIGHT_LINKING, LIGHTS_ALL = "its light linking", "it lights everything"
 
 Color = tuple[float, float, float]
+BLACK: Color = (0.0, 0.0, 0.0)
 
 
 def read_lights(
@@ -79,29 +81,37 @@ def _read_world(world: Any, images: ImageReader, omissions: Omissions) -> WorldR
     red, green, blue = world.color
     plain = WorldRecord((red, green, blue))
     tree = world.node_tree if world.use_nodes else None
-    output = None if tree is None else tree.get_output_node("CYCLES")
-    if output is None:
-        return plain if tree is None else WorldRecord()
-    _note_world(world, output, omissions)
+    if tree is None:
+        return plain
+    found = find_output(tree)
+    if found is None:
+        omissions.note_no_output("black is")
+        return WorldRecord()
+    surface, scope = found[0].inputs["Surface"], found[1]
+    _note_world(world, *found, omissions)
     sky = _find_sky(world, images, omissions)
     if sky is not None:
         node, strength = sky
         shown, rotation = read_sky(node)
+        older = name_of_older_model(node)
+        if older is not None:
+            omissions.note(
+                f"the model {older} of {name_of(node)}", "Single Scattering is, and not as bright everywhere"
+            )
         images.records.append(ImageRecord(node.name, 0, shown.pixels, "repeat"))
         return WorldRecord((strength,) * 3, len(images.records) - 1, rotation)
     lit, seen = (ValueReader(images, constant(*plain.color), omissions, is_camera) for is_camera in (False, True))
-    record = _record(_follow_world(output.inputs["Surface"], None, lit, 0), images, omissions)
+    record = _record(_follow_shader(surface, scope, lit, 0), images, omissions)
     if not lit.was_asked_for_rays:
         return record
-    return replace(record, backdrop=_record(_follow_world(output.inputs["Surface"], None, seen, 0), images, omissions))
+    return replace(record, backdrop=_record(_follow_shader(surface, scope, seen, 0), images, omissions))
 
 
-def _note_world(world: Any, output: Any, omissions: Omissions) -> None:
+def _note_world(world: Any, output: Any, scope: Scope | None, omissions: Omissions) -> None:
     """output: the node of the world's tree that Cycles looks at."""
-    if output.inputs["Volume"].is_linked:
-        volume, _ = trace_back(output.inputs["Volume"], None)
-        if volume.is_output:
-            omissions.note_node(volume.node, instead="clear air is")
+    volume, _ = trace_back(output.inputs["Volume"], scope)
+    if volume.is_output:
+        omissions.note_node(volume.node, instead="clear air is")
     visibility = getattr(world, "cycles_visibility", None)
     if visibility is not None and not all(getattr(visibility, name, True) for name in _WORLD_RAYS):
         omissions.note("its ray visibility", "all rays see it")
@@ -110,8 +120,8 @@ def _note_world(world: Any, output: Any, omissions: Omissions) -> None:
 def _find_sky(world: Any, images: ImageReader, omissions: Omissions | None = None) -> tuple[Any, float] | None:
     """The Sky Texture node that a world's background shows, and how brightly; None if it shows anything else."""
     tree = world.node_tree if world is not None and world.use_nodes else None
-    output = None if tree is None else tree.get_output_node("CYCLES")
-    source, scope = (None, None) if output is None else trace_back(output.inputs["Surface"], None)
+    found = None if tree is None else find_output(tree)
+    source, scope = (None, None) if found is None else trace_back(found[0].inputs["Surface"], found[1])
     if source is None or not source.is_output or source.node.type != "BACKGROUND":
         return None
     strength = ValueReader(images, constant(1.0), omissions).number(source.node.inputs["Strength"], 1.0, scope)
@@ -132,12 +142,14 @@ def _read_sky_sun(world: Any, images: ImageReader) -> list[tuple[Any, ...]]:
     return [("sun", nowhere, axes, _times(shown.sun.irradiance, sky[1]), (shown.sun.angle, 0.0), (math.pi, 0.0), True)]
 
 
-def _follow_world(socket: Any, scope: Scope | None, reader: ValueReader, depth: int) -> Value:
-    """The radiance that a world's shader socket gets."""
-    output, scope = trace_back(socket, scope)
-    if not output.is_output or depth > _DEEPEST:
+def _follow_shader(socket: Any, scope: Scope | None, reader: ValueReader, depth: int) -> Value:
+    """Read the radiance that a world's shader socket gets, or what a light's is multiplied with."""
+    output, source_scope = trace_back(socket, scope, reader.omissions.note_foreign)
+    if not output.is_output or output.node.type in GROUPS or depth > _DEEPEST:  # an empty group
         return constant(0.0, 0.0, 0.0)
-    node = output.node
+    if output.type != "SHADER":
+        return reader.read(socket, scope)
+    node, scope = output.node, source_scope
     if node.type in {"BACKGROUND", "EMISSION"}:
         color = reader.read(node.inputs["Color"], scope)
         strength = reader.read_or(constant(1.0), "Strength 1 is", node.inputs["Strength"], scope)
@@ -145,13 +157,15 @@ def _follow_world(socket: Any, scope: Scope | None, reader: ValueReader, depth: 
     if node.type in {"MIX_SHADER", "ADD_SHADER"}:
         shaders = [socket for socket in node.inputs if socket.type == "SHADER"]
         if node.type == "ADD_SHADER":
-            both = [_follow_world(socket, scope, reader, depth + 1) for socket in shaders]
+            both = [_follow_shader(socket, scope, reader, depth + 1) for socket in shaders]
             return reader.combine(lambda one, other: one + other, both, "add")
         factor = reader.read_or(constant(0.5), HALF, node.inputs[0], scope)
         if factor.texture is None and factor.color[0] in (0.0, 1.0):
-            return _follow_world(shaders[int(factor.color[0])], scope, reader, depth + 1)
-        first, second = (_follow_world(socket, scope, reader, depth + 1) for socket in shaders)
+            return _follow_shader(shaders[int(factor.color[0])], scope, reader, depth + 1)
+        first, second = (_follow_shader(socket, scope, reader, depth + 1) for socket in shaders)
         return reader.combine(BLENDS["MIX"], [factor, first, second], "mix")
+    if node.type.startswith("BSDF"):
+        return constant(0.0, 0.0, 0.0)  # in Cycles, too
     reader.omissions.note_node(node)
     return reader.fallback
 
@@ -232,22 +246,17 @@ def _power_of(light: Any, images: ImageReader, omissions: Omissions) -> Color:
     color = _times(tuple(light.color), power)
     if getattr(light, "use_temperature", False):
         color = _by(color, tuple(light.temperature_color))
-    tree = light.node_tree if light.use_nodes else None
-    output = None if tree is None else tree.get_output_node("CYCLES")
-    if output is None:
+    if not light.use_nodes or light.node_tree is None:
         return color
-    source, scope = trace_back(output.inputs["Surface"], None)
-    if not source.is_output:
-        return (0.0, 0.0, 0.0)
-    if source.node.type != "EMISSION":
-        omissions.note_node(source.node, instead="the light's own colour is")
-        return color
+    found = find_output(light.node_tree)
+    if found is None:
+        omissions.note_no_output("no light is")
+        return BLACK
     reader = ValueReader(images, constant(1.0, 1.0, 1.0), omissions)
-    strength = reader.number(source.node.inputs["Strength"], 1.0, scope)
-    shade = reader.read(source.node.inputs["Color"], scope)
+    shade = _follow_shader(found[0].inputs["Surface"], found[1], reader, 0)
     if shade.texture is not None:
         omissions.note(f"{shade.texture.image.name} as Color", "its mean is")
-    return _times(_by(color, reader.mean(shade).tolist()), strength)
+    return _by(color, reader.mean(shade).tolist())
 
 
 def _times(color: Any, factor: float) -> Color:

@@ -16,7 +16,7 @@ from ...sync.records import HairRecord
 from .hair import HairReader, fixed, sum_hair
 from .instance_sources import AskInstances, Source
 from .lobes import DIFFUSE, Color, Lobes, Part, Tint, add_translucent, averaged, base_share, mix_lobes, plain_number
-from .node_graph import USES_NODES, Scope, inputs_of, trace_back
+from .node_graph import GROUPS, USES_NODES, Scope, find_output, inputs_of, is_fed, trace_back
 from .node_values import HALF, ImageMeans, Pixels, Value, ValueReader, constant, same_value
 from .omissions import Omissions
 from .shown_nodes import DIFFUSE as DIFFUSE_SURFACE
@@ -68,29 +68,32 @@ def read_surface(
     red, green, blue, _ = material.diffuse_color
     plain = constant(red, green, blue)
     tree = material.node_tree if USES_NODES or material.use_nodes else None
-    output = None if tree is None else tree.get_output_node("CYCLES")
-    if output is None:
+    if tree is None:
         return Surface(plain)
+    found = find_output(tree)
+    if found is None:
+        omissions.note_no_output("black is")
+        return Surface(BLACK)
+    output, scope = found
     inputs = output.inputs
-    has_surface = inputs["Surface"].is_linked
-    if inputs["Volume"].is_linked:
-        _note_source(inputs["Volume"], omissions, "its surface alone is" if has_surface else "nothing is")
+    has_surface = is_fed(inputs["Surface"], scope)
+    if is_fed(inputs["Volume"], scope):
+        _note_source(inputs["Volume"], scope, omissions, "its surface alone is" if has_surface else "nothing is")
         if not has_surface:
             return Surface(BLACK, alpha=NOTHING, has_volume=True)  # fog has no surface
-    if inputs["Displacement"].is_linked:
-        _note_source(inputs["Displacement"], omissions, "the mesh without it is")
+    if is_fed(inputs["Displacement"], scope):
+        _note_source(inputs["Displacement"], scope, omissions, "the mesh without it is")
     values = ValueReader(images, plain, omissions, pass_index=material.pass_index, instances=instances)
-    surface = _SurfaceReader(plain, values).follow(inputs["Surface"], None, 0)
+    surface = _SurfaceReader(plain, values).follow(inputs["Surface"], scope, 0)
     if asked is not None:
         asked |= values.asked
     return surface
 
 
-def _note_source(socket: Any, omissions: Omissions, instead: str) -> None:
+def _note_source(socket: Any, scope: Scope | None, omissions: Omissions, instead: str) -> None:
     """What is linked to a socket that is not shown."""
-    output, _ = trace_back(socket, None)
-    if output.is_output:
-        omissions.note_node(output.node, output, instead)
+    output, _ = trace_back(socket, scope)
+    omissions.note_node(output.node, output, instead)
 
 
 class _SurfaceReader:
@@ -101,10 +104,15 @@ class _SurfaceReader:
 
     def follow(self, socket: Any, scope: Scope | None, depth: int) -> Surface:
         """What a shader socket gets."""
-        output, scope = trace_back(socket, scope)
-        if not output.is_output or output.node.type == "GROUP" or depth > _DEEPEST:  # an empty group
+        output, source_scope = trace_back(socket, scope, self._omissions.note_foreign)
+        if not output.is_output or output.node.type in GROUPS or depth > _DEEPEST:  # an empty group
             return Surface(BLACK)
-        node = output.node
+        if output.type != "SHADER":  # a colour shines
+            return Surface(BLACK, emission=self._values.without_tint(self._values.read(socket, scope)))
+        return self._shader(output.node, source_scope, depth)
+
+    def _shader(self, node: Any, scope: Scope | None, depth: int) -> Surface:
+        """Read a shader node."""
         if node.type == "MIX_SHADER":
             factor = self._values.read_or(constant(0.5), HALF, node.inputs[0], scope)
             if factor.texture is None and factor.color[0] in (0.0, 1.0):  # of the other nothing is to be seen

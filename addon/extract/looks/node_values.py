@@ -17,7 +17,7 @@ import numpy.typing as npt
 from ...sync.records import UNMAPPED, Extension, UvTransform
 from .color_math import BLENDS, MATHS, adjust_hsv, average, blackbody, clamp, grey
 from .instance_sources import ATTRIBUTE_KINDS, OBJECT_INFO, AskInstances, Source
-from .node_graph import Scope, trace_back
+from .node_graph import GROUPS, Scope, is_fed, trace_back
 from .omissions import Omissions
 from .sky import read_sky
 from .uv_mapping import find_coordinates
@@ -128,7 +128,7 @@ class ValueReader:
         """What an input socket gets."""
         if not socket.is_linked:  # most are not
             return _own_value(socket)
-        output, scope = trace_back(socket, scope)
+        output, scope = trace_back(socket, scope, self.omissions.note_foreign)
         if not output.is_output:
             return _own_value(output)
         value = self._read_output(output, scope)
@@ -404,7 +404,7 @@ class ValueReader:
 
 def _falloff(reader: ValueReader, node: Any, output: Any, scope: Scope | None) -> Value:
     """Light fades with the square of the distance."""
-    if output.identifier != "Quadratic" or node.inputs["Smooth"].is_linked or node.inputs["Smooth"].default_value:
+    if output.identifier != "Quadratic" or is_fed(node.inputs["Smooth"], scope) or node.inputs["Smooth"].default_value:
         reader.omissions.note_node(node, instead="a quadratic one is")
     return reader.read(node.inputs["Strength"], scope)
 
@@ -428,7 +428,13 @@ def _own_value(socket: Any) -> Value:
     return constant(*value) if hasattr(value, "__len__") else constant(float(value))
 
 
+def _nothing(reader: ValueReader, node: Any, output: Any, scope: Scope | None) -> Value:
+    """Read a group that leads nothing to an output."""
+    return constant(0.0)
+
+
 _READERS: dict[str, Callable[..., Value]] = {
+    **dict.fromkeys(GROUPS, _nothing),
     "TEX_IMAGE": ValueReader._image,
     "TEX_ENVIRONMENT": ValueReader._image,
     "RGB": ValueReader._own,

@@ -29,6 +29,14 @@ class Omissions:
         """The same of a node, one of whose outputs is asked for."""
         self.note(name_of(node, output), instead)
 
+    def note_foreign(self, node: Any) -> None:
+        """Note a node of another render engine, which Cycles does not show either."""
+        self.note_node(node, instead="what Cycles shows without it is")
+
+    def note_no_output(self, instead: str) -> None:
+        """Note that Cycles looks at no output node of a tree."""
+        self.note("a tree without an output for Cycles", instead)
+
     def note_simplified(self, node: Any, output: Any = None) -> None:
         """A node that the table says is shown as something plainer, if this one is."""
         instead = SIMPLIFIED_NODES.get(node.type)

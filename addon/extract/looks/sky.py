@@ -82,6 +82,13 @@ def read_sky(node: Any) -> tuple[Sky, float]:
     return _make(node.sun_elevation, node.altitude, *densities, _NEWER, disc, is_multiple), node.sun_rotation
 
 
+def name_of_older_model(node: Any) -> str | None:
+    """Blender's name of the node's model if it is one of those that are shown as another one."""
+    if node.sky_type not in _OLDER_MODELS:
+        return None
+    return str(node.bl_rna.properties["sky_type"].enum_items[node.sky_type].name)
+
+
 @lru_cache(maxsize=8)
 def _make(
     elevation: float,

@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 from perfect_bvh import Hits
 
+from ..outcomes import MissJudge, Outcome, Outcomes
 from ..patterns import Float64Array, Rays
 from .beam_rays import disc_places, spread_over_disc
 from .echoes import Echoes, are_detected, choose, merge, numbered
@@ -49,7 +50,7 @@ class Returns:
     """E echoes that a sensor reports, beam after beam. hits: where they are, and what gave back the most of each.
 
     beams: (E,) rows of the batch. directions: (E, 3), in which that was met. intensities: (E,) float32. return_ids,
-    return_counts: (E,) int32: which echo of its beam, from 0, and of how many.
+    return_counts: (E,) int32: which echo of its beam, from 0, and of how many. outcomes: (B,), of the batch's beams.
     """
 
     hits: Hits
@@ -58,6 +59,7 @@ class Returns:
     intensities: npt.NDArray[np.float32]
     return_ids: npt.NDArray[np.int32]
     return_counts: npt.NDArray[np.int32]
+    outcomes: Outcomes
 
 
 class BeamCaster:
@@ -78,9 +80,24 @@ class BeamCaster:
         arrivals = self._arrivals(batch)
         echoes = merge(arrivals.rows // beam.rays, arrivals.ranges, arrivals.energies / beam.rays, beam.resolution)
         is_lost = are_lost(self._light.noise, self._random, batch.first_id + echoes.beams)
-        echoes = echoes.part(np.flatnonzero(are_detected(echoes, self._light.detection) & ~is_lost))
+        is_detected = are_detected(echoes, self._light.detection)
+        lost = echoes.beams[is_detected & is_lost]
+        echoes = echoes.part(np.flatnonzero(is_detected & ~is_lost))
         echoes = echoes.part(choose(echoes, beam.keep, beam.returns))
-        return self._measured(batch, arrivals, echoes)
+        return self._measured(batch, arrivals, echoes, self._outcomes(batch, arrivals, echoes, lost))
+
+    def _outcomes(self, batch: Batch, arrivals: Arrivals, echoes: Echoes, lost: npt.NDArray[np.int64]) -> Outcomes:
+        """(B,) of each beam, wherever its points are. echoes: that are kept. lost: beams that dropout took one from."""
+        found = np.full(len(batch.directions), Outcome.HIT_NOTHING, np.int8)
+        found[arrivals.rows // self._light.beam.rays] = Outcome.TOO_DARK
+        missed = np.flatnonzero(found == Outcome.HIT_NOTHING)
+        judge = MissJudge(self._snapshot, self._mask, self._threads)
+        where = (batch.rays, batch.origins, batch.directions, batch.times)
+        judge.mark(found, missed, *where, has_second_eye=batch.eyes is not None)
+        found[lost] = Outcome.DROPPED_OUT
+        found[echoes.beams] = Outcome.ON_OBJECTS
+        found[echoes.beams[arrivals.bounces[echoes.strongest] > 0]] = Outcome.BEHIND_GLASS
+        return found
 
     def _arrivals(self, batch: Batch) -> Arrivals:
         """All that the rays of all beams meet, those of a beam one after the other, a bounce after the other."""
@@ -99,7 +116,7 @@ class BeamCaster:
         )
         return Arrivals.joined(list(follow_light(cast, ways)))
 
-    def _measured(self, batch: Batch, arrivals: Arrivals, echoes: Echoes) -> Returns:
+    def _measured(self, batch: Batch, arrivals: Arrivals, echoes: Echoes, outcomes: Outcomes) -> Returns:
         noise, random, optics = self._light.noise, self._random, self._light.optics
         beams, strongest = echoes.beams, echoes.strongest
         return_ids, return_counts = numbered(beams)
@@ -126,6 +143,7 @@ class BeamCaster:
             intensities=(echoes.energies * falloff).astype(np.float32),
             return_ids=return_ids,
             return_counts=return_counts,
+            outcomes=outcomes,
         )
 
 

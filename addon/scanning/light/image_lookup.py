@@ -1,5 +1,7 @@
 """The colour and alpha that images have at places of uv maps: bilinear, as the renderer looks them up.
 
+Values between those of bytes are sRGB, too, and are made linear afterwards.
+
 Knows no Blender. In: an image's pixels and places; out: scene-linear colour and alpha.
 """
 
@@ -14,15 +16,6 @@ from ..patterns import Float64Array
 MISSING_TILE = (1.0, 0.0, 1.0, 1.0)  # magenta, as in Cycles
 TILES_A_ROW = 10
 FIRST_TILE = 1001
-
-
-def _linear_values() -> Float64Array:
-    """Of the 256 bytes of sRGB (IEC 61966-2-1)."""
-    values = np.arange(256) / 255.0
-    return np.where(values <= 0.04045, values / 12.92, ((values + 0.055) / 1.055) ** 2.4)
-
-
-LINEAR = _linear_values()
 
 
 def look_up(image: ImageTexture, uvs: npt.NDArray[np.floating]) -> Float64Array:
@@ -60,7 +53,15 @@ def _bilinear(pixels: npt.NDArray[np.generic], extension: str, places: Float64Ar
 
     aside, over = (x - left)[:, None], (y - below)[:, None]
     lower, upper = (at(0, above) + (at(1, above) - at(0, above)) * aside for above in (0, 1))
-    return lower + (upper - lower) * over
+    found = lower + (upper - lower) * over
+    return _linear(found / 255.0) if pixels.dtype == np.uint8 else found
+
+
+def _linear(found: Float64Array) -> Float64Array:
+    """Of sRGB (IEC 61966-2-1); alpha is as it was."""
+    colors = found[:, :3]
+    found[:, :3] = np.where(colors <= 0.04045, colors / 12.92, ((colors + 0.055) / 1.055) ** 2.4)
+    return found
 
 
 def _in_pixels(coordinates: Float64Array, count: int, extension: str) -> Float64Array:
@@ -78,11 +79,7 @@ def _pixels_at(
         inner = columns % width, rows % height
     else:
         inner = np.clip(columns, 0, width - 1), np.clip(rows, 0, height - 1)
-    found = pixels[inner[1], inner[0]]
-    if pixels.dtype == np.uint8:
-        colors = np.concatenate([LINEAR[found[:, :3]], found[:, 3:] / 255.0], axis=1)
-    else:
-        colors = found.astype(np.float64)
+    colors = pixels[inner[1], inner[0]].astype(np.float64)
     if extension == "clip":
         colors[(inner[0] != columns) | (inner[1] != rows)] = 0.0
     return colors

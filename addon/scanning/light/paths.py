@@ -83,7 +83,8 @@ class Arrivals:
 
     rows: (A,) which of the batch's. ranges: (A,) float64, how far the light went, in world units. energies: (A,)
     float64, what comes back, in parts of what white paper would return. The rest is what was met, as `perfect_bvh.Hits`
-    has it; directions: (A, 3), in which it was met. are_straight: (A,) whether it lies on the ray's own line.
+    has it; directions: (A, 3), in which it was met. are_straight: (A,) whether it lies on the ray's own line. bounces:
+    (A,) how many surfaces the light had passed, or was mirrored by, before.
     """
 
     rows: npt.NDArray[np.int64]
@@ -96,6 +97,7 @@ class Arrivals:
     mesh_ids: npt.NDArray[np.int32]
     primitive_ids: npt.NDArray[np.int32]
     are_straight: npt.NDArray[np.bool_]
+    bounces: npt.NDArray[np.int32]
 
     @classmethod
     def joined(cls, parts: Sequence[Arrivals]) -> Arrivals:
@@ -116,6 +118,7 @@ _NOTHING = Arrivals(
     mesh_ids=np.empty(0, np.int32),
     primitive_ids=np.empty(0, np.int32),
     are_straight=np.empty(0, np.bool_),
+    bounces=np.empty(0, np.int32),
 )
 
 
@@ -160,6 +163,7 @@ def follow_light(cast: Cast, ways: Ways) -> Iterator[Arrivals]:
             directions=directions,
             **{name: getattr(hits, name) for name in ("instance_ids", "mesh_ids", "primitive_ids")},
             are_straight=ways.are_straight[rows],
+            bounces=np.full(len(rows), bounce, np.int32),
         )
         if bounce < cast.optics.bounces:
             on = surfaces.going_on(cast.optics.mirror_roughness)
@@ -174,8 +178,8 @@ def _cast_rays(cast: Cast, ways: Ways, is_first: bool) -> Hits:
     hits = cast.snapshot.cast_rays(
         ways.origins,
         ways.directions,
-        ways.lows,
-        ways.highs.astype(np.float32),
+        t_min=ways.lows,
+        t_max=ways.highs.astype(np.float32),
         mask=cast.mask,
         times=times,
         fields=FIELDS,

@@ -11,11 +11,11 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+from perfect_bvh._arrays import check_count
 
 Float64Array = npt.NDArray[np.float64]
 UInt64Array = npt.NDArray[np.uint64]
 
-MOST_SEED = 2**64 - 1
 _GOLDEN = np.uint64(0x9E3779B97F4A7C15)
 _LN2 = 0.6931471805599453
 _SQRT_HALF = 0.7071067811865476
@@ -33,14 +33,12 @@ _FAR_TAIL = (
 
 @dataclass(frozen=True, slots=True)
 class RayNoise:
-    """seed: a whole number from 0 to 2 ** 64 - 1."""
+    """seed: an integer, 0 to 2 ** 31 - 1."""
 
     seed: int = 0
 
     def __post_init__(self) -> None:
-        is_whole = isinstance(self.seed, (int, np.integer)) and not isinstance(self.seed, bool)
-        if not is_whole or not 0 <= self.seed <= MOST_SEED:
-            raise ValueError(f"scan: seed must be a whole number from 0 to 2 ** 64 - 1, got {self.seed!r}")
+        check_count("scan", "seed", self.seed, 0)
 
     def uniform(self, ids: npt.NDArray[Any], channels: npt.ArrayLike) -> Float64Array:
         """(N,) float64 above 0 and below 1, of (N,) whole numbers, and a channel or (N,) of them."""

@@ -55,7 +55,7 @@ class Reading:
         self._check(context)  # reading it again may have found out
         scene, ray = context.scene, self.ray
         snapshot = self.sync.scene.snapshot()
-        walk = snapshot.walk_ray(ray.origin, ray.direction, ray.t_min, ray.t_max, VISIBLE_TO_CAMERA)
+        walk = snapshot.walk_ray(ray.origin, ray.direction, t_min=ray.t_min, t_max=ray.t_max, mask=VISIBLE_TO_CAMERA)
         ids = sorted({int(ident) for ident in walk.instance_ids} - {-1})
         names = dict(zip(ids, map(str, self.sync.describe(ids).names), strict=True)) if ids else {}
         length = (lambda t: written_length(scene, t)) if ray.has_eye else None

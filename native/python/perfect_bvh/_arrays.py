@@ -12,10 +12,10 @@ import numpy as np
 import numpy.typing as npt
 
 _INT32 = np.iinfo(np.int32)
-_LARGEST_COUNT = 2**31 - 1
+LARGEST_COUNT = 2**31 - 1
 
 
-def check_count(function: str, name: str, value: object, least: int, most: int = _LARGEST_COUNT) -> int:
+def check_count(function: str, name: str, value: object, least: int, most: int = LARGEST_COUNT) -> int:
     """An integer, least to most; numpy's are welcome, floats and bools are not, whatever their value."""
     try:
         if isinstance(value, (bool, np.bool_)):

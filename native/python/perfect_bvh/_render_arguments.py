@@ -110,9 +110,10 @@ def appearance_arguments(function: str, appearance: object) -> dict[str, Any]:
             )
         },
         "film_transparent": bool(appearance.film_transparent),
-        "plain_reflectance": check_number(
-            function, "appearance.plain_reflectance", appearance.plain_reflectance, 0.0, 1.0
-        ),
+        **{
+            name: check_number(function, f"appearance.{name}", getattr(appearance, name), 0.0, 1.0)
+            for name in ("plain_reflectance", "pass_alpha_threshold")
+        },
         "meshes": {
             check_id(function, "appearance.meshes' keys", mesh): _mesh_arrays(
                 function, mesh, value, uv_numbers, tint_numbers

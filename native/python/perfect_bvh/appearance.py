@@ -122,7 +122,8 @@ class MaterialTable:
 class ImageTexture:
     """An image that materials or the world refer to.
 
-    pixels: (H, W, 4), straight alpha, row 0 at the lower border (v = 0); uint8 is sRGB, float32 scene-linear.
+    pixels: (H, W, 4), straight alpha, row 0 at the lower border (v = 0); uint8 is sRGB, also between pixels, as in
+        Cycles; float32 is scene-linear.
         What the mode "preview" finds bright in the world's image is kept while the array exists if it is read-only and
         owns its memory; else it is found again for each image that is rendered.
     extension: what lies outside 0..1: "repeat", "extend" (the border's colour) or "clip" (nothing).
@@ -256,6 +257,8 @@ class Appearance:
     film_transparent: the background has alpha 0 instead of showing the sky.
     plain_reflectance: in "preview", how much of the light from straight above is mirrored by what has no material, like
         a dielectric of roughness 0.5; 0 to 1.
+    pass_alpha_threshold: 0 to 1. What has less alpha is not in the passes of depths, normals, indices and vectors: they
+        show what is behind it, through as many surfaces as `LightPaths.transparent_bounces` says.
     images, hair, lights, world: for the mode "preview". Without a world the studio's soft sky stands for it.
     backdrop: what the camera sees instead of the world, and nothing is lit by. None: the world.
     """
@@ -271,6 +274,7 @@ class Appearance:
     catcher_mask: int = 0
     film_transparent: bool = False
     plain_reflectance: float = 0.0
+    pass_alpha_threshold: float = 0.0
     images: tuple[ImageTexture, ...] = ()
     hair: HairTable = field(default_factory=HairTable)
     lights: LightTable = field(default_factory=LightTable)

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from . import _core
-from ._arrays import check_count
+from ._arrays import LARGEST_COUNT, check_count
 from ._batches import Batch, Progress, point_batch, ray_batch, share_of
 from .audit import AUDITED_FIELDS, audit_answers
 from .build_config import COSTS, checked_number
@@ -43,7 +43,7 @@ class Intersections(NamedTuple):
 class Queries:
     """The queries, all of them safe to call from several threads at once.
 
-    Arguments that they share:
+    Arguments that they share; all behind the directions, or the points, are given by keyword:
 
     origins, directions: (..., 3), broadcast against each other; float32 or float64. Directions need not be
         unit vectors: t is in multiples of their length.
@@ -73,17 +73,18 @@ class Queries:
         self,
         origins: npt.ArrayLike,
         directions: npt.ArrayLike,
+        *,
         t_min: npt.ArrayLike = 0.0,
         t_max: npt.ArrayLike = np.inf,
         mask: npt.ArrayLike = ALL_MASK,
         cull: Cull = "none",
-        fields: Iterable[str] | None = None,
-        threads: int = 0,
-        audit: float = 0.0,
-        out: Out | None = None,
-        progress: Progress | None = None,
-        strategy: Strategy = "auto",
         times: npt.ArrayLike = 0.0,
+        fields: Iterable[str] | None = None,
+        out: Out | None = None,
+        strategy: Strategy = "auto",
+        audit: float = 0.0,
+        threads: int = 0,
+        progress: Progress | None = None,
     ) -> Hits:
         """The first thing that each ray meets. For the other arguments see `Queries`.
 
@@ -92,8 +93,6 @@ class Queries:
         fields: names of the fields to compute; None for the usual ones, see `Hits`. What is not named costs nothing:
             coherent rays of a million take a third less time for ("t_hit", "primitive_ids") alone. The dearest of the
             usual ones are geometric_normals, which take the triangle's corners from memory.
-        audit: the share of rays, 0 to 1, to check again in double precision and without any tree; what that shows is
-            in the answer's `audit`. It costs about 5 ns for each checked ray and triangle of the scene.
         out: arrays to write fields into and return, so that call after call uses the same memory: a dict of arrays by
             the fields' names, or the `Hits` of an earlier call, whose fields are then computed if `fields` is None.
             Contiguous, of the field's dtype and shape (...) or (..., 2 or 3); none may overlap another or the rays.
@@ -102,6 +101,8 @@ class Queries:
             "single": one after the other. "auto" looks at the rays: packets where they are coherent, else the stream.
             Batches that count their work are not traced in packets. Into what moves within the shutter, rays of packets
             go one by one: where that is most of a scene, "auto" takes the stream.
+        audit: the share of rays, 0 to 1, to check again in double precision and without any tree; what that shows is
+            in the answer's `audit`. It costs about 5 ns for each checked ray and triangle of the scene.
 
         Returns `Hits`, one row a ray, always; invalid rays are misses, counted in `invalid_count`. With `out` it is a
         new one around the arrays given.
@@ -127,22 +128,24 @@ class Queries:
         self,
         origins: npt.ArrayLike,
         directions: npt.ArrayLike,
+        *,
         t_min: npt.ArrayLike = 0.0,
         t_max: npt.ArrayLike = np.inf,
         mask: npt.ArrayLike = ALL_MASK,
         cull: Cull = "none",
+        times: npt.ArrayLike = 0.0,
+        out: npt.NDArray[np.bool_] | None = None,
+        strategy: Strategy = "auto",
         threads: int = 0,
         progress: Progress | None = None,
-        strategy: Strategy = "auto",
-        out: npt.NDArray[np.bool_] | None = None,
-        times: npt.ArrayLike = 0.0,
     ) -> npt.NDArray[np.bool_]:
         """Whether anything lies on each ray between t_min and t_max: (...) bool. For the other arguments see `Queries`.
 
-        True exactly where `cast_rays` finds a hit, but faster. strategy: see `cast_rays`.
+        True exactly where `cast_rays` finds a hit, but faster.
 
         out: an array to write into and return, so that call after call uses the same memory: contiguous, bool, of the
             rays' shape (...); it may not overlap them.
+        strategy: see `cast_rays`.
         """
         name = "test_occlusions"
         _check_strategy(name, strategy)
@@ -162,13 +165,14 @@ class Queries:
         self,
         origins: npt.ArrayLike,
         directions: npt.ArrayLike,
+        *,
         t_min: npt.ArrayLike = 0.0,
         t_max: npt.ArrayLike = np.inf,
         mask: npt.ArrayLike = ALL_MASK,
         cull: Cull = "none",
+        times: npt.ArrayLike = 0.0,
         threads: int = 0,
         progress: Progress | None = None,
-        times: npt.ArrayLike = 0.0,
     ) -> npt.NDArray[np.int32]:
         """How many triangles lie on each ray between t_min and t_max: (...) int32. Arguments: see `Queries`.
 
@@ -183,15 +187,16 @@ class Queries:
         self,
         origins: npt.ArrayLike,
         directions: npt.ArrayLike,
+        *,
         t_min: npt.ArrayLike = 0.0,
         t_max: npt.ArrayLike = np.inf,
         mask: npt.ArrayLike = ALL_MASK,
         cull: Cull = "none",
+        times: npt.ArrayLike = 0.0,
         fields: Iterable[str] | None = None,
         max_hits: int | None = None,
         threads: int = 0,
         progress: Progress | None = None,
-        times: npt.ArrayLike = 0.0,
     ) -> Intersections:
         """All surfaces on each ray between t_min and t_max, nearest first. For the other arguments see `Queries`.
 
@@ -207,7 +212,7 @@ class Queries:
         """
         name = "list_intersections"
         if max_hits is not None:
-            max_hits = check_count(name, "max_hits", max_hits, 0, 2**63 - 1)
+            max_hits = min(check_count(name, "max_hits", max_hits, 0, 2**63 - 1), LARGEST_COUNT)
         batch = ray_batch(name, origins, directions, t_min, t_max, mask, times, cull, threads)
         names = fields_of(fields)
         costs = [field for field in names if field in ("nodes_visited", "primitives_tested")]
@@ -235,12 +240,13 @@ class Queries:
         self,
         origin: npt.ArrayLike,
         direction: npt.ArrayLike,
+        *,
         t_min: float = 0.0,
         t_max: float = np.inf,
         mask: int = ALL_MASK,
         cull: Cull = "none",
-        progress: Progress | None = None,
         time: float = 0.0,
+        progress: Progress | None = None,
     ) -> RayWalk:
         """What one ray does on its way through the trees: each box and each triangle that it looks at, in order.
 
@@ -260,11 +266,12 @@ class Queries:
     def compute_closest_points(
         self,
         points: npt.ArrayLike,
+        *,
         max_distance: npt.ArrayLike = np.inf,
         mask: npt.ArrayLike = ALL_MASK,
+        times: npt.ArrayLike = 0.0,
         threads: int = 0,
         progress: Progress | None = None,
-        times: npt.ArrayLike = 0.0,
     ) -> ClosestPoints:
         """The nearest point of the scene to each point, and how far away it is. For threads, progress see `Queries`.
 

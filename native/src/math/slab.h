@@ -44,7 +44,8 @@ struct SlabRay {
 inline constexpr float kDepthReach = 8.0f * 0x1p-24f;
 // With R the largest R_a, the sheared corners are within 10 u R of where they are, on each axis and with the ray's
 // narrowing: within 14.2 u R. In the sheared frame lengths are at most 1.74 times as long. So on which side of an edge
-// the origin lies at so many R, times the edge's length before, is as it is without any rounding.
+// the origin lies at so many R, times the edge's length before, is as it is without any rounding (weight_slack() in
+// math/triangle.h: for edges that are shorter than that, too).
 inline constexpr float kEdgeReach = 28.0f * 0x1p-24f;
 
 // Kernels compiled for several instruction sets include this file: nothing in it may have external linkage.

@@ -107,6 +107,14 @@ static inline Real product_difference(Real a, Real b, Real c, Real d) noexcept {
   return fused(a, b, -product) + fused(-c, d, product);
 }
 
+// How far from zero a weight is sure of its sign. It is the distance of an edge times the edge's length. Each end of
+// the edge may be off by 14.2 of the 28 units of edge_slack (math/slab.h); so may its distance, and the length is at
+// most 1.74 spans and twice that. The second part counts for triangles that are tiny beside how far their mesh reaches.
+template <class Real>
+static inline Real weight_slack(Real edge_slack, Real span) noexcept {
+  return edge_slack * (span + edge_slack);
+}
+
 // A triangle in a ray's sheared frame: its corners, and the weight of each in the point where the ray passes, which is
 // negative on the far side of the edge across (for triangles that turn clockwise there: positive).
 template <class Real>
@@ -166,7 +174,7 @@ static inline bool intersect_beside_edge(const TriangleRay& sheared, const Exact
   double moved = 0.0;
   for (int axis = 0; axis < 3; ++axis) moved = larger(moved, __builtin_fabs(ray.start[axis] - origin[axis]));
   const double sure = kDoubleShare * static_cast<double>(sheared.edge_slack) + kMovedShare * moved;
-  const double slack = sure * span_of(corners[0], corners[1], corners[2]);
+  const double slack = weight_slack(sure, span_of(corners[0], corners[1], corners[2]));
   const double least_weight = larger(triangle.least, -triangle.most);
   if (least_weight < -slack) return false;
   if (!(least_weight > slack)) return intersect_exactly(ray, corners, hit);
@@ -185,7 +193,7 @@ static inline bool intersect_triangle(const TriangleRay& ray, const ExactRay& ex
   const auto at = [&](int corner, int axis) { return corners[corner][ray.axes[axis]]; };
   ShearedTriangle<float> triangle;
   set_sheared(triangle, at, ray.origin, ray.shear_x, ray.shear_y);
-  const float slack = ray.edge_slack * static_cast<float>(span_of(corners[0], corners[1], corners[2]));
+  const float slack = weight_slack(ray.edge_slack, static_cast<float>(span_of(corners[0], corners[1], corners[2])));
   if (!(larger(triangle.least, -triangle.most) > slack)) {
     return intersect_beside_edge(ray, exact, corners, hit);
   }

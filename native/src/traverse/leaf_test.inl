@@ -81,7 +81,8 @@ PERFECT_BVH_INLINE LeafTest test_leaf(const Leaf& leaf, const TriangleState& tri
   const Float8 least = min(min(weight0, weight1), weight2), most = max(max(weight0, weight1), weight2);
   const Float8 sum = add(add(weight0, weight1), weight2);
   const Float8 least_weight = max(least, sub(zero(), most));
-  const Mask8 inside = less_equal(zero(), fmadd(span_bounds(leaf), broadcast(triangle.ray.edge_slack), least_weight));
+  const Float8 edge_slack = broadcast(triangle.ray.edge_slack);
+  const Mask8 inside = less_equal(zero(), fmadd(add(span_bounds(leaf), edge_slack), edge_slack, least_weight));
   const Float8 nearest = min(min(z0, z1), z2), farthest = max(max(z0, z1), z2);
   const Mask8 in_range = both(less_equal(broadcast(triangle.least_depth), farthest),
                               less_equal(nearest, broadcast(triangle.largest_depth)));
@@ -152,7 +153,7 @@ struct Meeting {
 // Whether float may be wrong about a triangle that it takes for met. `span`: the triangle's, or a bound of it, which
 // finds more of them.
 PERFECT_BVH_INLINE bool is_beside_edge(float least_weight, const TriangleRay& ray, float span) noexcept {
-  return !(least_weight > ray.edge_slack * span);
+  return !(least_weight > weight_slack(ray.edge_slack, span));
 }
 
 // Of a triangle that is not known to be met inside of its edges: intersect_triangle(), from where float has its say.
@@ -164,7 +165,7 @@ __attribute__((noinline)) bool meet_beside_edge(Meeting& meeting, const LeafCand
   const auto& at = lone.at;
   const auto span = static_cast<float>(span_of(at[0], at[1], at[2]));
   const float least_weight = candidates.least_weights[lane];
-  if (least_weight < -ray.edge_slack * span) return false;
+  if (least_weight < -weight_slack(ray.edge_slack, span)) return false;
   if (!is_beside_edge(least_weight, ray, span)) {
     const auto t = static_cast<float>(plane_t(plane_of(at[0], at[1], at[2]), local.origin, local.direction));
     meeting = {to_ray_t(local.time, t), candidates.weights_v1[lane], candidates.weights_v2[lane],

@@ -74,8 +74,8 @@ static inline bool load_near_by_axis(ObjectRay& out, const Ray& ray, double scal
 
 // Moves a ray along its direction to the point of its line that is nearest to the frame's origin, up to rounding.
 // Returns a bound of how far from that point it is. Beyond 2^22 reaches the move is made without the rounding that is
-// as large as the way, so that in any case the new origin is less than 2^-29 of a reach beside the line: far less than
-// float rounds (math/slab.h).
+// as large as the way, so that the new origin is less than 2^-29 of a reach beside the line, up to 2^70 reaches away:
+// far less than float rounds (math/slab.h).
 static inline double move_near(ObjectRay& ray, double reach) noexcept {
   const double *o = ray.origin, *d = ray.direction;
   const double t = -(o[0] * d[0] + o[1] * d[1] + o[2] * d[2]) / (d[0] * d[0] + d[1] * d[1] + d[2] * d[2]);

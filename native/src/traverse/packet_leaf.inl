@@ -241,7 +241,7 @@ unsigned test_triangles(Packet& packet, const PacketLevel& level, const Leaf& bl
   const unsigned turned = level.key.runs_down != (level.instance->mirrored != 0) ? ~0u : 0u;
   unsigned ambiguous = 0;
   const RayFloat edge_slack = load_rays(triangles.edge_slack + first);
-  RayFloat slack = mul(edge_slack, every_ray(span_bound(block, 0)));
+  RayFloat slack = mul(edge_slack, add(every_ray(span_bound(block, 0)), edge_slack));
   for (unsigned i = 0; i < leaf.triangle_count; ++i) {
     unsigned a = 0, b = 1, c = 2;
     if constexpr (kIsBlock) {
@@ -249,7 +249,7 @@ unsigned test_triangles(Packet& packet, const PacketLevel& level, const Leaf& bl
       a = corners & 7, b = corners >> 4 & 7, c = corners >> 8 & 7;
     } else {
       place(0, i), place(1, 8 + i), place(2, 16 + i);
-      slack = mul(edge_slack, every_ray(span_bound(block, static_cast<int>(i))));
+      slack = mul(edge_slack, add(every_ray(span_bound(block, static_cast<int>(i))), edge_slack));
     }
     const RayFloat weight0 = difference(across[c], upward[b], upward[c], across[b]);
     const RayFloat weight1 = difference(across[a], upward[c], upward[a], across[c]);

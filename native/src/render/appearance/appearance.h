@@ -100,7 +100,8 @@ struct Appearance {
   std::uint32_t catcher_mask = 0;    // of what shows the shadows alone that others throw on it
   float frame_time = kShutterOpens;  // when, within the shutter, shapes are those that corner normals were taken of
   bool film_transparent = false;
-  float plain_reflectance = 0.0f;  // of what has no material
+  float plain_reflectance = 0.0f;     // of what has no material
+  float pass_alpha_threshold = 0.0f;  // passes look through what has less alpha
 
   void set_mesh(std::int32_t mesh_id, const MeshAttributes& attributes);
   // Call after the tables are set. Throws InvalidArgument for tables that do not fit one another.

@@ -35,6 +35,15 @@ int place(int number, int count, Extension extension) noexcept {
   return rest < 0 ? rest + count : rest;
 }
 
+// Of a value between bytes, which is sRGB as in Cycles: within 6e-6, and exact where it is one.
+float linear_between(float value) noexcept {
+  const auto& linear = linear_values();
+  const int byte = std::min(static_cast<int>(value), 254);
+  const float low = linear[static_cast<std::size_t>(byte)], high = linear[static_cast<std::size_t>(byte) + 1];
+  return low + (high - low) * (value - static_cast<float>(byte));
+}
+
+// As it is stored.
 Rgba pixel_of(const Texture& texture, int x, int y) noexcept {
   const std::size_t first =
       4 * (static_cast<std::size_t>(y) * static_cast<std::size_t>(texture.width) + static_cast<std::size_t>(x));
@@ -43,8 +52,8 @@ Rgba pixel_of(const Texture& texture, int x, int y) noexcept {
     return {pixel[0], pixel[1], pixel[2], pixel[3]};
   }
   const std::uint8_t* const pixel = texture.bytes + first;
-  const auto& linear = linear_values();
-  return {linear[pixel[0]], linear[pixel[1]], linear[pixel[2]], static_cast<float>(pixel[3]) / 255.0f};
+  return {static_cast<float>(pixel[0]), static_cast<float>(pixel[1]), static_cast<float>(pixel[2]),
+          static_cast<float>(pixel[3])};
 }
 
 Rgba pixel_at(const Texture& texture, Extension extension, int x, int y) noexcept {
@@ -72,7 +81,9 @@ Rgba look_up(const Texture& texture, Extension extension, float u, float v) noex
   const auto pixel = [&](int right, int above) { return pixel_at(texture, extension, column + right, row + above); };
   const Rgba lower = mixed(pixel(0, 0), pixel(1, 0), x - left);
   const Rgba upper = mixed(pixel(0, 1), pixel(1, 1), x - left);
-  return mixed(lower, upper, y - below);
+  const Rgba found = mixed(lower, upper, y - below);
+  if (texture.floats != nullptr) return found;
+  return {linear_between(found.r), linear_between(found.g), linear_between(found.b), found.a / 255.0f};
 }
 
 constexpr Rgba kMissingTile{1.0f, 0.0f, 1.0f, 1.0f};

@@ -86,11 +86,27 @@ void TileRenderer::trace_centres(TileScratch& scratch) const {
         inputs_.camera.through(pixel.x + 0.5, pixel.y + 0.5, inputs_.appearance.camera_mask, shutter_.middle());
   }
   trace(scratch, inputs_.settings.first_sample, targets_.any_counts() || (shades_centres() && mode_->wants_counts()));
+  store_centres(scratch);
+}
+
+void TileRenderer::store_centres(TileScratch& scratch) const {
+  const Appearance& appearance = inputs_.appearance;
+  const auto store = [&](const auto& rays, const auto& hits, SurfaceNeeds needs) {
+    scratch.points.clear();
+    find_surfaces(inputs_.snapshot, appearance, needs, rays, hits, scratch.points);
+    store_passes(targets_, inputs_.snapshot, appearance, shutter_, border_, inputs_.settings.width,
+                 {scratch.pixels, rays, hits, scratch.counts, scratch.points});
+  };
+  if (!(appearance.pass_alpha_threshold > 0.0f && appearance.any_transparent() && targets_.any_surface())) {
+    return store(scratch.rays, scratch.hits, shades_centres() ? pass_needs_ | sample_needs_ : pass_needs_);
+  }
+  scratch.pass_rays = scratch.rays, scratch.pass_hits = scratch.hits;
+  look_through(inputs_.snapshot, appearance, inputs_.settings.light_paths.transparent_bounces, inputs_.cancel,
+               scratch.pass_rays, scratch.pass_hits);
+  store(scratch.pass_rays, scratch.pass_hits, pass_needs_);
   scratch.points.clear();
-  const SurfaceNeeds needs = shades_centres() ? pass_needs_ | sample_needs_ : pass_needs_;
-  find_surfaces(inputs_.snapshot, inputs_.appearance, needs, scratch.rays, scratch.hits, scratch.points);
-  store_passes(targets_, inputs_.snapshot, inputs_.appearance, shutter_, border_, inputs_.settings.width,
-               {scratch.pixels, scratch.rays, scratch.hits, scratch.counts, scratch.points});
+  if (!shades_centres()) return;
+  find_surfaces(inputs_.snapshot, appearance, sample_needs_, scratch.rays, scratch.hits, scratch.points);
 }
 
 void TileRenderer::make_rays(std::uint32_t sample, TileScratch& scratch) const {

@@ -17,6 +17,8 @@ struct TileScratch {
   AlignedVector<std::uint32_t> places;  // of the pixels, by which their random numbers differ
   AlignedVector<Ray> rays;
   AlignedVector<Hit> hits;
+  AlignedVector<Ray> pass_rays;  // what passes show, where that is not all that rays hit
+  AlignedVector<Hit> pass_hits;
   AlignedVector<RayCounts> counts;
   AlignedVector<SurfacePoint> points;
   AlignedVector<Rgba> colors, sums;
@@ -58,6 +60,7 @@ class TileRenderer {
   void begin(std::size_t tile, TileScratch& scratch) const;
   void place_pixels(std::size_t tile, TileScratch& scratch) const;
   void trace_centres(TileScratch& scratch) const;
+  void store_centres(TileScratch& scratch) const;
   void trace(TileScratch& scratch, std::uint32_t sample, bool with_counts) const;
   void add_sample(std::uint32_t sample, std::size_t tile, TileScratch& scratch) const;
   void add_guides(TileScratch& scratch) const;

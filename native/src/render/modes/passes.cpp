@@ -2,8 +2,11 @@
 
 #include <cmath>
 #include <optional>
+#include <vector>
 
 #include "query/moved_position.h"
+#include "query/trace.h"
+#include "render/surface/material.h"
 
 namespace perfect_bvh {
 namespace {
@@ -78,7 +81,35 @@ void store_counts(const PassTargets& targets, std::size_t pixel, const RayCounts
   set(targets.primitives_tested, counts.primitives_tested);
 }
 
+// Whether passes show what is behind. A holdout hides that.
+bool is_passed(const Snapshot& snapshot, const Appearance& appearance, const Hit& hit) {
+  if (!hit.found()) return false;
+  const Instance& instance = snapshot.instances[hit.instance_index];
+  if (appearance.is_holdout(instance, hit.primitive_index)) return false;
+  const std::int32_t material = appearance.material_of(instance, hit.primitive_index);
+  return material_at(appearance, instance, hit, material).alpha < appearance.pass_alpha_threshold;
+}
+
 }  // namespace
+
+void look_through(const Snapshot& snapshot, const Appearance& appearance, int most_layers, CancelToken& cancel,
+                  std::span<Ray> rays, std::span<Hit> hits) {
+  std::vector<std::size_t> rows;
+  AlignedVector<Ray> rest;
+  AlignedVector<Hit> behind;
+  for (int layers = 0;; ++layers) {
+    rows.clear(), rest.clear();
+    for (std::size_t row = 0; row < hits.size(); ++row) {
+      if (!is_passed(snapshot, appearance, hits[row])) continue;
+      rays[row].t_min = std::nextafter(hits[row].t, kInfiniteDistance);
+      rows.push_back(row), rest.push_back(rays[row]);
+    }
+    if (rows.empty()) return;
+    behind.assign(rows.size(), Hit{});
+    if (layers < most_layers) trace_closest(snapshot, cancel, rest, behind);
+    for (std::size_t i = 0; i < rows.size(); ++i) hits[rows[i]] = behind[i];
+  }
+}
 
 void store_passes(const PassTargets& targets, const Snapshot& snapshot, const Appearance& appearance,
                   const ShutterRays& shutter, const PixelRect& border, int image_width, const CentreHits& found) {

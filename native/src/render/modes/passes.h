@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <span>
 
+#include "core/cancel.h"
 #include "render/appearance/appearance.h"
 #include "render/sampling/shutter.h"
 #include "render/surface/surface.h"
@@ -54,6 +55,12 @@ struct CentreHits {
   std::span<const RayCounts> counts;     // empty if no pass wants them
   std::span<const SurfacePoint> points;  // with normals, if that pass is wanted
 };
+
+// Follows rays through what has less alpha than the appearance's passes show, to what they do show: their `t_min` moves
+// on, and `hits` are what they meet from there. Behind more than `most_layers` surfaces they meet nothing.
+void look_through(const Snapshot& snapshot, const Appearance& appearance, int most_layers, CancelToken& cancel,
+                  std::span<Ray> rays, std::span<Hit> hits);
+
 // Writes all passes but `combined` of the pixels that lie inside `border`.
 void store_passes(const PassTargets& targets, const Snapshot& snapshot, const Appearance& appearance,
                   const ShutterRays& shutter, const PixelRect& border, int image_width, const CentreHits& found);
