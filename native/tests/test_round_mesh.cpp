@@ -65,6 +65,12 @@ TEST(RoundMesh, ClosesCyclicCurves) {
   EXPECT_EQ(mesh.segments[2], 2u | kSegmentAfter | kSegmentBefore);
   EXPECT_EQ(mesh.segments[4] & (kSegmentAfter | kSegmentBefore), kSegmentBefore);
   EXPECT_EQ(mesh.segments[6] & kSegmentAfter, 0u);
+  for (const std::size_t count : {4u, 6u}) {
+    const std::vector<std::uint8_t> wrong(count, 1);
+    const std::string said =
+        complaint([&] { return make_curves(input.balls(), input.offsets, CurveShape::kRound, "test", wrong); });
+    EXPECT_EQ(said, "test: cyclic must have one entry for each curve, 5, or none, got " + std::to_string(count));
+  }
 }
 
 TEST(RoundMesh, KnowsPointsByTheirNumbers) {

@@ -93,6 +93,12 @@ void check_offsets(std::span<const std::int64_t> offsets, std::size_t ball_count
   }
 }
 
+void check_cyclic(std::span<const std::uint8_t> cyclic, std::size_t curve_count, const char* function) {
+  if (cyclic.empty() || cyclic.size() == curve_count) return;
+  refuse(function, "cyclic must have one entry for each curve, " + std::to_string(curve_count) + ", or none, got " +
+                       std::to_string(cyclic.size()));
+}
+
 // Segments stand in the order of their balls; those left out part their neighbours.
 void list_segments(Mesh& mesh) {
   AlignedVector<SegmentCode> segments;
@@ -173,6 +179,7 @@ Mesh make_curves(const BallsGiven<T>& balls, std::span<const std::int64_t> offse
                  const char* function, std::span<const std::uint8_t> cyclic) {
   check_ball_count(balls.centres.size(), "points", function);
   check_offsets(offsets, balls.centres.size(), function);
+  check_cyclic(cyclic, offsets.size() - 1, function);
   check_balls(balls, PrimitiveKind::kCurves, function);
   Mesh mesh;
   mesh.kind = PrimitiveKind::kCurves, mesh.shape = shape;
