@@ -41,11 +41,14 @@ PASSED_OVER_OF = {
     # The mesh's attributes hold these, but for the first corner of each face and the weights, which are read apart.
     "Mesh": "vertices edges loops polygons loop_triangles loop_triangle_polygons vertex_normals polygon_normals "
     "corner_normals is_editmode",
+    "Curves": "normals",  # worked out of the points, and not of equal bits in every process
     "Image": "pixels bindcode has_data is_dirty frame_duration render_slots",
 }
 OURS = "perfect_bvh"  # the add-on's own settings say nothing to Cycles
 HANDLERS = ("render_init", "render_pre", "frame_change_pre", "frame_change_post", "depsgraph_update_post")
 ARRAY_TYPES = {"BOOLEAN": np.bool_, "INT": np.int32, "FLOAT": np.float32}
+# Blender 5.0 gives some of them a type that they do not have, and shows what lies beyond them.
+SELECTIONS = (".select", ".uv_select")
 LONG = 64  # from so many elements on a collection is read as arrays, where its elements are plain
 
 
@@ -169,6 +172,8 @@ class _Walk:
                 self.take_array(array)
             return
         for item in items:
+            if isinstance(item, bpy.types.Attribute) and item.name.startswith(SELECTIONS):
+                continue
             self.take(None) if item is None else self._point_to(item)
 
     def _is_plain(self, item: Any) -> bool:
