@@ -86,8 +86,9 @@ class CurvesAndPoints:
         shape: "round", or "ribbon": flat strips as wide, which face each ray. A ray meets one where it is nearest to
             the axis, if it passes that no farther than the radius: once, as a front; normals are rounded across the
             width, as those of a tube. Bends are filled, also where a cyclic curve returns; the ends of others are cut
-            off straight. In an instance strips face the ray as it is mapped into the mesh's space, and normals are
-            those of the tube that the transform stretches with them. Closest points are those of the round curve.
+            off straight, but round where a curve begins or ends with two equal points. In an instance strips face the
+            ray as it is mapped into the mesh's space, and normals are those of the tube that the transform stretches
+            with them. Closest points are those of the round curve.
         build, usage, lazy: see `Scene.add_mesh`. Leaves of the default layout hold segments' axes in whole steps, by
             which kernels tell which to look at; those of the compact one numbers alone: a third fewer bytes.
 
