@@ -154,7 +154,7 @@ def ribbon_at(
     is_least = np.ones(len(rows), np.bool_)
     for step in (-1, 1):
         for other in world.beside(rows, step):
-            theirs = np.where(other >= 0, distances[other - rows[0]], np.inf)
+            theirs = np.where(other >= 0, distances[np.maximum(other - rows[0], 0)], np.inf)
             is_least &= (distances < theirs) | ((distances == theirs) & (rows < other))
     radii = hulls.first_radii + shares * (hulls.last_radii - hulls.first_radii)
     is_cut = ((exact < 0.0) & (world.before[rows] < 0)) | ((exact > 1.0) & (world.after[rows] < 0))
