@@ -31,13 +31,15 @@ std::int32_t add_points(Scene& scene, const Array<T>& centres, const Array<T>& r
 
 template <class T>
 std::int32_t add_curves(Scene& scene, const Array<T>& points, const Array<T>& radii, const Array<std::int64_t>& offsets,
-                        bool is_ribbon, const py::dict& settings, const std::string& usage, bool lazy) {
+                        const Array<std::uint8_t>& cyclic, bool is_ribbon, const py::dict& settings,
+                        const std::string& usage, bool lazy) {
   const BuildConfig config = parse_config(settings);
   const Usage expected = parse_usage(usage);
   const auto balls = as_balls(points, radii);
   const auto starts = as_span(offsets);
+  const auto closed = as_span(cyclic);
   const py::gil_scoped_release release;
-  return scene.add_mesh(make_curves(balls, starts, shape_of(is_ribbon), "add_curves"), config, expected, lazy);
+  return scene.add_mesh(make_curves(balls, starts, shape_of(is_ribbon), "add_curves", closed), config, expected, lazy);
 }
 
 template <class T>
@@ -49,11 +51,13 @@ void replace_points(Scene& scene, std::int32_t mesh_id, const Array<T>& centres,
 
 template <class T>
 void replace_curves(Scene& scene, std::int32_t mesh_id, const Array<T>& points, const Array<T>& radii,
-                    const Array<std::int64_t>& offsets, bool is_ribbon) {
+                    const Array<std::int64_t>& offsets, const Array<std::uint8_t>& cyclic, bool is_ribbon) {
   const auto balls = as_balls(points, radii);
   const auto starts = as_span(offsets);
+  const auto closed = as_span(cyclic);
   const py::gil_scoped_release release;
-  scene.replace_mesh(mesh_id, make_curves(balls, starts, shape_of(is_ribbon), "replace_curves"), "replace_curves");
+  scene.replace_mesh(mesh_id, make_curves(balls, starts, shape_of(is_ribbon), "replace_curves", closed),
+                     "replace_curves");
 }
 
 template <class T>
@@ -87,8 +91,8 @@ void bind_edits_of(py::class_<Scene>& scene) {
   scene.def("add_points", &add_points<T>, py::arg("centers").noconvert(), py::arg("radii").noconvert(),
             py::arg("settings"), py::arg("usage"), py::arg("lazy"));
   scene.def("add_curves", &add_curves<T>, py::arg("points").noconvert(), py::arg("radii").noconvert(),
-            py::arg("curve_offsets").noconvert(), py::arg("is_ribbon"), py::arg("settings"), py::arg("usage"),
-            py::arg("lazy"));
+            py::arg("curve_offsets").noconvert(), py::arg("cyclic").noconvert(), py::arg("is_ribbon"),
+            py::arg("settings"), py::arg("usage"), py::arg("lazy"));
   scene.def("update_points", &update_balls<T, PrimitiveKind::kPoints>, py::arg("mesh_id"),
             py::arg("centers").noconvert(), py::arg("radii").noconvert());
   scene.def("update_curves", &update_balls<T, PrimitiveKind::kCurves>, py::arg("mesh_id"),
@@ -104,7 +108,8 @@ void bind_edits_of(py::class_<Scene>& scene) {
   scene.def("replace_points", &replace_points<T>, py::arg("mesh_id"), py::arg("centers").noconvert(),
             py::arg("radii").noconvert());
   scene.def("replace_curves", &replace_curves<T>, py::arg("mesh_id"), py::arg("points").noconvert(),
-            py::arg("radii").noconvert(), py::arg("curve_offsets").noconvert(), py::arg("is_ribbon"));
+            py::arg("radii").noconvert(), py::arg("curve_offsets").noconvert(), py::arg("cyclic").noconvert(),
+            py::arg("is_ribbon"));
 }
 
 }  // namespace

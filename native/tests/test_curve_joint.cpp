@@ -24,9 +24,16 @@ class CurveJoint : public testing::Test {
     return normalized(Vec3d{normal(random_), normal(random_), normal(random_)});
   }
 
+  // One curve through `points`, whose last ball is its first one again if it is closed.
+  void set_closed_curve(const std::vector<Vec3d>& points, const std::vector<double>& radii) {
+    set_curve(points, radii);
+    segments_.front() |= kSegmentBefore, segments_.back() |= kSegmentAfter;
+    closed_ = {{0, static_cast<std::uint32_t>(segments_.size()) - 1}};
+  }
+
   // One curve through `points`.
   void set_curve(const std::vector<Vec3d>& points, const std::vector<double>& radii) {
-    balls_.clear(), segments_.clear();
+    balls_.clear(), segments_.clear(), closed_.clear();
     for (std::size_t i = 0; i < points.size(); ++i) {
       balls_.push_back({to_float(points[i]), static_cast<float>(radii[i])});
     }
@@ -35,7 +42,11 @@ class CurveJoint : public testing::Test {
       segments_.push_back(static_cast<SegmentCode>(i) | before | after);
     }
   }
-  [[nodiscard]] RoundList list() const { return {balls_.data(), segments_.data(), 1.0f}; }
+  [[nodiscard]] RoundList list() const {
+    RoundList list{balls_.data(), segments_.data(), 1.0f};
+    list.closed = closed_.data(), list.closed_count = closed_.size();
+    return list;
+  }
 
   RoundRay any_ray() {
     const Ball& ball = balls_[random_() % balls_.size()];
@@ -99,6 +110,7 @@ class CurveJoint : public testing::Test {
 
   std::vector<Ball> balls_;
   std::vector<SegmentCode> segments_;
+  std::vector<ClosedCurve> closed_;
   std::mt19937_64 random_{11};
 };
 
@@ -125,6 +137,33 @@ TEST_F(CurveJoint, ARingIsMetInAndOutByTurns) {
   }
   set_curve(points, radii);
   expect_union(60000);
+}
+
+TEST_F(CurveJoint, AClosedRingIsMetInAndOutByTurns) {
+  for (const int repeats : {1, 2, 3}) {
+    std::vector<Vec3d> points;
+    std::vector<double> radii;
+    for (int i = 0; i <= 20 * repeats; ++i) {
+      const int corner = i / repeats % 20;
+      points.push_back({std::cos(0.314159 * corner), std::sin(0.314159 * corner), 0.0});
+      radii.push_back(0.04 + 0.01 * std::sin(corner));
+    }
+    set_closed_curve(points, radii);
+    expect_union(60000);
+  }
+}
+
+// Each is a neighbour of all others: the union, whichever coincide, and one of equal ends.
+TEST_F(CurveJoint, FewSegmentsThatCloseAreMetInAndOutByTurns) {
+  const std::vector<std::vector<Vec3d>> shapes{{{0, 0, 0}, {1, 0, 0}},
+                                               {{0, 0, 0}, {1, 0, 0}, {0.25, 1, 0}},
+                                               {{0, 0, 0}, {1, 0, 0}, {2, 0, 0}},
+                                               {{0, 0, 0}, {0, 0, 0}, {0, 0, 0}}};
+  for (std::vector<Vec3d> points : shapes) {
+    points.push_back(points.front());
+    set_closed_curve(points, std::vector<double>(points.size(), 0.25));
+    expect_union(20000);
+  }
 }
 
 TEST_F(CurveJoint, AStraightCurveIsMetAsOneWhole) {

@@ -49,6 +49,30 @@ TEST(RoundMesh, KnowsCurvesByTheirBalls) {
   }
 }
 
+// Of a chain whose first or last segment is left out, and of one that is a single segment, nothing is closed.
+TEST(RoundMesh, ClosesCyclicCurves) {
+  RoundInput input;
+  input.centres.resize(15);
+  input.radii = {1, 1, 1, 1, /**/ 1, 1, 1, /**/ 0, 0, 1, 0, /**/ 1, 1, /**/ 1, 1};
+  input.offsets = {0, 4, 7, 11, 13, 15};
+  const std::vector<std::uint8_t> cyclic{1, 0, 1, 1, 0};
+  const Mesh mesh = make_curves(input.balls(), input.offsets, CurveShape::kRound, "test", cyclic);
+  ASSERT_EQ(mesh.primitive_count(), 9u);
+  ASSERT_EQ(mesh.closed.size(), 1u);
+  EXPECT_EQ(mesh.closed[0].first, 0u);
+  EXPECT_EQ(mesh.closed[0].last, 2u);
+  EXPECT_EQ(mesh.segments[0], 0u | kSegmentAfter | kSegmentBefore);
+  EXPECT_EQ(mesh.segments[2], 2u | kSegmentAfter | kSegmentBefore);
+  EXPECT_EQ(mesh.segments[4] & (kSegmentAfter | kSegmentBefore), kSegmentBefore);
+  EXPECT_EQ(mesh.segments[6] & kSegmentAfter, 0u);
+  for (const std::size_t count : {4u, 6u}) {
+    const std::vector<std::uint8_t> wrong(count, 1);
+    const std::string said =
+        complaint([&] { return make_curves(input.balls(), input.offsets, CurveShape::kRound, "test", wrong); });
+    EXPECT_EQ(said, "test: cyclic must have one entry for each curve, 5, or none, got " + std::to_string(count));
+  }
+}
+
 TEST(RoundMesh, KnowsPointsByTheirNumbers) {
   RoundInput input;
   input.centres = {{0, 0, 0}, {1, 0, 0}, {2, 0, 0}, {3, 0, 0}};

@@ -97,20 +97,21 @@ def find_meetings(world: RoundWorld, origins: npt.ArrayLike, directions: npt.Arr
     hidden, alone = np.zeros(len(rays), np.bool_), np.ones(len(rays), np.bool_)
     low, high, there = own.t[:, 0].copy(), own.t[:, 1].copy(), sure.copy()
     for step in (-1, 1):
-        here, reach = segments.copy(), own.farthest.copy()
-        active, is_first = may.copy(), True
+        for here in world.beside(segments, step):
+            other = _judged(world, origins, directions, rays, np.maximum(here, 0))[0]
+            hidden |= (here >= 0) & (other.farthest < own.nearest)
+            alone &= (here < 0) | (other.nearest > own.farthest)
+        here, reach = world.next_hull(segments, step), own.farthest.copy()
+        active = may & (here >= 0)
         while active.any():
-            is_beside = active & _has_beside(world, here, step)
-            here = np.where(is_beside, here + step, here)
-            other, _, other_sure = _judged(world, origins, directions, rays, here)
-            if is_first:
-                hidden |= is_beside & (other.farthest < own.nearest)
-            active = is_beside & (other.nearest <= reach)
+            other, _, other_sure = _judged(world, origins, directions, rays, np.maximum(here, 0))
+            active &= other.nearest <= reach
             alone &= ~active
             there &= ~active | other_sure
             low = np.where(active, np.minimum(low, other.t[:, 0]), low)
             high = np.where(active, np.maximum(high, other.t[:, 1]), high)
-            reach, is_first = other.farthest, False
+            reach, here = other.farthest, world.next_hull(here, step)
+            active &= (here >= 0) & (here != segments)
     kept = may & ~hidden
     bounds = [own.t[:, 0], own.t[:, 1], low, high]
     signs = (-1.0, 1.0, -1.0, 1.0)
@@ -126,21 +127,12 @@ def _judged(
     found = meet(hulls, *mapped_rays(world, hulls, origins, directions, rays, segments))
     clipped = np.clip(found.shares, 0.0, 1.0)
     radii = hulls.first_radii[:, None] + clipped * (hulls.last_radii - hulls.first_radii)[:, None]
-    cut_first, cut_last = (~_has_beside(world, segments, step) for step in (-1, 1))
+    cut_first, cut_last = world.before[segments] < 0, world.after[segments] < 0
     low, high = found.shares[:, 0], found.shares[:, 1]
     is_cut = (cut_first & (high < 0.0)) | (cut_last & (low > 1.0))
     may_be_cut = (cut_first & (low < 0.0)) | (cut_last & (high > 1.0))
     may = ~is_cut & (found.nearest <= radii.max(axis=1))
     return found, may, ~may_be_cut & (found.farthest <= radii.min(axis=1))
-
-
-def _has_beside(world: RoundWorld, segments: Ints, step: int) -> Flags:
-    """Whether the same curve has another segment there."""
-    other = np.clip(segments + step, 0, len(world.steps) - 1)
-    same = (other == segments + step) & (world.steps[other] == world.steps[segments] + step)
-    for column in (world.parts, world.primitive_ids):
-        same &= column[other] == column[segments]
-    return same
 
 
 def ribbon_at(
@@ -159,26 +151,30 @@ def ribbon_at(
     exact = nearest_shares(hulls, origins, directions)[0]
     shares = np.clip(exact, 0.0, 1.0)
     distances, t = place(hulls, origins, directions, shares)
-    around = np.concatenate([[np.inf], distances, [np.inf]])
-    is_least = (distances < around[:-2]) & (distances <= around[2:])
+    is_least = np.ones(len(rows), np.bool_)
+    for step in (-1, 1):
+        for other in world.beside(rows, step):
+            theirs = np.where(other >= 0, distances[np.maximum(other - rows[0], 0)], np.inf)
+            is_least &= (distances < theirs) | ((distances == theirs) & (rows < other))
     radii = hulls.first_radii + shares * (hulls.last_radii - hulls.first_radii)
-    is_cut = ((exact < 0.0) & ~_has_beside(world, rows, -1)) | ((exact > 1.0) & ~_has_beside(world, rows, 1))
+    is_cut = ((exact < 0.0) & (world.before[rows] < 0)) | ((exact > 1.0) & (world.after[rows] < 0))
     met = np.flatnonzero(is_least & (distances <= radii) & ~is_cut)
     if len(met) != 1:
         return None
     best = int(met[0])
     axes = hulls.ends - hulls.starts
-    before, after = (axes[best + step] if 0 <= best + step < len(rows) else axes[best] for step in (-1, 1))
+    beside = (int(world.next_hull(rows[best : best + 1], step)[0]) for step in (-1, 1))
+    before, after = (axes[other - rows[0]] if other >= 0 else axes[best] for other in beside)
     tangent = axes[best] + before + (after - before) * shares[best]
-    matrix = np.linalg.inv(inverse[:, :3].astype(np.float64)).astype(Real)
-    tangent = (matrix * tangent).sum(axis=1)
     centre = hulls.starts[best] + shares[best] * axes[best]
-    side = (matrix * (origin + t[best] * direction - centre)).sum(axis=1)
-    across = np.cross(tangent, there)
+    side = origin + t[best] * direction - centre
+    across = np.cross(tangent, direction)
     across *= np.sign(dot(across, side)) / np.sqrt(dot(across, across))
-    back = -(there - dot(there, tangent) / dot(tangent, tangent) * tangent)
+    back = -(direction - dot(direction, tangent) / dot(tangent, tangent) * tangent)
     back /= np.sqrt(dot(back, back))
     sine = distances[best] / radii[best]
-    normal = sine * across + np.sqrt(1.0 - sine**2) * back
+    # Of the tube in the mesh's own space: planes are mapped to the world by what is transposed of the way back.
+    normal = ((sine * across + np.sqrt(1.0 - sine**2) * back)[:, None] * inverse[:, :3]).sum(axis=0)
+    normal /= np.sqrt(dot(normal, normal))
     u = (world.steps[rows[best]] + shares[best]) / world.counts[rows[best]]
     return float(u), (here + t[best] * there).astype(np.float64), normal.astype(np.float64)

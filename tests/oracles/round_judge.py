@@ -68,14 +68,19 @@ def _hidden(world: RoundWorld, chords: Chords, entries: F64, exits: F64) -> tupl
     may, sure = np.zeros(count, np.bool_), np.zeros(count, np.bool_)
     least = entries[:, 0].copy()
     for step in (-1, 1):
-        other, is_beside = _beside(world, chords, step)
-        in_way = is_beside & (entries[other, 0] <= entries[:, 1]) & (entries[:, 0] <= exits[other, 1])
-        may |= in_way
-        both = is_beside & chords.is_sure & chords.is_sure[other]
-        sure |= both & (entries[other, 1] < entries[:, 0]) & (entries[:, 1] <= exits[other, 0])
+        ways = []
+        for segments in world.beside(chords.segments, step):
+            other, is_beside = _chords_of(world, chords, segments)
+            in_way = is_beside & (entries[other, 0] <= entries[:, 1]) & (entries[:, 0] <= exits[other, 1])
+            may |= in_way
+            both = is_beside & chords.is_sure & chords.is_sure[other]
+            sure |= both & (entries[other, 1] < entries[:, 0]) & (entries[:, 1] <= exits[other, 0])
+            ways.append((other, in_way))
         reach = entries[:, 0].copy()
         while True:
-            further = np.where(in_way, np.minimum(reach, reach[other]), reach)
+            further = reach
+            for other, in_way in ways:
+                further = np.where(in_way, np.minimum(further, further[other]), further)
             if np.array_equal(further, reach):
                 break
             reach = further
@@ -83,15 +88,13 @@ def _hidden(world: RoundWorld, chords: Chords, entries: F64, exits: F64) -> tupl
     return may, sure, least
 
 
-def _beside(world: RoundWorld, chords: Chords, step: int) -> tuple[Ints, Flags]:
-    """Each chord's neighbour of the same ray and curve, and whether there is one."""
-    rows = np.arange(len(chords.rays))
-    other = np.clip(rows + step, 0, max(0, len(rows) - 1))
-    mine, theirs = chords.segments, chords.segments[other]
-    same = (other != rows) & (chords.rays == chords.rays[other]) & (theirs == mine + step)
-    for column in (world.parts, world.primitive_ids):
-        same &= column[mine] == column[theirs]
-    return other, same & (world.steps[theirs] == world.steps[mine] + step)
+def _chords_of(world: RoundWorld, chords: Chords, segments: Ints) -> tuple[Ints, Flags]:
+    """The chord of each chord's ray with another segment, and whether there is one; none with segment -1."""
+    count = len(world.steps)
+    keys = chords.rays * count + chords.segments  # they ascend
+    wanted = chords.rays * count + segments
+    other = np.minimum(np.searchsorted(keys, wanted), max(0, len(keys) - 1))
+    return other, (segments >= 0) & (keys[other] == wanted)
 
 
 @dataclass(frozen=True)

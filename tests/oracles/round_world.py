@@ -2,7 +2,8 @@
 
 A curve is the union of its segments, hulls of two balls of which consecutive ones share one (`round_segments.py`); a
 point is a ball. Of a segment's interval along a ray, the entry is the curve's surface unless the segment before or
-after holds it, and so is the exit. Strands that are no neighbours are not united.
+after holds it, and so is the exit. Strands that are no neighbours are not united. A cyclic curve's first and last
+segments are neighbours, and so are those on both sides of segments whose two balls are equal.
 
 The margin. What double precision loses is as if the ray had been shifted by no more than m; a hull whose radii are m
 less lies within any such hull, and one whose radii are m more around it. A ray *surely hits* the hull if it hits the
@@ -15,6 +16,7 @@ same, times the t of the hit. Being subtracted from a ball's middle, and setting
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -33,7 +35,10 @@ _PAIRS_AT_A_TIME = 200_000
 
 
 class RoundPart(NamedTuple):
-    """An instance: centres (N, 3) and radii (N,) as the engine holds them, in float; offsets (C + 1,), None: points."""
+    """An instance: centres (N, 3) and radii (N,) as the engine holds them, in float; offsets (C + 1,), None: points.
+
+    cyclic: (C,), which curves go on from their last ball, equal to their first; None: none.
+    """
 
     instance_id: int
     centres: npt.ArrayLike
@@ -41,6 +46,7 @@ class RoundPart(NamedTuple):
     offsets: npt.ArrayLike | None
     transform: npt.ArrayLike
     mask: int
+    cyclic: npt.ArrayLike | None = None
 
 
 @dataclass(frozen=True)
@@ -49,7 +55,8 @@ class RoundWorld:
 
     shape: "round", or "ribbon": flat and turned to rays (`ribbon_world.py`).
     hulls: in instances' own space. primitive_ids: the curve's or point's number in its mesh; steps: the segment's
-    number in its curve; counts: of the curve's segments. parts: which row of inverses (I, 3, 4), losses (I, 3, 3) and
+    number in its curve; counts: of the curve's segments. before, after: the rows of the next segments of the same
+    curve, or -1; is_ball: whether both balls are equal. parts: which row of inverses (I, 3, 4), losses (I, 3, 3) and
     shifts (I, 3), by which margins are reckoned.
     """
 
@@ -59,6 +66,9 @@ class RoundWorld:
     primitive_ids: Ints
     steps: Ints
     counts: Ints
+    before: Ints
+    after: Ints
+    is_ball: Flags
     masks: npt.NDArray[np.uint32]
     inverses: Reals
     losses: Reals
@@ -68,7 +78,8 @@ class RoundWorld:
     @classmethod
     def of(cls, parts: list[RoundPart], shape: str = "round") -> RoundWorld:
         """Segments and points without any radius are not there, and hide nothing."""
-        columns: list[tuple[Hulls, Ints, Ints, Ints, Ints, Ints, npt.NDArray[np.uint32]]] = []
+        columns: list[tuple[npt.NDArray[np.generic] | Hulls, ...]] = []
+        begin = 0
         maps = [_inverse_and_loss(part.transform) for part in parts]
         for row, part in enumerate(parts):
             centres, radii = np.asarray(part.centres, Real).reshape(-1, 3), np.asarray(part.radii, Real).reshape(-1)
@@ -78,7 +89,11 @@ class RoundWorld:
             hulls = Hulls.of(centres[first], centres[last], np.stack([radii[first], radii[last]], axis=1))
             size = len(first)
             ids, masks = np.full(size, part.instance_id), np.full(size, part.mask, np.uint32)
-            columns.append((hulls, np.full(size, row), ids, primitives, steps, counts, masks))
+            before, after = _neighbours_of(primitives, steps, counts, part.cyclic)
+            rows = [np.where(near < 0, -1, near + begin) for near in (before, after)]
+            is_ball = (hulls.starts == hulls.ends).all(axis=1) & (hulls.first_radii == hulls.last_radii)
+            columns.append((hulls, np.full(size, row), ids, primitives, steps, counts, *rows, is_ball, masks))
+            begin += size
         hulls = Hulls(
             *(
                 np.concatenate([getattr(c[0], name) for c in columns])
@@ -87,6 +102,40 @@ class RoundWorld:
         )
         flat = [np.concatenate(list(column)) for column in list(zip(*columns, strict=True))[1:]]
         return cls(hulls, *flat, *(np.stack(arrays) for arrays in zip(*maps, strict=True)), shape)
+
+    def beside(self, segments: Ints, step: int) -> Iterator[Ints]:
+        """Yields the row, or -1, of what comes after (step 1) or before (-1) each segment, then what balls let through.
+
+        These are all that can hide the segment on that side.
+        """
+        column = self.after if step > 0 else self.before
+        other = column[segments]
+        while (other >= 0).any():
+            yield other
+            goes_on = (other >= 0) & self.is_ball[other]
+            following = column[other]
+            other = np.where(goes_on & (following != segments), following, -1)
+
+    def next_hull(self, segments: Ints, step: int) -> Ints:
+        """The row of the next segment that is more than a ball, or -1, also of rows that are -1."""
+        found = np.full(len(segments), -1)
+        for other in self.beside(np.maximum(segments, 0), step):
+            found = np.where((segments >= 0) & (other >= 0) & ~self.is_ball[other], other, found)
+        return found
+
+
+def _neighbours_of(curves: Ints, steps: Ints, counts: Ints, cyclic: npt.ArrayLike | None) -> tuple[Ints, Ints]:
+    """By looking for the segment with the next number in the same curve, in a cyclic one the last one's is 0."""
+    rows = {key: row for row, key in enumerate(zip(curves.tolist(), steps.tolist(), strict=True))}
+    closed = np.zeros(len(curves), np.bool_) if cyclic is None else np.asarray(cyclic, np.bool_)[curves]
+    before, after = np.full(len(curves), -1), np.full(len(curves), -1)
+    for (curve, step), row in rows.items():
+        count = int(counts[row])
+        following = 0 if closed[row] and step + 1 == count else step + 1
+        other = rows.get((curve, following), row)
+        if other != row:
+            after[row], before[other] = other, row
+    return before, after
 
 
 def _segments_of(offsets: npt.ArrayLike | None, ball_count: int) -> tuple[Ints, Ints, Ints, Ints, Ints]:

@@ -234,6 +234,7 @@ class Scene:
         points: _Float,
         radii: _Float,
         curve_offsets: _Long,
+        cyclic: _Byte,
         is_ribbon: bool,
         settings: dict[str, Any],
         usage: str,
@@ -245,6 +246,7 @@ class Scene:
         points: _Double,
         radii: _Double,
         curve_offsets: _Long,
+        cyclic: _Byte,
         is_ribbon: bool,
         settings: dict[str, Any],
         usage: str,
@@ -268,11 +270,11 @@ class Scene:
     def replace_points(self, mesh_id: int, centers: _Double, radii: _Double) -> None: ...
     @overload
     def replace_curves(
-        self, mesh_id: int, points: _Float, radii: _Float, curve_offsets: _Long, is_ribbon: bool
+        self, mesh_id: int, points: _Float, radii: _Float, curve_offsets: _Long, cyclic: _Byte, is_ribbon: bool
     ) -> None: ...
     @overload
     def replace_curves(
-        self, mesh_id: int, points: _Double, radii: _Double, curve_offsets: _Long, is_ribbon: bool
+        self, mesh_id: int, points: _Double, radii: _Double, curve_offsets: _Long, cyclic: _Byte, is_ribbon: bool
     ) -> None: ...
     def set_usage(self, mesh_id: int, usage: str) -> None: ...
     def remove_mesh(self, mesh_id: int) -> None: ...

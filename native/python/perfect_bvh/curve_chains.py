@@ -94,8 +94,11 @@ def divide(
     cyclic: npt.ArrayLike,
     tolerance: float | None,
     pieces: int | None,
-) -> tuple[CurveChains | None, npt.NDArray[Any], npt.NDArray[Any], npt.NDArray[np.int64]]:
-    """The curves' chains, and the balls' centres, radii and offsets; None for what is a chain as it is."""
+) -> tuple[CurveChains | None, npt.NDArray[Any], npt.NDArray[Any], npt.NDArray[np.int64], npt.NDArray[np.uint8]]:
+    """Returns the curves' chains, None for what is a chain as it is, and what the engine makes curves of.
+
+    That is the balls' centres, radii and offsets, and which curves are cyclic.
+    """
     if kind not in CURVE_KINDS:
         raise ValueError(f"{function}: kind must be one of {', '.join(CURVE_KINDS)}, got {kind!r}")
     rows = as_rows(function, "points", points)
@@ -107,10 +110,10 @@ def divide(
     limit = _default_tolerance(sizes) if tolerance is None else _as_tolerance(function, tolerance)
     piece_count = 0 if pieces is None else check_count(function, "pieces", pieces, 1, _MOST_PIECES)
     if kind == "poly" and not closed.any():
-        return None, rows, sizes, offsets
+        return None, rows, sizes, offsets, closed
     division = _core.divide_curves(rows, sizes, offsets, closed, kind, limit, piece_count, function)
     chains = CurveChains(kind, offsets, closed, sizes, limit, piece_count, len(rows), division)  # type: ignore[arg-type]
-    return chains, *chains.balls(function, rows), division.offsets
+    return chains, *chains.balls(function, rows), division.offsets, closed
 
 
 def as_shape(function: str, shape: str) -> str:

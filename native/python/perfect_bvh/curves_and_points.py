@@ -85,9 +85,10 @@ class CurvesAndPoints:
         pieces: instead of it, how many each span gets, 1 to 1024: then chains of curves that move keep theirs.
         shape: "round", or "ribbon": flat strips as wide, which face each ray. A ray meets one where it is nearest to
             the axis, if it passes that no farther than the radius: once, as a front; normals are rounded across the
-            width, as those of a tube. Bends are filled, but a curve's own ends are cut off straight, also where a
-            cyclic one returns. In an instance strips face the ray as it is mapped into the mesh's space. Closest
-            points are those of the round curve.
+            width, as those of a tube. Bends are filled, also where a cyclic curve returns; the ends of others are cut
+            off straight, but round where a curve begins or ends with two equal points. In an instance strips face the
+            ray as it is mapped into the mesh's space, and normals are those of the tube that the transform stretches
+            with them. Closest points are those of the round curve.
         build, usage, lazy: see `Scene.add_mesh`. Leaves of the default layout hold segments' axes in whole steps, by
             which kernels tell which to look at; those of the compact one numbers alone: a third fewer bytes.
 
@@ -97,10 +98,10 @@ class CurvesAndPoints:
         check_usage("add_curves", usage)
         is_ribbon = as_shape("add_curves", shape) == "ribbon"
         settings = as_config("add_curves", build).as_settings()
-        chains, centres, sizes, offsets = divide(
+        chains, centres, sizes, offsets, closed = divide(
             "add_curves", points, radii, curve_offsets, kind, cyclic, tolerance, pieces
         )
-        mesh = self._scene.add_curves(centres, sizes, offsets, is_ribbon, settings, usage, bool(lazy))
+        mesh = self._scene.add_curves(centres, sizes, offsets, closed, is_ribbon, settings, usage, bool(lazy))
         self._keep(mesh, chains)
         return mesh
 
@@ -202,10 +203,10 @@ class CurvesAndPoints:
         """Gives a mesh of curves others, of whichever shape, see `add_curves`; its instances stay."""
         number = check_id("replace_curves", "mesh", mesh)
         is_ribbon = as_shape("replace_curves", shape) == "ribbon"
-        chains, centres, sizes, offsets = divide(
+        chains, centres, sizes, offsets, closed = divide(
             "replace_curves", points, radii, curve_offsets, kind, cyclic, tolerance, pieces
         )
-        self._scene.replace_curves(number, centres, sizes, offsets, is_ribbon)
+        self._scene.replace_curves(number, centres, sizes, offsets, closed, is_ribbon)
         self._keep(number, chains)
 
     def _keep(self, mesh: int, chains: CurveChains | None) -> None:

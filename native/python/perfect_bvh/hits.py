@@ -51,7 +51,7 @@ class Hits:
     primitive_uvs (..., 2) float32: the point (1 - u - v) v0 + u v1 + v v2; zero on a miss. Of a curve u runs from 0 at
         its first point to 1 at its last, evenly over its segments, and v is 0; of a point both are 0.
     geometric_normals (..., 3) float32: world space, unit length, by the triangle's winding; zero on a miss. Of curves
-        and points outward from the true surface; zero at a tip of radius 0.
+        and points outward from the true surface, of ribbons as `add_curves` says; zero at a tip of radius 0.
     positions (..., 3) float64: world space, where the ray meets the triangle's plane, in double; zero on a miss. Of
         triangles that are seen edge-on or are mere threads the point of primitive_uvs: double knows none better. Of
         curves and points the point of the true surface.

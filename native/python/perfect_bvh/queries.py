@@ -206,9 +206,9 @@ class Queries:
 
         Returns `Intersections`: hits and ray_splits. Each triangle is there once a ray; a ray through an edge meets
         each of the triangles at it. Of a curve or point there is where the ray enters and where it leaves, but not what
-        lies inside of the same curve's next segment. At equal t the smallest (order, instance id, primitive) comes
-        first, so that a ray's first row is what `cast_rays` answers. The rays are traced twice, first to count: so no
-        more memory is needed than for what is returned.
+        lies inside of the same curve's next segment; a cyclic curve's first one comes after its last. At equal t the
+        smallest (order, instance id, primitive) comes first, so that a ray's first row is what `cast_rays` answers. The
+        rays are traced twice, first to count: so no more memory is needed than for what is returned.
         """
         name = "list_intersections"
         if max_hits is not None:

@@ -54,7 +54,8 @@ struct Blas {
 
 // What kernels see of the leaves of such a tree and of its mesh, which must both stay where they are.
 [[nodiscard]] inline IndexedLeaves view_leaves(const WideBvh& tree, const Mesh& mesh) noexcept {
-  const RoundList round{mesh.balls.data(), mesh.segments.data(), tree.scale, mesh.shape};
+  RoundList round{mesh.balls.data(), mesh.segments.data(), tree.scale, mesh.shape};
+  round.closed = mesh.closed.data(), round.closed_count = mesh.closed.size();
   const CurveLeaf* const curves = tree.curve_leaves.empty() ? nullptr : tree.curve_leaves.data();
   return {tree.indexed_leaves.data(), curves, mesh.triangles.data(), mesh.positions.data(), tree.scale, round};
 }

@@ -51,7 +51,8 @@ bool gained_radius(const Mesh& mesh, const BallsGiven<T>& balls) noexcept {
 template <class T>
 Mesh made_again(const Mesh& mesh, const BallsGiven<T>& balls, const char* function) {
   if (mesh.kind == PrimitiveKind::kPoints) return make_points(balls, function);
-  return make_curves(balls, std::vector<std::int64_t>(mesh.starts.begin(), mesh.starts.end()), mesh.shape, function);
+  const std::vector<std::int64_t> offsets(mesh.starts.begin(), mesh.starts.end());
+  return make_curves(balls, offsets, mesh.shape, function, mesh.cyclic_curves());
 }
 
 }  // namespace
@@ -64,8 +65,7 @@ MovedBalls move_balls(const Mesh& mesh, const BallsGiven<T>& given, const std::s
   const BallsGiven<T> balls{given.centres, given.radii.empty() ? std::span<const T>(kept) : given.radii};
   check_balls(balls, mesh.kind, function);
   Mesh moved;
-  moved.kind = mesh.kind, moved.shape = mesh.shape;
-  moved.segments = mesh.segments, moved.starts = mesh.starts, moved.numbers = mesh.numbers;
+  moved.share_parts_of(mesh);
   if constexpr (sizeof(T) == sizeof(double)) moved.centre = box_centre(balls.centres);
   moved.balls = spare->take().balls;
   moved.balls.resize(mesh.balls.size());
@@ -93,8 +93,8 @@ std::shared_ptr<const Mesh> balls_at_step(const Mesh& first, const BallsGiven<T>
   const BallsGiven<T> balls{given.centres, given.radii.empty() ? std::span<const T>(kept) : given.radii};
   check_balls(balls, first.kind, function);
   auto step = std::make_shared<Mesh>();
-  step->kind = first.kind, step->shape = first.shape, step->centre = first.centre;
-  step->segments = first.segments, step->starts = first.starts, step->numbers = first.numbers;
+  step->share_parts_of(first);
+  step->centre = first.centre;
   step->balls.resize(first.balls.size());
   std::atomic<bool> all_alike{!gained_radius(first, balls)};
   parallel_for(pool, step->balls.size(), kGrain, [&](std::size_t begin, std::size_t end) {

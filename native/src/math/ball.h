@@ -32,6 +32,11 @@ static_assert(sizeof(Ball) == 16);
 using SegmentCode = std::uint32_t;
 inline constexpr SegmentCode kSegmentBall = 0x3FFFFFFFu, kSegmentAfter = 0x40000000u, kSegmentBefore = 0x80000000u;
 
+// A cyclic curve's first and last segment, which are each other's neighbours.
+struct ClosedCurve {
+  std::uint32_t first, last;
+};
+
 // What curves are to rays: the hull of their balls, or flat and always turned to the ray (math/ribbon_segment.h).
 enum class CurveShape : std::uint8_t { kRound, kRibbon };
 

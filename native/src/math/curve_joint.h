@@ -10,6 +10,9 @@
 // hidden but by one with the same t and a smaller number. And where no segments but neighbours overlap, the shown ends
 // are those of the chords' union: in and out by turns.
 //
+// A cyclic curve's last segment and its first one are neighbours; the first one still has the smaller number. Where a
+// segment's two balls are equal at the ray's moment, those on both sides of it are neighbours too.
+//
 // Ribbons have no inside, and are shown where no neighbour's axis is nearer to the line (math/ribbon_segment.h).
 #pragma once
 
@@ -31,11 +34,6 @@ static inline ShownEnds shown_beside(const Chord& chord, const Chord& other, boo
   return {!(enters_first && chord.entry <= other.exit), !(leaves_last && other.entry <= chord.exit)};
 }
 
-static inline ShownEnds shown_ends(const Chord& before, const Chord& chord, const Chord& after) noexcept {
-  const ShownEnds left = shown_beside(chord, before, true), right = shown_beside(chord, after, false);
-  return {left.entry && right.entry, left.exit && right.exit};
-}
-
 // The primitives of a mesh of curves or points.
 struct RoundList {
   const Ball* balls = nullptr;
@@ -45,6 +43,8 @@ struct RoundList {
   // Of what moves within the shutter: the balls of the next step, and the moment; null where all are as they are.
   const Ball* later = nullptr;
   Moment moment{};
+  const ClosedCurve* closed = nullptr;  // by number; no segment is in two
+  std::size_t closed_count = 0;
 };
 
 // One of the list's balls, at its moment: as a kernel's box has it there.
@@ -71,6 +71,45 @@ static inline RoundEnds ends_of(const RoundList& list, std::uint32_t primitive) 
   }
   const std::uint32_t first = list.segments[primitive] & kSegmentBall;
   return {ball_at(list, first), ball_at(list, first + 1)};
+}
+
+inline constexpr std::uint32_t kNoSegment = 0xFFFFFFFFu;
+enum class Along : std::uint8_t { kBefore, kAfter };
+static constexpr Along kBothWays[] = {Along::kBefore, Along::kAfter};
+
+static inline std::uint32_t beside(const RoundList& list, std::uint32_t segment, Along way) noexcept {
+  if ((list.segments[segment] & (way == Along::kBefore ? kSegmentBefore : kSegmentAfter)) == 0) return kNoSegment;
+  std::size_t low = 0;  // the first closed curve that does not end before the segment
+  for (std::size_t high = list.closed_count; low < high;) {
+    const std::size_t middle = (low + high) / 2;
+    list.closed[middle].last < segment ? low = middle + 1 : high = middle;
+  }
+  if (low < list.closed_count) {
+    const ClosedCurve& curve = list.closed[low];
+    if (way == Along::kBefore && segment == curve.first) return curve.last;
+    if (way == Along::kAfter && segment == curve.last) return curve.first;
+  }
+  return way == Along::kBefore ? segment - 1 : segment + 1;
+}
+
+static inline bool is_one_ball(const RoundEnds& ends) noexcept {
+  const RoundBall &a = ends.first, &b = ends.last;
+  return a.centre[0] == b.centre[0] && a.centre[1] == b.centre[1] && a.centre[2] == b.centre[2] && a.radius == b.radius;
+}
+
+// What may hide a segment on one side of it, beginning with the one beside it: the next one after `other`, which is the
+// last one unless it is but a ball.
+static inline std::uint32_t beyond(const RoundList& list, std::uint32_t segment, std::uint32_t other,
+                                   Along way) noexcept {
+  const std::uint32_t next = is_one_ball(ends_of(list, other)) ? beside(list, other, way) : kNoSegment;
+  return next == segment ? kNoSegment : next;
+}
+
+// The next segment along its curve that is more than a ball; kNoSegment if there is none but itself.
+static inline std::uint32_t neighbour_of(const RoundList& list, std::uint32_t segment, Along way) noexcept {
+  std::uint32_t other = beside(list, segment, way);
+  while (other != kNoSegment && is_one_ball(ends_of(list, other))) other = beyond(list, segment, other, way);
+  return other;
 }
 
 static inline Chord chord_of(const RoundRay& ray, const RoundList& list, std::uint32_t primitive) noexcept {
@@ -116,10 +155,15 @@ static inline bool is_nearest(const RoundRay& ray, const RoundList& list, std::u
     const RoundEnds ends = ends_of(list, number);
     return place_on_ribbon(ray, ends.first, ends.last).squared;
   };
-  const SegmentCode code = list.segments[primitive];
   const double own = squared(primitive);
-  if ((code & kSegmentBefore) != 0 && !(own < squared(primitive - 1))) return false;
-  return (code & kSegmentAfter) == 0 || own <= squared(primitive + 1);
+  for (const Along way : kBothWays) {
+    for (std::uint32_t other = beside(list, primitive, way); other != kNoSegment;) {
+      const double others = squared(other);
+      if (!(own < others || (own == others && primitive < other))) return false;
+      other = beyond(list, primitive, other, way);
+    }
+  }
+  return true;
 }
 
 // Which ends of its chord a ray meets.
@@ -127,19 +171,19 @@ static inline ShownEnds shown_ends(const RoundRay& ray, const RoundList& list, s
                                    const Chord& chord) noexcept {
   if (list.segments == nullptr) return {true, true};
   if (list.shape == CurveShape::kRibbon) return {is_nearest(ray, list, primitive), false};
-  const SegmentCode code = list.segments[primitive];
-  const std::uint32_t first = code & kSegmentBall;
-  const RoundEnds ends = ends_of(list, primitive);
-  Chord before = kNoChord, after = kNoChord;
-  if ((code & kSegmentBefore) != 0) {
-    const RoundBall other = ball_at(list, first - 1);
-    if (!is_behind(ray, chord, Neighbour(ends.first, other))) before = chord_of_segment(ray, other, ends.first);
+  ShownEnds shows{true, true};
+  for (const Along way : kBothWays) {
+    for (std::uint32_t other = beside(list, primitive, way); other != kNoSegment;) {
+      const auto [first, last] = ends_of(list, other);
+      const Neighbour neighbour = way == Along::kBefore ? Neighbour(last, first) : Neighbour(first, last);
+      if (!is_behind(ray, chord, neighbour)) {
+        const ShownEnds beside_it = shown_beside(chord, chord_of_segment(ray, first, last), other < primitive);
+        shows = {shows.entry && beside_it.entry, shows.exit && beside_it.exit};
+      }
+      other = beyond(list, primitive, other, way);
+    }
   }
-  if ((code & kSegmentAfter) != 0) {
-    const RoundBall other = ball_at(list, first + 2);
-    if (!is_behind(ray, chord, Neighbour(ends.last, other))) after = chord_of_segment(ray, ends.last, other);
-  }
-  return shown_ends(before, chord, after);
+  return shows;
 }
 
 // How far along its segment a ray meets it, at an end of its chord.

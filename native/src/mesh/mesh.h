@@ -34,6 +34,8 @@ struct Mesh {
   AlignedVector<Ball> balls;          // of curves, one after another, and of points
   SharedList<SegmentCode> segments;   // of curves
   SharedList<std::uint32_t> starts;   // of each curve: its first ball; then how many balls there are
+  SharedList<ClosedCurve> closed;     // of curves, by number
+  SharedList<std::uint8_t> cyclic;    // of each curve: whether it is closed, where no segment is left out; empty: none
   SharedList<std::uint32_t> numbers;  // of each point: its number to the caller; empty if that is its own
   Vec3d centre{0, 0, 0};              // zero for meshes given in float
   // Of one that moves within the shutter: the same primitives, in the same frame, at the steps that follow; and when.
@@ -60,10 +62,18 @@ struct Mesh {
   [[nodiscard]] Aabb primitive_box(std::size_t index) const noexcept {
     return is_round() ? round_box(index) : triangle_box(index);
   }
+  [[nodiscard]] std::span<const std::uint8_t> cyclic_curves() const noexcept { return {cyclic.data(), cyclic.size()}; }
+  // Its curves' numbers and who is beside whom, but not where they are.
+  void share_parts_of(const Mesh& other) {
+    kind = other.kind, shape = other.shape;
+    segments = other.segments, starts = other.starts, closed = other.closed, cyclic = other.cyclic;
+    numbers = other.numbers;
+  }
   // Of this step alone.
   [[nodiscard]] std::size_t byte_count() const noexcept {
     return positions.size() * sizeof(Vec3f) + triangles.size() * sizeof(TriangleIndices) + balls.size() * sizeof(Ball) +
-           (segments.size() + starts.size() + numbers.size()) * sizeof(std::uint32_t);
+           (segments.size() + starts.size() + numbers.size()) * sizeof(std::uint32_t) +
+           closed.size() * sizeof(ClosedCurve) + cyclic.size();
   }
 
  private:

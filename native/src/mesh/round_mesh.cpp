@@ -93,11 +93,19 @@ void check_offsets(std::span<const std::int64_t> offsets, std::size_t ball_count
   }
 }
 
+void check_cyclic(std::span<const std::uint8_t> cyclic, std::size_t curve_count, const char* function) {
+  if (cyclic.empty() || cyclic.size() == curve_count) return;
+  refuse(function, "cyclic must have one entry for each curve, " + std::to_string(curve_count) + ", or none, got " +
+                       std::to_string(cyclic.size()));
+}
+
 // Segments stand in the order of their balls; those left out part their neighbours.
 void list_segments(Mesh& mesh) {
   AlignedVector<SegmentCode> segments;
+  AlignedVector<ClosedCurve> closed;
   segments.reserve(mesh.balls.size());
   for (std::size_t curve = 0; curve + 1 < mesh.starts.size(); ++curve) {
+    const auto first = static_cast<std::uint32_t>(segments.size());
     bool has_before = false;
     for (std::uint32_t ball = mesh.starts[curve]; ball + 1 < mesh.starts[curve + 1]; ++ball) {
       const bool is_shown = mesh.balls[ball].radius > 0 || mesh.balls[ball + 1].radius > 0;
@@ -105,8 +113,16 @@ void list_segments(Mesh& mesh) {
       if (is_shown) segments.push_back(ball | (has_before ? kSegmentBefore : 0u));
       has_before = is_shown;
     }
+    // Its last segment is shown; so is its first one, if the chain's ends are.
+    const bool is_cyclic = !mesh.cyclic.empty() && mesh.cyclic[curve] != 0;
+    if (!is_cyclic || !has_before || (segments[first] & kSegmentBall) != mesh.starts[curve]) continue;
+    const auto last = static_cast<std::uint32_t>(segments.size()) - 1;
+    if (last == first) continue;
+    segments[first] |= kSegmentBefore, segments[last] |= kSegmentAfter;
+    closed.push_back({first, last});
   }
   mesh.segments = std::move(segments);
+  if (!closed.empty()) mesh.closed = std::move(closed);
 }
 
 void leave_out_points(Mesh& mesh) {
@@ -160,20 +176,26 @@ template Mesh make_points(const BallsGiven<double>&, const char*);
 
 template <class T>
 Mesh make_curves(const BallsGiven<T>& balls, std::span<const std::int64_t> offsets, CurveShape shape,
-                 const char* function) {
+                 const char* function, std::span<const std::uint8_t> cyclic) {
   check_ball_count(balls.centres.size(), "points", function);
   check_offsets(offsets, balls.centres.size(), function);
+  check_cyclic(cyclic, offsets.size() - 1, function);
   check_balls(balls, PrimitiveKind::kCurves, function);
   Mesh mesh;
   mesh.kind = PrimitiveKind::kCurves, mesh.shape = shape;
   mesh.centre = centre_of(balls.centres);
   mesh.balls = copy_balls(balls, mesh.centre);
   mesh.starts = copy_starts(offsets);
+  if (std::ranges::find(cyclic, 1) != cyclic.end()) {
+    mesh.cyclic = AlignedVector<std::uint8_t>(cyclic.begin(), cyclic.end());
+  }
   list_segments(mesh);
   return mesh;
 }
-template Mesh make_curves(const BallsGiven<float>&, std::span<const std::int64_t>, CurveShape, const char*);
-template Mesh make_curves(const BallsGiven<double>&, std::span<const std::int64_t>, CurveShape, const char*);
+template Mesh make_curves(const BallsGiven<float>&, std::span<const std::int64_t>, CurveShape, const char*,
+                          std::span<const std::uint8_t>);
+template Mesh make_curves(const BallsGiven<double>&, std::span<const std::int64_t>, CurveShape, const char*,
+                          std::span<const std::uint8_t>);
 
 std::size_t given_ball_count(const Mesh& mesh) noexcept {
   return mesh.numbers.empty() ? mesh.balls.size() : mesh.numbers[mesh.numbers.size() - 1];

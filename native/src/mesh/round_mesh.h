@@ -27,10 +27,12 @@ template <class T>
 [[nodiscard]] Mesh make_points(const BallsGiven<T>& balls, const char* function);
 
 // offsets: the first ball of each curve, then how many balls there are; a curve has two balls or more. Throws
-// InvalidArgument as make_points() does, and for offsets that are not so.
+// InvalidArgument as make_points() does, for offsets that are not so, and for entries of `cyclic` that are more or
+// fewer than the curves. cyclic: one a curve, whether it goes on from its last ball, which must be its first one again;
+// empty: none does.
 template <class T>
 [[nodiscard]] Mesh make_curves(const BallsGiven<T>& balls, std::span<const std::int64_t> offsets, CurveShape shape,
-                               const char* function);
+                               const char* function, std::span<const std::uint8_t> cyclic = {});
 
 // Throws InvalidArgument for balls that make_points() would not take.
 template <class T>

@@ -77,9 +77,7 @@ JudgedEnd RoundJudge::meeting_of(std::uint32_t primitive) const noexcept {
   for (const int step : {-1, 1}) {
     JudgedRibbon last = own;
     bool is_first = true;
-    const SegmentCode has_other = step < 0 ? kSegmentBefore : kSegmentAfter;
-    for (std::uint32_t at = primitive; (mesh_.segments[at] & has_other) != 0;) {
-      at = step < 0 ? at - 1 : at + 1;
+    for (std::uint32_t at = next(primitive, step); at != kNoSegment && at != primitive; at = next(at, step)) {
       const JudgedRibbon other = ribbon_of(at);
       if (is_first && other.farthest < own.nearest) return kMissed;
       if (other.nearest > last.farthest) break;
@@ -94,10 +92,13 @@ JudgedEnd RoundJudge::meeting_of(std::uint32_t primitive) const noexcept {
 }
 
 RoundJudge::JudgedChord RoundJudge::beside(std::uint32_t primitive, int step) const noexcept {
-  if (mesh_.kind != PrimitiveKind::kCurves) return {kNoChord, kNoChord};
-  const SegmentCode has_other = step < 0 ? kSegmentBefore : kSegmentAfter;
-  if ((mesh_.segments[primitive] & has_other) == 0) return {kNoChord, kNoChord};
-  return chord_of(step < 0 ? primitive - 1 : primitive + 1);
+  const std::uint32_t other = next(primitive, step);
+  return other == kNoSegment ? JudgedChord{kNoChord, kNoChord} : chord_of(other);
+}
+
+std::uint32_t RoundJudge::next(std::uint32_t primitive, int step) const noexcept {
+  if (mesh_.kind != PrimitiveKind::kCurves) return kNoSegment;
+  return neighbour_of(list_, primitive, step < 0 ? Along::kBefore : Along::kAfter);
 }
 
 // An entry is hidden where the neighbour's chord begins before it and ends after it; an exit likewise.
@@ -108,14 +109,13 @@ void RoundJudge::judge_beside(const JudgedChord& other, JudgedEnd& end) noexcept
 // From one to the next for as long as it may hide the one before.
 void RoundJudge::reach_along(std::uint32_t primitive, int step, JudgedEnd& end) const noexcept {
   double low = end.t - end.bound, high = end.t + end.bound;
-  while (true) {
-    const JudgedChord other = beside(primitive, step);
+  for (std::uint32_t at = next(primitive, step); at != kNoSegment && at != primitive; at = next(at, step)) {
+    const JudgedChord other = chord_of(at);
     if (!(other.possible.entry <= high && low <= other.possible.exit)) return;
     const JudgedEnd next = end_of(other, end.is_entry);
     low = next.t - next.bound, high = next.t + next.bound;
     end.least = std::min(end.least, end.is_entry ? low : end.least);
     end.most = std::max(end.most, end.is_entry ? end.most : high);
-    primitive = step < 0 ? primitive - 1 : primitive + 1;
   }
 }
 

@@ -41,7 +41,8 @@ class RoundJudge {
   // Of a ribbon: where it, or a neighbour that may be nearer, is met.
   [[nodiscard]] JudgedEnd meeting_of(std::uint32_t primitive) const noexcept;
   [[nodiscard]] static JudgedEnd end_of(const JudgedChord& chord, bool is_entry) noexcept;
-  // The chord of the primitive that comes `step` after, or before, along its curve; none if there is no such.
+  // The primitive that comes after, or before if `step` is -1, along its curve, or kNoSegment; and its chord or none.
+  [[nodiscard]] std::uint32_t next(std::uint32_t primitive, int step) const noexcept;
   [[nodiscard]] JudgedChord beside(std::uint32_t primitive, int step) const noexcept;
   static void judge_beside(const JudgedChord& other, JudgedEnd& end) noexcept;
   void reach_along(std::uint32_t primitive, int step, JudgedEnd& end) const noexcept;

@@ -25,10 +25,12 @@ Vec3d axis_of(const RoundList& list, std::uint32_t primitive) noexcept {
 // Which way the curve runs there: as differences between the balls before and after each end have it, that are divided
 // into equal steps.
 Vec3d tangent_at(const RoundList& list, std::uint32_t primitive, double u) noexcept {
-  const SegmentCode code = list.segments[primitive];
   const Vec3d own = axis_of(list, primitive);
-  const Vec3d before = (code & kSegmentBefore) != 0 ? axis_of(list, primitive - 1) : own;
-  const Vec3d after = (code & kSegmentAfter) != 0 ? axis_of(list, primitive + 1) : own;
+  const auto axis_beside = [&](Along way) {
+    const std::uint32_t other = neighbour_of(list, primitive, way);
+    return other == kNoSegment ? own : axis_of(list, other);
+  };
+  const Vec3d before = axis_beside(Along::kBefore), after = axis_beside(Along::kAfter);
   return own + before + (after - before) * u;
 }
 
@@ -64,11 +66,12 @@ Vec3d leave_curve(const Instance& instance, std::uint32_t segment, Vec3d origin,
   const RoundList list = round_list(mesh, moment_of(instance, time));
   double exit = std::max(chord_of(ray, list, segment).exit, 0.0);
   for (std::size_t left = mesh.segments.size(); left > 0; --left) {
-    const SegmentCode code = list.segments[segment];
-    if ((code & kSegmentAfter) != 0 && goes_on_in(ray, list, segment + 1, exit)) {
-      ++segment;
-    } else if ((code & kSegmentBefore) != 0 && goes_on_in(ray, list, segment - 1, exit)) {
-      --segment;
+    const std::uint32_t after = neighbour_of(list, segment, Along::kAfter);
+    const std::uint32_t before = neighbour_of(list, segment, Along::kBefore);
+    if (after != kNoSegment && goes_on_in(ray, list, after, exit)) {
+      segment = after;
+    } else if (before != kNoSegment && goes_on_in(ray, list, before, exit)) {
+      segment = before;
     } else {
       break;
     }
@@ -89,7 +92,7 @@ RoundPoint RoundPlacer::place(const Instance& instance, const Hit& hit, const Ra
   const Vec3d origin = to_object_.point(ray.origin), direction = to_object_.vector(ray.direction);
   const RoundRay local = round_ray(&origin.x, &direction.x);
   if (mesh.shape == CurveShape::kRibbon) {
-    return place_ribbon(instance, list, hit.primitive_index, local, ray.direction);
+    return place_ribbon(instance, list, hit.primitive_index, local);
   }
   const Chord chord = chord_of_segment(local, ends.first, ends.last);
   const auto t = static_cast<double>(hit.t);
@@ -111,20 +114,20 @@ RoundPoint RoundPlacer::place(const Instance& instance, const Hit& hit, const Ra
 }
 
 RoundPoint RoundPlacer::place_ribbon(const Instance& instance, const RoundList& list, std::uint32_t primitive,
-                                     const RoundRay& local, Vec3d direction) const noexcept {
+                                     const RoundRay& local) const noexcept {
   const Affine& to_world = instance.object_to_world;
   const RoundEnds ends = ends_of(list, primitive);
   const RibbonPlace place = place_on_ribbon(local, ends.first, ends.last);
   const double radius = radius_at(ends.first, ends.last, place.u);
   const Vec3d first = vector_of(ends.first.centre), axis = vector_of(ends.last.centre) - first;
   const Vec3d centre = first + axis * place.u, away = vector_of(place.away);
-  const Vec3d tangent = to_world.vector(tangent_at(list, primitive, place.u)), side = to_world.vector(away);
+  const Vec3d tangent = tangent_at(list, primitive, place.u);
   const double share = radius > 0.0 ? std::sqrt(place.squared) / radius : 0.0;
   Vec3d normal;
-  ribbon_normal(&direction.x, &tangent.x, &side.x, share, &normal.x);
+  ribbon_normal(local.direction, &tangent.x, place.away, share, &normal.x);
   const Vec3d through = half_way_through(local, vector_of(local.direction), axis, radius, share);
   return {to_world.point(centre + away),
-          normal,
+          normalized(to_object_.transposed_vector(normal)),
           to_world.vector(axis),
           true,
           to_world.point(centre + away - through),

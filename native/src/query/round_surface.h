@@ -2,9 +2,10 @@
 // in double precision: a hit's t is a float, and from far away says little of where on a hair it is.
 //
 // Ribbons are flat, and their normals are round: those of a tube about the curve that is as wide where the ray meets
-// it. It is taken in world space; the tube turns with the curve from one segment to the next, as its axis between two
-// balls is between the means of the segments beside each. Rays go on from where the one that came enters or leaves the
-// tube: from there they meet the ribbon again only if they go back into it.
+// it. Like the ribbon, the tube is round in the mesh's own space, and stretched with its instance; it turns with the
+// curve from one segment to the next, as its axis between two balls is between the means of the segments beside each.
+// Rays go on from where the one that came enters or leaves the tube: from there they meet the ribbon again only if they
+// go back into it.
 #pragma once
 
 #include <cstdint>
@@ -38,7 +39,7 @@ class RoundPlacer {
 
  private:
   [[nodiscard]] RoundPoint place_ribbon(const Instance& instance, const RoundList& list, std::uint32_t primitive,
-                                        const RoundRay& local, Vec3d direction) const noexcept;
+                                        const RoundRay& local) const noexcept;
 
   const Instance* last_ = nullptr;
   Affine to_object_;

@@ -108,10 +108,11 @@ void Scene::set_round_motion(std::int32_t mesh_id, PrimitiveKind kind, const Bal
   if (!slot.spare_positions) slot.spare_positions = std::make_shared<SparePositions>();
   const BallsGiven<T> first = balls_of_step(balls, 0, step_count);
   const bool is_other = !offsets.empty() && !std::ranges::equal(slot.held().starts, offsets);
-  MovedBalls moved =
-      is_other
-          ? MovedBalls{std::make_shared<const Mesh>(make_curves(first, offsets, slot.held().shape, function)), false}
-          : move_balls(slot.held(), first, slot.spare_positions, pool, function);
+  MovedBalls moved = is_other
+                         ? MovedBalls{std::make_shared<const Mesh>(make_curves(first, offsets, slot.held().shape,
+                                                                               function, slot.held().cyclic_curves())),
+                                      false}
+                         : move_balls(slot.held(), first, slot.spare_positions, pool, function);
   const auto mesh = std::const_pointer_cast<Mesh>(moved.mesh);  // just made: nobody else has it
   mesh->times = times;
   for (std::size_t step = 1; step < step_count; ++step) {
@@ -166,7 +167,7 @@ void Scene::set_chains(std::int32_t mesh_id, const BallsGiven<T>& balls, std::sp
   if (std::ranges::equal(slot.held().starts, offsets)) {
     move(slot, balls, pool, function);
   } else {
-    replace(slot, make_curves(balls, offsets, slot.held().shape, function));
+    replace(slot, make_curves(balls, offsets, slot.held().shape, function, slot.held().cyclic_curves()));
   }
 }
 template void Scene::set_chains(std::int32_t, const BallsGiven<float>&, std::span<const std::int64_t>, ThreadPool&);
