@@ -171,7 +171,8 @@ def test_an_engine_s_folder_of_another_system_is_really_explained(tmp_path: Path
     (package / "__init__.py").write_text("from ._core import __version__\n")
     (package / "_core.cp39-win_amd64.pyd").touch()
     environment = environment_with_paths(tmp_path)
-    done = subprocess.run([sys.executable, "-c", REAL], env=environment, capture_output=True, text=True, timeout=300)
+    command = [sys.executable, "-S", "-c", REAL]  # -S: an editable installation would find its own module first
+    done = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=300)
     assert done.returncode == 0, done.stderr
     told = json.loads(done.stdout)
     assert f"{package} has no module for Python {sys.version_info[0]}.{sys.version_info[1]} on " in told
