@@ -112,7 +112,6 @@ _MODULES = (
 _NATIVE_MODULES = (
     ".live.sync_cache",
     ".view3d.compare.compare_view",
-    ".view3d.decay.decay_view",
     ".view3d.scan_points",
     ".view3d.walk.walk_view",
 )

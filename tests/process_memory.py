@@ -44,6 +44,18 @@ class _Mallinfo(ctypes.Structure):
     ]
 
 
+class _ProcessUsage(ctypes.Structure):
+    """Windows' PROCESS_MEMORY_COUNTERS."""
+
+    _fields_ = (
+        ("size", ctypes.c_uint32),
+        ("faults", ctypes.c_uint32),
+        ("working_sets", ctypes.c_size_t * 2),
+        ("pools", ctypes.c_size_t * 4),
+        ("committed", ctypes.c_size_t * 2),
+    )
+
+
 def held_megabytes() -> float:
     """What is allocated and not freed; where the C library does not tell (any but glibc from 2.33 on), the resident.
 
@@ -59,9 +71,9 @@ def held_megabytes() -> float:
 
 def _working_sets() -> tuple[int, int]:
     """The largest that Windows' working set of this process was, and what it is, in bytes."""
-    from perfect_bvh_addon.support.memory.windows import ProcessUsage, _kernel32
-
-    system, found = _kernel32(), ProcessUsage(size=ctypes.sizeof(ProcessUsage))
+    system, found = ctypes.CDLL("kernel32"), _ProcessUsage(size=ctypes.sizeof(_ProcessUsage))
+    system.GetCurrentProcess.restype = ctypes.c_void_p
+    system.K32GetProcessMemoryInfo.argtypes = (ctypes.c_void_p, ctypes.c_void_p, ctypes.c_uint32)
     assert system.K32GetProcessMemoryInfo(system.GetCurrentProcess(), ctypes.byref(found), found.size)
     peak, now = found.working_sets
     return peak, now

@@ -13,12 +13,17 @@ import pytest
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
+from benchmarks.rows import write_rows
 from charts import image_error, make, measure, stability, told
 from charts.chart import PALETTE, Axis, Chart, Panel, Series
+from charts.drawn import drawn
 from charts.figures import DATA, FOLDER, PICTURES, load
 from charts.labels import Box, place_beside, spread_out
 from charts.layout import WIDTH, lay_out
 from charts.scales import Scale
+
+FILES = sorted(DATA.glob("*.json"))
+UNPRUNED = {"animation", "layouts"}
 
 
 @pytest.mark.parametrize("name", make.CHARTS)
@@ -78,7 +83,7 @@ def test_each_chart_has_its_module_its_picture_and_its_place_in_the_readme():
         assert module.DATA in {*measure.WHOLE, *measure.OF_MESHES}
 
 
-@pytest.mark.parametrize("path", sorted(DATA.glob("*.json")), ids=lambda path: path.stem)
+@pytest.mark.parametrize("path", FILES, ids=lambda path: path.stem)
 def test_figures_say_where_they_were_measured_and_not_when(path: Path):
     text = path.read_text(encoding="utf-8")
     machine = json.loads(text)["machine"]
@@ -86,6 +91,30 @@ def test_figures_say_where_they_were_measured_and_not_when(path: Path):
     assert "time" not in machine
     assert not any(word.startswith("/") for word in machine["command"])
     assert re.search(r"\d{4}-\d{2}-\d{2}", text) is None
+
+
+@pytest.mark.parametrize("path", [path for path in FILES if path.stem not in UNPRUNED], ids=lambda path: path.stem)
+def test_figures_are_those_that_are_drawn_one_row_a_line(path: Path, tmp_path: Path):
+    figures = load(path.stem)
+    kept = drawn(path.stem, {**figures, "besides": [1.0]})
+    assert kept == figures, f"python tests/charts/make.py draws less than data/{path.name} holds"
+    write_rows(tmp_path / path.name, kept)
+    assert path.read_bytes() == (tmp_path / path.name).read_bytes()
+
+
+def test_rows_are_lines_however_deep_they_lie(tmp_path: Path):
+    figures = {
+        "machine": {"load": [1.0, 2.0]},
+        "meshes": [{"name": "a", "trees": [{"sah": 1}, {"sah": 2}]}],
+        "none": [],
+    }
+    write_rows(tmp_path / "new" / "figures.json", figures)
+    text = (tmp_path / "new" / "figures.json").read_text(encoding="utf-8")
+    assert json.loads(text) == figures
+    lines = [line.strip() for line in text.splitlines()]
+    assert lines[1:4] == ['"machine": {"load": [1.0, 2.0]},', '"meshes": [', "{"]
+    assert lines[4:7] == ['"name": "a",', '"trees": [', '{"sah": 1},']
+    assert len(lines) == 13
 
 
 def test_a_scale_has_a_place_for_zero_below_its_first_power():

@@ -6,10 +6,14 @@ import math
 from collections.abc import Callable
 from typing import Any
 
-from ..statistics.words import memory
+from ..statistics.words import memory, number
 
 Figures = dict[str, Any]
 FIXED_POLICIES = ("refit", "rebuild")
+ALL_POLICIES = (*FIXED_POLICIES, "governed")
+# What the governor does to trees beyond refitting them.
+RESTRUCTURED = ("rebuilt", "partly_rebuilt", "rotated")
+NOTHING_MOVES = "Nothing moves in these frames: trees are built once and kept."
 NOTICEABLE = 1.05  # a difference below that is not worth a change
 FEWEST_ROUNDS = 3  # that tell a difference from the machine's whims
 TOO_LITTLE = "Too few rounds to tell builders apart: let it run longer."
@@ -23,6 +27,7 @@ def advice(figures: Figures) -> dict[str, str]:
         "layouts": ("layouts", _layouts),
         "answers": ("answers", _answers),
         "frames": ("frames", _frames),
+        "decay": ("frames", _decay),
     }
     found = {name: make for name, (part, make) in makers.items() if figures.get(part)}
     if not any(row["name"] == "auto" for row in figures.get("builders", ())):  # what others are compared with
@@ -43,6 +48,11 @@ def total_ms(figures: Figures, row: Figures, rays: float, which: str = "typical"
 def frame_ms(row: Figures, policy: str) -> float:
     """Milliseconds of a frame's update and of the rays after it."""
     return float(row["policies"][policy]["update_ms"] + row["policies"][policy]["trace_ms"])
+
+
+def frame_visits(row: Figures, policy: str) -> float:
+    """Nodes and primitives that a ray visits in a frame's trees, in the mean."""
+    return float(row["policies"][policy]["visits"])
 
 
 def _builders(figures: Figures) -> str:
@@ -109,19 +119,51 @@ def _answers(figures: Figures) -> str:
 
 def _frames(figures: Figures) -> str:
     rows = figures["frames"]
-    sums = {policy: sum(frame_ms(row, policy) for row in rows) for policy in (*FIXED_POLICIES, "governed")}
+    sums = {policy: sum(frame_ms(row, policy) for row in rows) for policy in ALL_POLICIES}
     better = min(FIXED_POLICIES, key=lambda policy: sums[policy])
     ratio = sums["governed"] / sums[better]
-    if not any(row["policies"]["governed"]["actions"] or row["policies"]["governed"]["moved"] for row in rows[1:]):
-        return "Nothing moves in these frames: trees are built once and kept."
+    if not _moves(rows):
+        return NOTHING_MOVES
     if ratio <= NOTICEABLE:
         return "Leave the policy to the governor: over these frames no fixed one is noticeably less work."
     share = 100.0 * (ratio - 1.0)
     return f"Scene(policy={better!r}) would be {share:.0f} % less work over these frames than the governor."
 
 
-def _rays(number: float) -> str:
+def _decay(figures: Figures) -> str:
+    """What rays cost in the last frame, where trees were worst, and what the governor did about it."""
+    rows = figures["frames"]
+    if not _moves(rows):
+        return NOTHING_MOVES
+    refit, rebuild, governed = (number(frame_visits(rows[-1], policy), 3) for policy in ALL_POLICIES)
+    shares = [frame_visits(row, "refit") / frame_visits(row, "rebuild") for row in rows]
+    worst = max(range(len(rows)), key=lambda place: shares[place])
+    if shares[worst] < NOTICEABLE:
+        decay = "Refitted trees stay as good as new ones."
+    else:
+        decay = (
+            f"Refitted trees are worst in frame {rows[worst]['frame']}: {shares[worst]:.2f} times what new ones cost."
+        )
+    frames = [row["frame"] for row in rows[1:] if set(RESTRUCTURED) & set(row["policies"]["governed"]["actions"])]
+    if frames:
+        done = (
+            f"The governor improved or rebuilt trees in {len(frames)} of {len(rows) - 1} frames, first in {frames[0]}."
+        )
+    else:
+        done = "The governor rebuilt no tree."
+    return (
+        f"In frame {rows[-1]['frame']} a ray visits {refit} nodes and primitives in trees that are only refitted, "
+        f"{governed} in governed ones, {rebuild} in new ones. {decay} {done}"
+    )
+
+
+def _moves(rows: list[Figures]) -> bool:
+    governed = [row["policies"]["governed"] for row in rows[1:]]
+    return any(row["actions"] or row["moved"] for row in governed)
+
+
+def _rays(count: float) -> str:
     """To two digits."""
-    unit = 10.0 ** math.floor(math.log10(number) - 1.0)
-    rounded = round(number / unit) * unit
+    unit = 10.0 ** math.floor(math.log10(count) - 1.0)
+    rounded = round(count / unit) * unit
     return f"{rounded / 1e6:,.3g} million" if rounded >= 1e6 else f"{rounded:,.0f}"

@@ -17,7 +17,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure, FigureBase
 from matplotlib.ticker import EngFormatter, LogLocator, NullLocator
 
-from .advice import frame_ms, rays_per_second, total_ms
+from .advice import RESTRUCTURED, frame_ms, frame_visits, rays_per_second, total_ms
 
 Figures = dict[str, Any]
 INCHES, DOTS = (8.0, 4.4), 200  # of one chart, and of an inch
@@ -26,7 +26,7 @@ INK, DIM, GRID = "#1A1A1A", "#555555", "#E6E6E6"
 COLORS = {"fast": "#56B4E9", "auto": "#0072B2", "sweep": "#CC79A7", "spatial": "#009E73"}
 LAYOUT_COLORS = {"default": "#0072B2", "compact": "#D55E00"}
 POLICY_COLORS = {"refit": "#E69F00", "rebuild": "#D55E00", "governed": "#0072B2"}
-ACTIONS = {"rebuilt": "s", "partly_rebuilt": "D", "rotated": "^"}
+ACTIONS = dict(zip(RESTRUCTURED, "sD^", strict=True))
 BUILT_AS = {"binned": "auto"}  # what the planner calls the builder that "auto" names
 MOST = 3.0  # times the least total time, that is shown
 
@@ -129,21 +129,30 @@ def _layouts(axes: Axes, figures: Figures) -> None:
 
 
 def _frames(axes: Axes, figures: Figures) -> None:
-    rows, ends = figures["frames"], {}
+    _by_frame(axes, figures["frames"], frame_ms, "milliseconds: update and a million rays")
+
+
+def _decay(axes: Axes, figures: Figures) -> None:
+    _by_frame(axes, figures["frames"], frame_visits, "nodes and primitives that a ray visits")
+
+
+def _by_frame(axes: Axes, rows: list[Figures], cost: Callable[[Figures, str], float], words: str) -> None:
+    """A curve for each policy, with marks where the governor did more than refit."""
+    ends = {}
     for policy, color in POLICY_COLORS.items():
-        times = [frame_ms(row, policy) for row in rows]
-        axes.plot([row["frame"] for row in rows], times, color=color, linewidth=1.8)
-        ends[policy] = times[-1], color
+        costs = [cost(row, policy) for row in rows]
+        axes.plot([row["frame"] for row in rows], costs, color=color, linewidth=1.8)
+        ends[policy] = costs[-1], color
     for action, mark in ACTIONS.items():
         chosen = [row for row in rows[1:] if action in row["policies"]["governed"]["actions"]]
         if chosen:
-            places = [row["frame"] for row in chosen], [frame_ms(row, "governed") for row in chosen]
+            places = [row["frame"] for row in chosen], [cost(row, "governed") for row in chosen]
             axes.plot(*places, mark, color=INK, markersize=5, label=f"governed: {action.replace('_', ' ')}")
     if axes.get_legend_handles_labels()[1]:
         axes.legend(loc="best", frameon=False, fontsize=8, labelcolor=DIM)
     axes.set_yscale("log")
     axes.margins(x=0.0)
-    axes.set(xlabel="frame", ylabel="milliseconds: update and a million rays")
+    axes.set(xlabel="frame", ylabel=words)
     axes.xaxis.get_major_locator().set_params(integer=True)
     _say_plainly(axes.yaxis)
     _name_ends(axes, ends)
@@ -155,6 +164,7 @@ PARTS: dict[str, tuple[Callable[[Axes, Figures], None], str]] = {
     "total_time": (_total_time, "1 is the least time for so many rays."),
     "layouts": (_layouts, BETTER),
     "frames": (_frames, "In the first frame all trees are built."),
+    "decay": (_decay, "What trees cost that are only refitted, rebuilt or governed; counted, not timed."),
 }
 
 

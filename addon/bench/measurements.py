@@ -133,7 +133,7 @@ class SceneBench:
             self.figures.setdefault("planner", []).append({"rays": rays, "triangles": counts})
 
     def _frames(self) -> Generator[Step, None, None]:
-        """Each policy over the animation: what updates take, and a million rays after each."""
+        """Each policy over the animation: what updates take, and a million rays after each; what a ray visits."""
         if self._subject.read is None or len(self._subject.frames) < 2:
             return
         states = {policy: SceneState(lambda policy=policy: perfect_bvh.Scene(policy)) for policy in POLICIES}
@@ -151,6 +151,7 @@ class SceneBench:
                 row["policies"][policy] = {
                     "update_ms": report.commit.milliseconds,
                     "trace_ms": cast * row["rays"] / len(self._rays[0]),
+                    "visits": self._visits(state.scene),  # type: ignore[arg-type]
                     "actions": sorted({mesh.action for mesh in report.commit.meshes}),
                     "moved": report.moved_count,
                 }
@@ -186,6 +187,11 @@ class SceneBench:
         started = self._clock()
         work()
         return (self._clock() - started) * 1e3
+
+    def _visits(self, scene: perfect_bvh.Scene) -> float:
+        """Nodes and primitives that a ray visits in the mean: what trees cost, however busy the machine is."""
+        hits = scene.cast_rays(*self._rays, fields=("nodes_visited", "primitives_tested"))
+        return float(hits.nodes_visited.mean() + hits.primitives_tested.mean())
 
     def _passed(self) -> float:
         return self._clock() - self._started

@@ -10,8 +10,20 @@ import os
 import sys
 from collections.abc import Sequence
 
+from ..settings.cloud_formats import CLOUD_FORMATS
 from ..settings.modes import MODES
-from .arguments import CommandError, parse_frames, parse_seed, parse_size
+from .arguments import (
+    LAYERS,
+    POSITIVE,
+    SCALE,
+    SECONDS,
+    SHARE,
+    THRESHOLD,
+    CommandError,
+    parse_frames,
+    parse_seed,
+    parse_size,
+)
 from .console import is_reader_gone, write_any_text
 
 DEFAULT_AUDIT = 1e-3
@@ -19,66 +31,6 @@ EXIT_ERROR = 2
 EXIT_FAILED_PIECES = 3
 EXIT_INTERRUPTED = 130
 EXIT_PIPE = 141  # as a shell reports a program that SIGPIPE ended; the same where there is no such signal
-
-
-def _positive(text: str) -> int:
-    value = int(text)
-    if value < 1:
-        raise argparse.ArgumentTypeError(f"must be at least 1, got {value}")
-    return value
-
-
-_positive.__name__ = "number"
-
-
-def _layers(text: str) -> int:
-    value = int(text)
-    if not 1 <= value <= 1000:
-        raise argparse.ArgumentTypeError(f"must be 1 to 1000, got {value}")
-    return value
-
-
-_layers.__name__ = "number"
-
-
-def _seconds(text: str) -> float:
-    value = float(text)
-    if not 0.0 <= value <= 1e9:
-        raise argparse.ArgumentTypeError(f"must be 0 to 1e9, got {text}")
-    return value
-
-
-_seconds.__name__ = "number of seconds"
-
-
-def _scale(text: str) -> float:
-    value = float(text)
-    if not 0.0 < value <= 1e9:
-        raise argparse.ArgumentTypeError(f"must be above 0 and at most 1e9, got {text}")
-    return value
-
-
-_scale.__name__ = "number of world units"
-
-
-def _threshold(text: str) -> float:
-    value = float(text)
-    if not 0.0 <= value <= 1.0:
-        raise argparse.ArgumentTypeError(f"must be 0 to 1, got {text}")
-    return value
-
-
-_threshold.__name__ = "noise threshold"
-
-
-def _share(text: str) -> float:
-    value = float(text)
-    if not 0.0 < value <= 1.0:
-        raise argparse.ArgumentTypeError(f"must be above 0 and at most 1, got {text}")
-    return value
-
-
-_share.__name__ = "share"
 
 
 def build_parser(prog: str) -> argparse.ArgumentParser:
@@ -103,7 +55,7 @@ def _add_file(parser: argparse.ArgumentParser) -> None:
 
 
 def _add_file_options(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--threads", type=_positive, metavar="N", help="threads to use (default: as the file says)")
+    parser.add_argument("--threads", type=POSITIVE, metavar="N", help="threads to use (default: as the file says)")
     parser.add_argument(
         "--autoexec", action="store_true", help="run the Python scripts and drivers inside the file (only if trusted)"
     )
@@ -132,11 +84,11 @@ def _add_quiet(parser: argparse.ArgumentParser) -> None:
 
 def _add_pieces(parser: argparse.ArgumentParser) -> None:
     """Options of what is done in pieces, by workers or not."""
-    parser.add_argument("--piece", type=_positive, metavar="N", help="most frames of a piece (default: 10)")
+    parser.add_argument("--piece", type=POSITIVE, metavar="N", help="most frames of a piece (default: 10)")
     parser.add_argument("--resume", action="store_true", help="keep the pieces that are there and whole")
     parser.add_argument(
         "--workers",
-        type=_positive,
+        type=POSITIVE,
         metavar="N",
         help="do pieces in N processes, each with a Blender of its own, by Dask",
     )
@@ -175,7 +127,7 @@ def _add_render(commands: argparse._SubParsersAction) -> None:
     _add_frames(parser)
     parser.add_argument("--mode", metavar="M", help="what the image shows, see below (default: as the file says)")
     parser.add_argument("--size", type=parse_size, metavar="WxH", help="pixels (default: as the file says)")
-    parser.add_argument("--samples", type=_positive, metavar="N", help="rays a pixel (default: as the file says)")
+    parser.add_argument("--samples", type=POSITIVE, metavar="N", help="rays a pixel (default: as the file says)")
     parser.add_argument(
         "--denoise",
         action=argparse.BooleanOptionalAction,
@@ -183,20 +135,20 @@ def _add_render(commands: argparse._SubParsersAction) -> None:
     )
     parser.add_argument(
         "--time-limit",
-        type=_seconds,
+        type=SECONDS,
         metavar="S",
         help="seconds for tracing a frame, at the cost of samples; 0 for no limit (default: as the file says)",
     )
     parser.add_argument(
         "--noise-threshold",
-        type=_threshold,
+        type=THRESHOLD,
         metavar="T",
         help="where the noise of lit and clay is below this, sampling ends; 0: never (default: as the file says)",
     )
     parser.add_argument("--seed", type=parse_seed, metavar="N", help="the pattern of noise (default: as the file says)")
     parser.add_argument(
         "--audit",
-        type=_share,
+        type=SHARE,
         nargs="?",
         const=DEFAULT_AUDIT,
         metavar="SHARE",
@@ -230,9 +182,10 @@ def _add_scan(commands: argparse._SubParsersAction) -> None:
         help="make that object and its children invisible to the rays (default: if the sensor is inside of its mesh)",
     )
     _add_frames(parser, "one whole pass in the current one")
-    parser.add_argument("--steps", type=_positive, metavar="N", help="key moments of a frame (default: 1)")
+    parser.add_argument("--steps", type=POSITIVE, metavar="N", help="key moments of a frame (default: 1)")
+    *names, last = (one.name for one in CLOUD_FORMATS)
     parser.add_argument(
-        "--format", default="npz", metavar="F", help="npz, ply, las, laz, csv, parquet or h5 (default: npz)"
+        "--format", default="npz", metavar="F", help=f"{', '.join(names)} or {last} (default: %(default)s)"
     )
     parser.add_argument(
         "--seed", type=parse_seed, default=0, metavar="N", help="of the sensor's noise and dropout (default: 0)"
@@ -261,7 +214,7 @@ def _add_labels(commands: argparse._SubParsersAction) -> None:
     )
     parser.add_argument(
         "--layers",
-        type=_layers,
+        type=LAYERS,
         default=1,
         metavar="K",
         help="how many surfaces a ray keeps the depths of (default: 1)",
@@ -276,7 +229,7 @@ def _add_labels(commands: argparse._SubParsersAction) -> None:
     )
     parser.add_argument(
         "--depth-scale",
-        type=_scale,
+        type=SCALE,
         metavar="S",
         help="world units that a step of a PNG's depth is; its 16 bits reach 65535 of them (default: 0.001)",
     )
@@ -308,7 +261,7 @@ def _add_bench(commands: argparse._SubParsersAction) -> None:
     )
     _add_file(parser)
     parser.add_argument("-o", "--output", required=True, metavar="DIR", help="the folder for pictures and bench.json")
-    parser.add_argument("--seconds", type=_positive, default=60, metavar="N", help="how long (default: %(default)s)")
+    parser.add_argument("--seconds", type=POSITIVE, default=60, metavar="N", help="how long (default: %(default)s)")
 
 
 def _add_calibrate(commands: argparse._SubParsersAction) -> None:

@@ -7,6 +7,7 @@ import importlib.util
 import os
 import re
 import sys
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -65,6 +66,29 @@ def parse_seed(text: str) -> int:
     if re.fullmatch(r"\d{1,20}", text.strip()) is None or int(text) > MAX_SEED:
         raise argparse.ArgumentTypeError(f"must be a whole number from 0 to {MAX_SEED}, got {text!r}")
     return int(text)
+
+
+def number_type(
+    name: str, kind: type[int] | type[float], is_allowed: Callable[[float], bool], range_words: str
+) -> Callable[[str], float]:
+    """A type for `argparse`. name: of what the text is to be, for messages. range_words: what is allowed."""
+
+    def parse(text: str) -> float:
+        value = kind(text)
+        if not is_allowed(value):
+            raise argparse.ArgumentTypeError(f"must be {range_words}, got {text}")
+        return value
+
+    parse.__name__ = name
+    return parse
+
+
+POSITIVE = number_type("number", int, lambda value: value >= 1, "at least 1")
+LAYERS = number_type("number", int, lambda value: 1 <= value <= 1000, "1 to 1000")
+SECONDS = number_type("number of seconds", float, lambda value: 0.0 <= value <= 1e9, "0 to 1e9")
+SCALE = number_type("number of world units", float, lambda value: 0.0 < value <= 1e9, "above 0 and at most 1e9")
+THRESHOLD = number_type("noise threshold", float, lambda value: 0.0 <= value <= 1.0, "0 to 1")
+SHARE = number_type("share", float, lambda value: 0.0 < value <= 1.0, "above 0 and at most 1")
 
 
 def check_mode(name: str | None) -> None:

@@ -12,7 +12,7 @@ from . import status_bar
 
 TIMER_SECONDS = 0.01
 # Whose names errors begin with, for scripts.
-FUNCTIONS = ("scan", "bench", "compare", "decay")
+FUNCTIONS = ("scan", "bench", "compare")
 
 
 def sentence_of(problem: BaseException | str) -> str:

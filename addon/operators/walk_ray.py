@@ -66,10 +66,9 @@ class PERFECT_BVH_OT_walk_ray(bpy.types.Operator):
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         from ..view3d.compare import compare_view
-        from ..view3d.decay import decay_view
         from ..view3d.walk import walk_view
 
-        for view in (walk_view, compare_view, decay_view):  # what lies over the pixels
+        for view in (walk_view, compare_view):  # what lies over the pixels
             view.hide()
         PERFECT_BVH_OT_walk_ray._newest += 1
         self._number = PERFECT_BVH_OT_walk_ray._newest

@@ -1,4 +1,4 @@
-"""Looking into trees: two of one object side by side, and what they become while an animation goes on."""
+"""Looking into trees: two of one object side by side."""
 
 from __future__ import annotations
 
@@ -50,28 +50,4 @@ class PERFECT_BVH_PT_compare(TreePanel, bpy.types.Panel):
         draw_messages_of(context, layout, "Compare")
 
 
-class PERFECT_BVH_PT_decay(TreePanel, bpy.types.Panel):
-    """What is followed through which frames, and the button."""
-
-    bl_label = "Decay"
-
-    def draw(self, context: bpy.types.Context) -> None:
-        from ..view3d.decay import decay_view
-
-        layout = settings_layout(self)
-        decay = context.scene.perfect_bvh.decay
-        layout.prop(decay, "subject")
-        layout.prop(decay, "expected_rays")
-        layout.prop(decay, "use_custom_range")
-        if decay.use_custom_range:
-            column = layout.column(align=True)
-            column.prop(decay, "frame_start")
-            column.prop(decay, "frame_end")
-        row = layout.row(align=True)
-        row.operator("perfect_bvh.decay", icon="FCURVE")
-        if decay_view.shown() is not None:
-            row.operator("perfect_bvh.end_decay", text="", icon="X")
-        draw_messages_of(context, layout, "Measure Decay")
-
-
-CLASSES = (PERFECT_BVH_PT_trees, PERFECT_BVH_PT_compare, PERFECT_BVH_PT_decay)
+CLASSES = (PERFECT_BVH_PT_trees, PERFECT_BVH_PT_compare)

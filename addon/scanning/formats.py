@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from ..settings.cloud_formats import MODULES
 from ..support.files import replacing
 from ..support.libraries import data_library
 from .format_columns import label_columns
@@ -54,14 +55,14 @@ def check_format(suffix: str, labels: Iterable[str] = ()) -> None:
     """
     if suffix not in WRITERS:
         raise ValueError(f"the format must be one of {', '.join(name[1:] for name in WRITERS)}, got {suffix[1:]!r}")
-    for module in MODULES.get(suffix, ()):
+    for module in MODULES[suffix]:
         _library(module)
     label_columns(labels, suffix)
 
 
 def how_to_get(suffix: str) -> str | None:
     """What to do where libraries of a format are missing, in a sentence; None where all are there. Quick to ask."""
-    names = dict.fromkeys(module.partition(".")[0] for module in MODULES.get(suffix, ()))
+    names = dict.fromkeys(module.partition(".")[0] for module in MODULES[suffix])
     missing = [name for name in names if importlib.util.find_spec(name) is None]
     if not missing:
         return None
@@ -194,12 +195,4 @@ WRITERS: dict[str, Callable[[PointCloud, Path], None]] = {
     ".csv": _csv,
     ".parquet": _parquet,
     ".h5": _hdf5,
-}
-MODULES = {
-    ".ply": ("plyfile",),
-    ".las": ("laspy",),
-    ".laz": ("laspy", "lazrs"),
-    ".csv": ("pyarrow.csv",),
-    ".parquet": ("pyarrow.parquet",),
-    ".h5": ("h5py",),
 }

@@ -6,7 +6,6 @@ by two computers comes here. Knows no Blender.
 
 from __future__ import annotations
 
-import ctypes
 import importlib.util
 import platform
 import re
@@ -32,13 +31,10 @@ _BLENDERS = {"3.11": "Blender 4.2 to 5.0", "3.13": "Blender 5.1 and later"}
 _PROCESSORS = {"amd64": "x64", "x86_64": "x64", "aarch64": "arm64"}
 _SYSTEMS = {"win": "windows", "macosx": "macos"}
 _WHEEL = re.compile(r"-cp(\d)(\d+)-[^-]+-[^-]+\.whl$")
-_MODULE = re.compile(r"_core\.(?:cpython-|cp)(\d)(\d+)-(.+)\.(?:so|pyd)")
-# Of what macOS says of a file that came through a browser, and was not examined by Apple.
-_QUARANTINE = ("code signature", "library load disallowed", "system policy", "quarantine")
 
 
 def explain(error: BaseException, manifest: dict[str, Any], folder: Path | None = None) -> str:
-    """One sentence or two. error: what `import perfect_bvh` raised. manifest: the add-on's.
+    """A sentence. error: what `import perfect_bvh` raised, told as it is where it is nothing known. manifest: our own.
 
     folder: of the package `perfect_bvh`, else where Python finds it.
     """
@@ -47,7 +43,6 @@ def explain(error: BaseException, manifest: dict[str, Any], folder: Path | None 
         _of_another_platform(manifest)
         or _of_another_python(manifest)
         or (_missing(manifest) if found is None else _other_module(found, manifest))
-        or _refused(str(error), found, manifest)
         or str(error)
     )
     return f"The native engine could not be loaded: {reason}"
@@ -94,47 +89,16 @@ def _of_another_python(manifest: dict[str, Any]) -> str | None:
 
 
 def _other_module(folder: Path, manifest: dict[str, Any]) -> str | None:
-    """If the module in the engine's folder is another Python's or system's."""
+    """If the module in the engine's folder is another Python's or system's, or there is none."""
     if any((folder / f"_core{suffix}").is_file() for suffix in EXTENSION_SUFFIXES):
         return None
-    found = [match for path in sorted(folder.glob("_core.*")) if (match := _MODULE.fullmatch(path.name))]
-    if not found:
-        return f"{folder} has no module of it: install the add-on again"
-    others = dict.fromkeys(f"Python {match[1]}.{match[2]} on {_system_of(match[3])}" for match in found)
-    ours = f"Python {_python()} on {_system_of(sysconfig.get_platform())}"
-    return f"the one in {folder} is for {_listed(others)}, and this is {ours}: {_way_out(manifest)}"
+    return f"{folder} has no module for Python {_python()} on {_name(this_platform())}: {_way_out(manifest)}"
 
 
 def _missing(manifest: dict[str, Any]) -> str:
     if manifest.get("wheels") or manifest.get("build", {}).get("generated"):
         return f"Blender has not installed it beside the add-on: restart Blender, then {_way_out(manifest)}"
     return f"it is not part of the add-on's sources: {_way_out(manifest)}"
-
-
-def _refused(text: str, folder: Path | None, manifest: dict[str, Any]) -> str | None:
-    """If the module is there, and this one, and the system does not load it. text: what it says."""
-    if sys.platform == "win32" and not _has_c_runtime():
-        return "Windows lacks its Universal C Runtime (the update KB2999226): let Windows Update install it"
-    if sys.platform == "win32" and "DLL" in text:
-        return f"Windows does not load it ({text}): see whether a virus scanner holds {folder}, and install it again"
-    if sys.platform == "darwin" and "incompatible architecture" in text:
-        return f"the one in {folder} is for Macs of the other processor: {_way_out(manifest)}"
-    if sys.platform == "darwin" and any(word in text for word in _QUARANTINE):
-        return (
-            "macOS does not load what was downloaded until you allow it: in Terminal, enter "
-            f'xattr -dr com.apple.quarantine "{folder}", then restart Blender'
-        )
-    if "GLIBC_" in text:
-        return f"this Linux is older than Debian 10 and Ubuntu 20.04, whose C library it needs ({text})"
-    return None
-
-
-def _has_c_runtime() -> bool:
-    try:
-        ctypes.CDLL("ucrtbase")
-    except OSError:
-        return False
-    return True
 
 
 def _engine_folder() -> Path | None:
@@ -154,14 +118,6 @@ def _way_out(manifest: dict[str, Any]) -> str:
 
 def _name(blender_platform: str) -> str:
     return NAMES.get(blender_platform, blender_platform)
-
-
-def _system_of(tag: str) -> str:
-    """Of a module's file name, or of this Python: win_amd64, x86_64-linux-gnu, darwin (of either processor)."""
-    for part, name in (("win", "Windows"), ("linux", "Linux"), ("darwin", "macOS"), ("macosx", "macOS")):
-        if tag.startswith(part) or f"-{part}" in tag:
-            return f"{name} on ARM" if re.search("arm64|aarch64", tag) and name != "macOS" else name
-    return tag
 
 
 def _listed(names: Iterable[str]) -> str:

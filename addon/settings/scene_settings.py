@@ -12,7 +12,7 @@ from .modes import DEFAULT_MODE, MODES
 from .overlay_settings import PERFECT_BVH_PG_overlay
 from .scan_settings import PERFECT_BVH_PG_scan
 from .tree_settings import CLASSES as TREE_CLASSES
-from .tree_settings import PERFECT_BVH_PG_compare, PERFECT_BVH_PG_decay
+from .tree_settings import PERFECT_BVH_PG_compare
 
 if TYPE_CHECKING:
     from perfect_bvh import LightPaths
@@ -62,9 +62,6 @@ class PERFECT_BVH_PG_settings(bpy.types.PropertyGroup):
     )
     compare: bpy.props.PointerProperty(
         name="Compare", description="Which two trees of the active object are compared", type=PERFECT_BVH_PG_compare
-    )
-    decay: bpy.props.PointerProperty(
-        name="Decay", description="Over which frames trees are followed", type=PERFECT_BVH_PG_decay
     )
 
     mode: bpy.props.EnumProperty(

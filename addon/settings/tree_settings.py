@@ -1,4 +1,4 @@
-"""What the buttons that look into trees go by: `scene.perfect_bvh.compare` and `scene.perfect_bvh.decay`."""
+"""What the button that compares two trees goes by: `scene.perfect_bvh.compare`."""
 
 from __future__ import annotations
 
@@ -52,41 +52,4 @@ class PERFECT_BVH_PG_compare(bpy.types.PropertyGroup):
     )
 
 
-class PERFECT_BVH_PG_decay(bpy.types.PropertyGroup):
-    """Over which frames, and of what, trees are followed."""
-
-    subject: bpy.props.EnumProperty(
-        name="Of",
-        description="Whose trees are measured",
-        items=[
-            ("OBJECT", "Active Object", "The tree of the active object, and what a random ray through it costs", 0),
-            ("SCENE", "Whole Scene", "All trees, and what rays from all around meet in them", 1),
-        ],
-        default="OBJECT",
-    )
-    use_custom_range: bpy.props.BoolProperty(
-        name="Custom Range", description="Measure other frames than the scene's frame range", default=False
-    )
-    frame_start: bpy.props.IntProperty(name="Start", description="First frame to measure", default=1, min=0)
-    frame_end: bpy.props.IntProperty(name="End", description="Last frame to measure", default=48, min=0)
-    expected_rays: bpy.props.IntProperty(
-        name="Rays per Frame",
-        description="How many rays each frame casts: the more there are, the sooner Governed builds a new tree",
-        default=100_000,
-        min=1,
-        soft_max=100_000_000,
-        max=2_000_000_000,
-    )
-
-
-def frames_of(scene: bpy.types.Scene) -> range:
-    """Which are to be followed; the preview range if the scene plays that. Empty if the end is before the start."""
-    decay = scene.perfect_bvh.decay
-    if decay.use_custom_range:
-        return range(decay.frame_start, decay.frame_end + 1)
-    if scene.use_preview_range:
-        return range(scene.frame_preview_start, scene.frame_preview_end + 1)
-    return range(scene.frame_start, scene.frame_end + 1, scene.frame_step)
-
-
-CLASSES = (PERFECT_BVH_PG_compare, PERFECT_BVH_PG_decay)
+CLASSES = (PERFECT_BVH_PG_compare,)

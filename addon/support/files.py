@@ -12,7 +12,6 @@ from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from .file_holders import programs_with
 from .paths import IS_WINDOWS, find_windows_fault, reachable
 
 # Writers that do not notice a full disk leave less room than this behind them.
@@ -122,8 +121,7 @@ def find_obstacle(path: Path) -> str | None:
         os.rename(target, target)  # does nothing, for which nobody else may have it open
     except PermissionError as error:
         if getattr(error, "winerror", None) == _SHARING_VIOLATION:
-            programs = " and ".join(programs_with(target)) or "another program"
-            return f"{programs} has it open: close it there, or give another name"
+            return "another program has it open: close it there, or give another name"
     return None
 
 

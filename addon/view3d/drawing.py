@@ -132,11 +132,6 @@ def draw_rect(x: float, y: float, w: float, h: float, color: Color, radius: floa
     _draw(_rounded(x, y, w, h, radius), "TRI_FAN", with_alpha(color))
 
 
-def draw_polygon(points: Sequence[Point], color: Color) -> None:
-    """A filled convex shape, by its corners."""
-    _draw(points, "TRI_FAN", with_alpha(color))
-
-
 def draw_panel(x: float, y: float, w: float, h: float) -> None:
     """A rectangle as menus have it, to write on with `panel_text_color`."""
     draw_rect(x, y, w, h, panel_color(), pixels(4.0))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
@@ -15,14 +15,13 @@ class OneObject:
     """An object, and where it is.
 
     mesh: as rays meet it. matrix: (4, 4) from its space to the world; of an object that only instances show, the first
-    of these. instances: rows of the record.
+    of these.
     """
 
     name: str
     session_uid: int
     mesh: MeshRecord
     matrix: npt.NDArray[np.float64]
-    instances: npt.NDArray[np.intp]
 
 
 def find_object(record: SceneRecord, session_uid: int) -> OneObject | None:
@@ -37,14 +36,4 @@ def find_object(record: SceneRecord, session_uid: int) -> OneObject | None:
     matrix[:3] = record.instances.transforms[place]
     mesh = record.meshes[record.instances.mesh_indices[place]]
     name = record.objects[record.instances.object_indices[place]].name
-    return OneObject(name, session_uid, mesh, matrix, own[:1] if len(own) else places[:1])
-
-
-def record_of(record: SceneRecord, shown: OneObject) -> SceneRecord:
-    """The record with nothing but that object."""
-    columns = {
-        name: getattr(record.instances, name)[shown.instances]
-        for name in ("object_indices", "parent_indices", "transforms", "masks", "persistent_ids")
-    }
-    instances = replace(record.instances, mesh_indices=np.zeros(len(shown.instances), np.int32), **columns)
-    return replace(record, meshes=(shown.mesh,), instances=instances, variants=None)
+    return OneObject(name, session_uid, mesh, matrix)

@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import bpy
 
-from ..extract.scene import ReadCache, read_scene
-from ..live.scene_reference import SceneReference
+from ..extract.scene import read_scene
 from ..sync.records import AttributeRequest, SceneRecord
-from .one_object import OneObject, find_object, record_of
+from .one_object import OneObject, find_object
 
 # Trees need no more than triangles.
 NOTHING_BESIDE = AttributeRequest(material_slots=False)
@@ -29,9 +26,9 @@ def read_object(context: bpy.types.Context, obj: bpy.types.Object, frame: int | 
         scene.frame_set(before[0], subframe=before[1])
 
 
-def read_record(depsgraph: bpy.types.Depsgraph, cache: ReadCache | None = None) -> SceneRecord:
+def read_record(depsgraph: bpy.types.Depsgraph) -> SceneRecord:
     """Triangles and places of what viewports show."""
-    return read_scene(depsgraph, NOTHING_BESIDE, for_viewport=True, cache=cache)
+    return read_scene(depsgraph, NOTHING_BESIDE, for_viewport=True)
 
 
 def find_in(record: SceneRecord, name: str, session_uid: int) -> OneObject:
@@ -40,21 +37,3 @@ def find_in(record: SceneRecord, name: str, session_uid: int) -> OneObject:
     if shown is None or not len(shown.mesh.triangles):
         raise ValueError(f"{name} has no triangles that rays could meet in frame {record.frame:g}")
     return shown
-
-
-def read_frames(place: SceneReference, obj: bpy.types.Object | None) -> Callable[[int], SceneRecord]:
-    """What reads a frame, after which Blender stands at it. obj: the only one whose triangles count; None for all.
-
-    It raises ValueError if the scene or the object is gone, or rays cannot meet it.
-    """
-    cache = ReadCache()
-    of_object = None if obj is None else (obj.name, obj.session_uid)
-
-    def read(frame: int) -> SceneRecord:
-        scene = place.find()
-        if (scene.frame_current, scene.frame_subframe) != (frame, 0.0):
-            scene.frame_set(frame)
-        record = read_record(place.depsgraph(), cache)
-        return record if of_object is None else record_of(record, find_in(record, *of_object))
-
-    return read

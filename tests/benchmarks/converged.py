@@ -10,7 +10,6 @@ of at least 0.02 of the image's mean. Much work: some 20 minutes a scene at 2,04
 from __future__ import annotations
 
 import argparse
-import json
 import sys
 from pathlib import Path
 from typing import Any
@@ -23,6 +22,7 @@ import numpy.typing as npt
 import perfect_bvh_addon
 from benchmarks.image_error import REFERENCE_SEED, SCENES
 from benchmarks.machine import describe
+from benchmarks.rows import write_rows
 from benchmarks.tables import format_table
 from oracles.cycles import preserved, render_beside
 from tqdm import tqdm
@@ -45,8 +45,7 @@ def main() -> None:
     perfect_bvh_addon.register()
     rows = [measure(name, chosen.size, chosen.samples) for name in tqdm(chosen.scenes, unit="scene")]
     figures = {"machine": describe(), "width": chosen.size, "samples": chosen.samples, "scenes": rows}
-    chosen.json.parent.mkdir(parents=True, exist_ok=True)
-    chosen.json.write_text(json.dumps(figures, indent=1) + "\n", encoding="utf-8")
+    write_rows(chosen.json, figures)
     print(format_table(HEADINGS, [cells_of(row) for row in rows]))
 
 

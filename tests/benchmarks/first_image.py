@@ -12,7 +12,6 @@ scene, building trees, tracing, denoising, the rest, and, which Cycles' request 
 from __future__ import annotations
 
 import argparse
-import json
 import sys
 import tempfile
 import time
@@ -29,6 +28,7 @@ import perfect_bvh_addon
 from benchmarks.image_error import RENDERERS, SCENES, Renderer, settings_of
 from benchmarks.machine import describe
 from benchmarks.rounds import Spread
+from benchmarks.rows import write_rows
 from benchmarks.tables import format_table
 from oracles.cycles import preserved
 from perfect_bvh_addon.engine import PerfectBVHRenderEngine, RenderJob, attend
@@ -99,9 +99,8 @@ def main() -> None:
     chosen = parser.parse_args()
     perfect_bvh_addon.register()
     scenes = [measure(name, chosen.size, chosen.rounds) for name in chosen.scenes]
-    chosen.json.parent.mkdir(parents=True, exist_ok=True)
     figures = {"machine": describe(), "width": chosen.size, "rounds": chosen.rounds, "scenes": scenes}
-    chosen.json.write_text(json.dumps(figures, indent=1) + "\n", encoding="utf-8")
+    write_rows(chosen.json, figures)
     print("\n\n".join(map(table_of, scenes)))
 
 

@@ -11,7 +11,6 @@ converged image after the view transform, in parts of 255. CPU seconds are those
 from __future__ import annotations
 
 import argparse
-import json
 import math
 import sys
 import tempfile
@@ -30,6 +29,7 @@ import perfect_bvh
 import perfect_bvh_addon
 from benchmarks.machine import REPOSITORY, describe
 from benchmarks.rounds import Spread
+from benchmarks.rows import write_rows
 from oracles.cycles import preserved
 from perfect_bvh_addon.live.sync_cache import clear_syncs
 from tqdm import tqdm
@@ -89,8 +89,7 @@ def main() -> None:
         "scenes": scenes,
         "cpu_to_equal_error": {str(samples): shares(scenes, samples) for samples in ASKED if samples <= chosen.most},
     }
-    chosen.json.parent.mkdir(parents=True, exist_ok=True)
-    chosen.json.write_text(json.dumps({"machine": describe(), **figures}, indent=1) + "\n", encoding="utf-8")
+    write_rows(chosen.json, {"machine": describe(), **figures})
 
 
 def measure(name: str, chosen: argparse.Namespace, counts: list[int], bar: tqdm[Any]) -> dict[str, Any]:

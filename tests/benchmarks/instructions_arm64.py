@@ -11,11 +11,12 @@ rays is counted, and the counts of two runs are the same.
 from __future__ import annotations
 
 import argparse
-import json
 import subprocess
 import sys
 import tempfile
 from pathlib import Path
+
+from rows import write_rows
 
 NATIVE = Path(__file__).resolve().parents[2] / "native"
 PROGRAM = NATIVE / "benchmarks" / "instructions"
@@ -75,7 +76,7 @@ def main() -> None:
         print(f"{scene:10} {kind:10} {query:8} {strategy:8} {of['scalar']:7.0f} {of['neon']:6.0f} {ratio:6.3f}")
     if arguments.json:
         rows = {" ".join(key): {isa: round(value, 1) for isa, value in of.items()} for key, of in counts.items()}
-        arguments.json.write_text(json.dumps(rows, indent=2) + "\n", encoding="utf-8")
+        write_rows(arguments.json, rows)
 
 
 if __name__ == "__main__":

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import argparse
-import json
 from pathlib import Path
 from typing import Any
 
 from benchmarks.machine import describe, headline, require_quiet
 from benchmarks.meshes import BenchMesh, MeshError, default_meshes, load
 from benchmarks.native import DEFAULT_FOLDER
+from benchmarks.rows import write_rows
 
 
 def parser(description: str, *, is_timed: bool = True) -> argparse.ArgumentParser:
@@ -85,6 +85,4 @@ def save(chosen: argparse.Namespace, results: dict[str, Any]) -> None:
     """Writes the figures with what they were measured on, and prints that."""
     machine = describe(chosen.load_before)
     print(headline(machine))
-    text = json.dumps({"machine": machine, **results}, indent=1)
-    chosen.json.parent.mkdir(parents=True, exist_ok=True)
-    chosen.json.write_text(text + "\n")
+    write_rows(chosen.json, {"machine": machine, **results})

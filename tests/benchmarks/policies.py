@@ -26,7 +26,6 @@ from perfect_bvh_addon.sync.state import SceneState
 
 POLICIES = ("refit", "rebuild", "governed")
 SAMPLE = 50_000
-_DECISION = ("mesh", "class", "action", "builder", "reason")
 Floats = npt.NDArray[np.float32]
 
 
@@ -44,11 +43,11 @@ class TimedScene(perfect_bvh.Scene):
 
 @dataclass(slots=True)
 class Run:
-    """One policy's frames: milliseconds of each repeat, (repeats, frames); the ledger's decisions, alike in each."""
+    """One policy's frames: milliseconds of each repeat, (repeats, frames); to how many meshes what was done."""
 
     update: list[list[float]] = field(default_factory=list)
     trace: list[list[float]] = field(default_factory=list)
-    decisions: list[list[dict[str, str]]] = field(default_factory=list)  # frame by frame
+    actions: list[Counter[str]] = field(default_factory=list)  # frame by frame
 
     def as_json(self) -> dict[str, Any]:
         update, trace = np.array(self.update), np.array(self.trace)
@@ -57,14 +56,14 @@ class Run:
             "trace_ms": float(np.median(trace, axis=0).sum()),
             "sum_ms": float(np.median(update + trace, axis=0).sum()),
             "repeats": Spread.of([float(total) for total in (update + trace).sum(axis=1)]).as_json(),
-            "actions": dict(Counter(row["action"] for rows in self.decisions for row in rows)),
+            "actions": dict(sum(self.actions, Counter())),
             "frames": [
                 {
                     "update_ms": Spread.of(spent.tolist()).as_json(),
                     "all_ms": Spread.of(both.tolist()).as_json(),
-                    "decisions": rows,
+                    "actions": dict(actions),
                 }
-                for spent, both, rows in zip(update.T, (update + trace).T, self.decisions, strict=True)
+                for spent, both, actions in zip(update.T, (update + trace).T, self.actions, strict=True)
             ],
         }
 
@@ -78,14 +77,14 @@ def compare(name: str, records: list[SceneRecord], rays: int, repeats: int) -> d
         for run in runs.values():
             run.update.append([])
             run.trace.append([])
-            run.decisions = []
+            run.actions = []
         for number, (record, batch) in enumerate(zip(records, batches, strict=True)):
             for turn in range(len(POLICIES)):
                 policy = POLICIES[(turn + number) % len(POLICIES)]
                 run, state = runs[policy], states[policy]
                 report = state.update(record, expected_rays=rays)
                 run.update[-1].append(state.scene.milliseconds)  # type: ignore[attr-defined]
-                run.decisions.append([{key: row[key] for key in _DECISION} for row in report.ledger])
+                run.actions.append(Counter(row["action"] for row in report.ledger))
             times = _time_rays({policy: state.scene for policy, state in states.items()}, batch)
             for policy, milliseconds in times.items():
                 runs[policy].trace[-1].append(milliseconds * rays / SAMPLE)

@@ -14,7 +14,6 @@ those the double-precision reference says how many of the engine's answers are w
 from __future__ import annotations
 
 import argparse
-import json
 import sys
 import time
 from collections.abc import Callable, Iterator
@@ -29,6 +28,7 @@ import numpy as np
 import numpy.typing as npt
 from benchmarks.machine import REPOSITORY, describe
 from benchmarks.rounds import Spread
+from benchmarks.rows import write_rows
 from perfect_bvh_addon import CameraGrid, PointCloud, SceneSync, SpinningLidar, scan
 from perfect_bvh_addon.extract.camera import without_scale
 from perfect_bvh_addon.scanning.patterns import Rays, View
@@ -71,8 +71,7 @@ def main() -> None:
         for pattern in PATTERNS
     ]
     print_table(rows)
-    chosen.json.parent.mkdir(parents=True, exist_ok=True)
-    chosen.json.write_text(json.dumps({"machine": describe(), "rows": rows}, indent=1) + "\n", encoding="utf-8")
+    write_rows(chosen.json, {"machine": describe(), "rows": rows})
 
 
 def measure(name: str, kind: str, rounds: int, ray_limit: int) -> dict[str, Any]:

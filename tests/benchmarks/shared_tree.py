@@ -14,7 +14,6 @@ together new positions of the whole mesh and a refit. Visits are of nodes and in
 from __future__ import annotations
 
 import argparse
-import json
 import sys
 import time
 from dataclasses import dataclass
@@ -28,6 +27,7 @@ import numpy.typing as npt
 import perfect_bvh
 from benchmarks.machine import describe
 from benchmarks.rounds import Spread
+from benchmarks.rows import write_rows
 from benchmarks.tables import format_table
 
 RAYS = 100_000
@@ -203,8 +203,7 @@ def main() -> None:
     options = parser.parse_args()
     perfect_bvh.set_thread_count(1)
     rows = [measure(kind, count, options.rounds) for kind in PARTS for count in options.counts]
-    options.json.parent.mkdir(parents=True, exist_ok=True)
-    options.json.write_text(json.dumps({"machine": describe(), "rows": rows}, indent=1) + "\n", encoding="utf-8")
+    write_rows(options.json, {"machine": describe(), "rows": rows})
     keys = ("build_ms", "trace_ms", "edit_ms")
     table = [
         (

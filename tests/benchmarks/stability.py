@@ -10,7 +10,6 @@ with the new tree's, and a part of them is audited in double precision; beside t
 from __future__ import annotations
 
 import argparse
-import json
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -23,6 +22,7 @@ import numpy.typing as npt
 import perfect_bvh
 from benchmarks.machine import describe
 from benchmarks.rounds import Spread, run_rounds
+from benchmarks.rows import write_rows
 from oracles.meshes import sphere
 from tqdm import tqdm
 
@@ -90,9 +90,8 @@ def main() -> None:
                 motions[name].append({"amount": amount, "policies": policies, "left_behind": left_behind})
                 bar.update()
     perfect_bvh.set_thread_count(0)
-    chosen.json.parent.mkdir(parents=True, exist_ok=True)
     figures = {"machine": describe(), "triangles": len(triangles), "rays": chosen.rays, "motions": motions}
-    chosen.json.write_text(json.dumps(figures, indent=1) + "\n", encoding="utf-8")
+    write_rows(chosen.json, figures)
 
 
 def measure(

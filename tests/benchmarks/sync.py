@@ -17,7 +17,6 @@ from __future__ import annotations
 
 import argparse
 import itertools
-import json
 import sys
 import time
 from collections.abc import Callable, Iterator
@@ -33,6 +32,7 @@ import perfect_bvh
 from benchmarks import policies
 from benchmarks.machine import REPOSITORY, describe
 from benchmarks.rounds import Spread
+from benchmarks.rows import write_rows
 from benchmarks.tables import format_table
 from blender.builders import instances_on_grid, made_cube, mesh_data, mesh_object
 from perfect_bvh_addon import SceneSync
@@ -253,11 +253,6 @@ def animated_records(name: str) -> Iterator[Any]:
         yield read_scene(bpy.context.evaluated_depsgraph_get(), cache=cache)
 
 
-def _write(path: Path, figures: dict[str, Any]) -> None:
-    path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(json.dumps(figures, indent=1) + "\n", encoding="utf-8")
-
-
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--json", type=Path, required=True, metavar="OUT.json", help="where the figures go")
@@ -270,14 +265,14 @@ def main() -> None:
     options = parser.parse_args()
     if options.policies:
         results = list(compare_policies(options))
-        _write(options.json, {"machine": describe(), "policies": results})
+        write_rows(options.json, {"machine": describe(), "policies": results})
         return
     results = []
     for case in cases(options.largest, options.only):
         results.append(case.measure(options.rounds))
         sys.stdout.write(f"{case.name}: {results[-1]['last_report']}\n")
         sys.stdout.flush()
-    _write(options.json, {"machine": describe(), "cases": results})
+    write_rows(options.json, {"machine": describe(), "cases": results})
     sys.stdout.write(describe_cases(results) + "\n")
 
 

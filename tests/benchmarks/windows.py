@@ -23,6 +23,7 @@ sys.path[:0] = [str(REPOSITORY / "tests"), str(REPOSITORY / "tests" / "wine")]
 
 import numpy as np
 from machine import describe
+from rows import write_rows
 from system import TEST_PACKAGES, WineSystem
 
 SCRIPT = REPOSITORY / "tests" / "wine" / "time_engine.py"
@@ -102,7 +103,7 @@ def main() -> None:
         print(f"{figure:20}{linux['median']:9.3f} s{windows['median']:9.3f} s{words}")
     if chosen.json:
         written = {"machine": describe(), "rounds": chosen.rounds, "load_averages": loads, "seconds": rows}
-        chosen.json.write_text(json.dumps(written, indent=1) + "\n", encoding="utf-8")
+        write_rows(chosen.json, written)
 
 
 if __name__ == "__main__":

@@ -25,6 +25,7 @@ from typing import Any
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from benchmarks.machine import describe
+from benchmarks.rows import write_rows
 
 STEPS_A_SEED = 250
 SEEDS_A_PROCESS = 8  # what one leaves behind must not pile up: memory is told after each
@@ -225,7 +226,7 @@ def main() -> int:
         run.go(options.processes)
     finally:  # also when interrupted: what there is is written
         result = summarise(run.results, options.steps, time.monotonic() - started)
-        options.json.write_text(json.dumps(result, indent=1) + "\n", encoding="utf-8")
+        write_rows(options.json, result)
     sys.stdout.write(f"{options.json}: {result['steps']} steps, {len(result['differences'])} differences\n")
     return 1 if result["differences"] or result["steps"] < options.steps else 0
 

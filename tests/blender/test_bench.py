@@ -26,7 +26,7 @@ from perfect_bvh_addon.bench.results import HOW_TO_GET_CHARTS, forget, last_resu
 from perfect_bvh_addon.bench.table import Row, format_table, table
 from perfect_bvh_addon.operators.bench import PERFECT_BVH_OT_bench
 
-PARTS = {"builders", "total_time", "layouts", "answers", "frames"}
+PARTS = {"builders", "total_time", "layouts", "answers", "frames", "decay"}
 WITH_CHARTS = PARTS - {"answers"}
 needs_matplotlib = pytest.mark.skipif(find_spec("matplotlib") is None, reason="matplotlib is not installed")
 
@@ -79,6 +79,8 @@ def test_every_part_is_measured_and_written(moving_ball: bpy.types.Scene, tmp_pa
     assert [row["frame"] for row in figures["frames"]] == [1, 2, 3, 4]
     assert figures["frames"][0]["policies"]["governed"]["actions"] == ["built"]
     assert figures["frames"][2]["policies"]["rebuild"]["actions"] == ["rebuilt"]
+    visits = [row["policies"]["refit"]["visits"] for row in figures["frames"]]
+    assert len(set(visits)) == 4 and min(visits) >= 1.0
     results = write(figures, tmp_path / "new")
     assert set(results.advice) == PARTS
     written = json.loads(results.json.read_text())
@@ -102,7 +104,7 @@ def test_charts_are_drawn_where_matplotlib_is(moving_ball: bpy.types.Scene, tmp_
         assert np.array(image.pixels).reshape(-1, 4)[:, :3].std() > 0.02  # there is something on the paper
     assert results.overview is not None
     image = load_image(results.overview)
-    assert image.size[0] == 1600 and image.size[1] > 2800
+    assert image.size[0] == 1600 and image.size[1] > 3500
 
 
 @needs_matplotlib
@@ -149,6 +151,30 @@ def test_the_table_can_be_read() -> None:
     assert len({len(line) for line in lines}) == 1
     assert [line.split()[0] for line in lines if not line.startswith(" ")] == ["Builder", "Layout", "Policy", "Answers"]
     assert table({"rays": 1}) == () and format_table(()) == ""
+
+
+def frame_of(frame: int, action: str, refit: float, rebuild: float = 20.0) -> dict[str, Any]:
+    """Of a measurement whose governor does so, with what rays visit; rebuild: in new trees, and in the governor's."""
+    done = {"refit": ["refitted"], "rebuild": ["rebuilt"], "governed": [action]}
+    visits = {"refit": refit, "rebuild": rebuild, "governed": rebuild}
+    row = {"update_ms": 1.0, "trace_ms": 1.0, "moved": 0}
+    policies = {policy: {**row, "actions": done[policy], "visits": visits[policy]} for policy in done}
+    return {"frame": frame, "rays": 1_000_000, "policies": policies}
+
+
+def test_advice_tells_of_trees_that_decay() -> None:
+    first = frame_of(1, "built", 20.0)
+    worse = advice({"frames": [first, frame_of(3, "refitted", 60.0), frame_of(5, "rebuilt", 41.25)]})["decay"]
+    assert worse == (
+        "In frame 5 a ray visits 41.2 nodes and primitives in trees that are only refitted, 20.0 in governed ones, "
+        "20.0 in new ones. Refitted trees are worst in frame 3: 3.00 times what new ones cost. "
+        "The governor improved or rebuilt trees in 1 of 2 frames, first in 5."
+    )
+    same = advice({"frames": [first, frame_of(2, "refitted", 20.5)]})["decay"]
+    assert same.endswith("Refitted trees stay as good as new ones. The governor rebuilt no tree.")
+    still = frame_of(2, "refitted", 20.0)
+    still["policies"]["governed"]["actions"] = []
+    assert advice({"frames": [first, still]})["decay"].startswith("Nothing moves")
 
 
 def test_stopping_keeps_what_there_is(moving_ball: bpy.types.Scene, tmp_path: Path) -> None:

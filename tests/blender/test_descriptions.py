@@ -25,7 +25,6 @@ OPERATORS = [
             operators.color_points,
             operators.bench,
             operators.compare,
-            operators.decay,
         ),
         *(operators.select_updated, operators.select_not_shown),
         *(operators.walk_ray, operators.walk_step, pointer),

@@ -13,12 +13,15 @@ import sys
 import tempfile
 import time
 from pathlib import Path
+from typing import Any
 
 REPOSITORY = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(REPOSITORY / "tests"))
 
 from benchmarks.machine import MOST_LOAD, require_quiet
-from charts.figures import DATA
+from benchmarks.rows import write_rows
+from charts.drawn import drawn
+from charts.figures import DATA, Figures
 
 BENCHMARKS = Path("tests") / "benchmarks"
 SCENES = ("blend_scenes/courtyard.blend",)  # that are measured as one mesh
@@ -81,16 +84,13 @@ def measure(name: str, chosen: argparse.Namespace) -> bool:
     return done.returncode == 0
 
 
-def keep(name: str, figures: dict[str, object]) -> None:
-    """Writes data/NAME.json, without what differs from run to run and is no measurement: the date."""
-    machine = figures["machine"]
-    assert isinstance(machine, dict)
-    machine.pop("time", None)
-    DATA.mkdir(exist_ok=True)
-    (DATA / f"{name}.json").write_text(json.dumps(rounded(figures), indent=1) + "\n", encoding="utf-8")
+def keep(name: str, figures: Figures) -> None:
+    """Writes data/NAME.json: what is drawn of the figures, without the date, which is no measurement."""
+    figures["machine"].pop("time", None)
+    write_rows(DATA / f"{name}.json", drawn(name, rounded(figures)))
 
 
-def rounded(value: object) -> object:
+def rounded(value: Any) -> Any:
     """Five digits are more than any of this is exact to."""
     if isinstance(value, float):
         return float(f"{value:.5g}")

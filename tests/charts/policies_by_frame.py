@@ -65,8 +65,7 @@ def _panel(animation: Figures) -> Panel:
 
 
 def _dearest(frame: Figures) -> str | None:
-    actions = {row["action"] for row in frame["decisions"]}
-    return next((action for action in DECISIONS if action in actions), None)
+    return next((action for action in DECISIONS if action in frame["actions"]), None)
 
 
 def _governed_to_better(policies: Figures) -> float:

@@ -67,7 +67,6 @@ STEPS = (
     overlay_steps.follow_an_animation,
     overlay_steps.draw_100000_boxes,
     tree_steps.compare_two_trees,
-    tree_steps.follow_the_decay,
     walk_steps.walk_a_ray,
     walk_steps.leave_the_workspace_while_walking,
     walk_steps.undo_while_walking,

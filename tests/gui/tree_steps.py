@@ -1,4 +1,4 @@
-"""Looking into trees: two compared side by side, their decay followed; both are closed by their crosses."""
+"""Looking into trees: two compared side by side, which their cross ends."""
 
 from __future__ import annotations
 
@@ -12,7 +12,6 @@ from hands import click, handled, hover, press_here, press_key
 from places import context_of, main_area, region_of
 
 STEP = 8  # less than half of a button
-FRAMES = 6
 
 
 def open_sidebar(area: bpy.types.Area) -> Step:
@@ -83,31 +82,5 @@ def compare_two_trees() -> Step:
     free = module("view3d.drawing").free_rect(area, region_of(area))
     yield from click_cross(area, free.right, free.top)
     yield from wait_until(lambda: view.shown() is None, "the cross does not end the comparison")
-
-
-def follow_the_decay() -> Step:
-    area, view, scene = main_area(), module("view3d.decay.decay_view"), bpy.context.scene
-    bpy.context.view_layer.objects.active = bpy.data.objects["Tree"]
-    chosen, frame = settings().decay, scene.frame_current
-    chosen.use_custom_range, chosen.frame_start, chosen.frame_end = True, 1, FRAMES
-    with bpy.context.temp_override(**context_of(area)):
-        bpy.ops.perfect_bvh.decay("INVOKE_DEFAULT")
-    yield from wait_until(lambda: not is_working(), "the decay is not measured")
-    yield from wait_for_report("SAH in the end: refitted ")
-    check(scene.frame_current == frame, f"frame {scene.frame_current} is shown, not {frame} as before")
-    chart, decay = module("view3d.decay.decay_chart"), view.shown().decay
-    check(len(decay.rows) == FRAMES, f"{len(decay.rows)} frames were measured")
-    region, panel = region_of(area), chart.panel_of(area, region_of(area))
-    layout = chart.layout_of(decay, panel)
-    for wanted in (4, 2):
-        yield from click(region.x + layout.x_of(wanted), region.y + layout.bottom + layout.height / 2)
-        yield from wait_until(lambda wanted=wanted: scene.frame_current == wanted, f"a click shows no frame {wanted}")
-    yield from redrawn()
-    check(not view.is_old(view.shown(), scene), "frames that are shown are taken for edits")
-    screenshot("decay")
-    yield from click_cross(area, panel.right, panel.top)
-    yield from wait_until(lambda: view.shown() is None, "the cross does not close the curves")
-    chosen.use_custom_range = False
-    scene.frame_set(frame)
     area.spaces.active.show_region_ui = False
     yield from redrawn()

@@ -23,6 +23,7 @@ sys.path.insert(0, str(TESTS))
 
 import numpy as np
 import perfect_bvh
+from benchmarks.rows import write_rows
 from hit_table.hashing import Doubles, between, mixed
 from hit_table.scenes import SCENES, Made
 
@@ -41,7 +42,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     chosen = parser.parse_args(arguments)
     print(f"{platform.system()} {platform.machine()}, Python {platform.python_version()}, numpy {np.__version__}")
     if chosen.record:
-        RECORD.write_text(json.dumps(record(), indent=1) + "\n", encoding="utf-8", newline="\n")
+        write_rows(RECORD, record())
         return 0
     recorded, differing = load_record(), 0
     for name in SCENES:

@@ -7,7 +7,6 @@ python tests/stress/zoo.py --json OUT.json   writes the figures elsewhere
 from __future__ import annotations
 
 import argparse
-import json
 import sys
 from pathlib import Path
 from typing import Any
@@ -17,6 +16,7 @@ if __name__ == "__main__":
     sys.path[:0] = [str(TESTS), str(TESTS.parent / "blend_scenes")]
 
 from benchmarks.machine import describe
+from benchmarks.rows import write_rows
 from charts.measure import keep
 from makers.zoo import CASES, FailureCase
 
@@ -44,7 +44,7 @@ def main() -> None:
         keep("zoo", figures)
         write_table()
     else:
-        chosen.json.write_text(json.dumps(figures, indent=1) + "\n", encoding="utf-8")
+        write_rows(chosen.json, figures)
 
 
 if __name__ == "__main__":

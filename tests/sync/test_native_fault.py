@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 import subprocess
 import sys
 import sysconfig
@@ -31,7 +30,6 @@ class Computer:
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch, folder: Path) -> None:
         self._monkeypatch, self.folder = monkeypatch, folder
-        self.has_c_runtime = True
 
     def become(self, platform: str, python: str = "3.11") -> None:
         patch = self._monkeypatch.setattr
@@ -39,10 +37,6 @@ class Computer:
         patch(native_fault, "_python", lambda: python)
         suffix = SUFFIXES.get(platform, "none").format(python.replace(".", ""))
         patch(native_fault, "EXTENSION_SUFFIXES", [suffix])
-        systems = {"win": "win32", "macosx": "darwin"}
-        system = platform.partition("-")[0]
-        patch(native_fault.sys, "platform", systems.get(system, system))
-        patch(native_fault, "_has_c_runtime", lambda: self.has_c_runtime)
 
     def add_module(self, platform: str, python: str = "311") -> None:
         (self.folder / f"_core{SUFFIXES[platform].format(python)}").touch()
@@ -118,29 +112,16 @@ def test_another_python_names_the_blenders_that_fit(computer: Computer) -> None:
     )
 
 
-@pytest.mark.parametrize(
-    ("platform", "module", "sentence"),
-    [
-        ("linux-x86_64", ("win-amd64", "311"), "for Python 3.11 on Windows, and this is Python 3.13 on Linux"),
-        ("win-amd64", ("linux-aarch64", "313"), "for Python 3.13 on Linux on ARM, and this is Python 3.13 on Windows"),
-        ("win-arm64", ("win-amd64", "313"), "for Python 3.13 on Windows, and this is Python 3.13 on Windows on ARM"),
-        ("macosx-11.0-arm64", ("macosx-11.0-arm64", "311"), "Python 3.11 on macOS, and this is Python 3.13 on macOS"),
-    ],
-)
-def test_a_module_of_another_python_or_system_is_named(
-    computer: Computer, platform: str, module: tuple[str, str], sentence: str
-) -> None:
-    computer.become(platform, "3.13")
-    computer.add_module(*module)
+@pytest.mark.parametrize("module", ["macosx-11.0-arm64", "win-amd64", None])
+def test_a_folder_without_a_module_for_this_python_is_named(computer: Computer, module: str | None) -> None:
+    computer.become("macosx-11.0-arm64", "3.13")
+    if module is not None:
+        computer.add_module(module, "311")
     told = explain(ModuleNotFoundError("No module named 'perfect_bvh._core'"), {"version": "0.2.0"}, computer.folder)
-    assert str(computer.folder) in told and sentence in told
-    assert told.endswith(f"install perfect_bvh-0.2.0-{this_platform().replace('-', '_')}.zip")
-
-
-def test_a_folder_without_a_module_is_named(computer: Computer) -> None:
-    computer.become("linux-x86_64")
-    told = explain(ModuleNotFoundError(), {}, computer.folder)
-    assert told == f"{BEGINNING}{computer.folder} has no module of it: install the add-on again"
+    assert told == (
+        f"{BEGINNING}{computer.folder} has no module for Python 3.13 on macOS on Apple silicon: "
+        "install perfect_bvh-0.2.0-macos_arm64.zip"
+    )
 
 
 @pytest.mark.parametrize(
@@ -161,38 +142,11 @@ def test_a_missing_engine_is_named(
     assert sentence in explain(ModuleNotFoundError("No module named 'perfect_bvh'"), manifest)
 
 
-@pytest.mark.parametrize(
-    ("platform", "error", "sentence"),
-    [
-        ("win-amd64", "DLL load failed while importing _core: %1", "whether a virus scanner holds"),
-        (
-            "macosx-11.0-arm64",
-            "dlopen(_core.so): incompatible architecture (have 'x86_64')",
-            "Macs of the other processor",
-        ),
-        (
-            "macosx-11.0-arm64",
-            "code signature in _core.so not valid for use in process",
-            "xattr -dr com.apple.quarantine",
-        ),
-        ("linux-x86_64", "libc.so.6: version `GLIBC_2.28' not found", "this Linux is older than Debian 10"),
-        ("linux-x86_64", "undefined symbol: PyType_Ready", "undefined symbol: PyType_Ready"),
-        ("win-amd64", "NumPy was built with baseline optimizations: (X86_V2)", "baseline optimizations: (X86_V2)"),
-    ],
-)
-def test_what_the_system_refuses_is_explained(computer: Computer, platform: str, error: str, sentence: str) -> None:
-    computer.become(platform)
-    computer.add_module(platform)
-    told = explain(ImportError(error), {"version": "0.2.0"}, computer.folder)
-    assert told.startswith(BEGINNING) and sentence in told
-
-
-def test_a_windows_without_its_c_runtime_is_told_of_the_update(computer: Computer) -> None:
-    computer.become("win-amd64")
-    computer.add_module("win-amd64")
-    computer.has_c_runtime = False
-    told = explain(ImportError("DLL load failed"), {}, computer.folder)
-    assert "Universal C Runtime (the update KB2999226): let Windows Update install" in told
+@pytest.mark.parametrize("error", ["undefined symbol: PyType_Ready", "NumPy was built with baseline (X86_V2)"])
+def test_what_the_system_says_is_told_as_it_is(computer: Computer, error: str) -> None:
+    computer.become("linux-x86_64")
+    computer.add_module("linux-x86_64")
+    assert explain(ImportError(error), {"version": "0.2.0"}, computer.folder) == BEGINNING + error
 
 
 def test_the_add_on_s_manifest_is_read() -> None:
@@ -215,12 +169,10 @@ def test_an_engine_s_folder_of_another_system_is_really_explained(tmp_path: Path
     package = tmp_path / "perfect_bvh"
     package.mkdir()
     (package / "__init__.py").write_text("from ._core import __version__\n")
-    system, module = "Windows", "_core.cp311-win_amd64.pyd"
-    if os.name == "nt":
-        system, module = "Linux", "_core.cpython-311-x86_64-linux-gnu.so"
-    (package / module).touch()
+    (package / "_core.cp39-win_amd64.pyd").touch()
     environment = environment_with_paths(tmp_path)
-    done = subprocess.run([sys.executable, "-c", REAL], env=environment, capture_output=True, text=True, timeout=300)
+    command = [sys.executable, "-S", "-c", REAL]  # -S: an editable installation would find its own module first
+    done = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=300)
     assert done.returncode == 0, done.stderr
     told = json.loads(done.stdout)
-    assert f"the one in {package} is for Python 3.11 on {system}, and this is" in told
+    assert f"{package} has no module for Python {sys.version_info[0]}.{sys.version_info[1]} on " in told

@@ -72,7 +72,7 @@ class BlenderProcess:
         if self._write(request):
             line = self._process.stdout.readline()  # type: ignore[union-attr]
         if not line.endswith("\n"):
-            raise DeadBlenderError(self._obituary())
+            raise DeadBlenderError(self._last_words())
         answer: dict[str, Any] = json.loads(line)
         return answer
 
@@ -117,22 +117,14 @@ class BlenderProcess:
         except subprocess.TimeoutExpired:
             return None
 
-    def _obituary(self) -> str:
-        status = self._status(LAST_SECONDS)
-        if status is None:  # it only has closed its output
+    def _last_words(self) -> str:
+        """The status with which it has ended, and the last line that it has said."""
+        if self._status(LAST_SECONDS) is None:  # it only has closed its output
             self._process.kill()
-            status = self._status(KILL_SECONDS)
-        if status is None:
-            return "it answers no more, and cannot be ended"
-        how = f"it ended with status {status}"
-        if status < 0:
-            names = {number.value: number.name for number in signal.Signals}
-            how = f"it was ended by signal {-status} ({names.get(-status, 'unknown')})"
+        status = self._status(KILL_SECONDS)
         self._said.seek(max(0, self._said.seek(0, os.SEEK_END) - LAST_WORDS))
-        lines = self._said.read().decode("utf-8", "replace").split("\n")
-        said = [line.strip() for line in lines if line.strip()]
-        was_killed = status == -getattr(signal, "SIGKILL", 0)  # then it has said nothing about that
-        return how if was_killed or not said else f"{how}: {said[-1]}"
+        said = self._said.read().decode("utf-8", "replace").strip()
+        return ": ".join((f"it ended with status {status}", *said.splitlines()[-1:]))
 
 
 def _environment(folder: str) -> dict[str, str]:

@@ -1,7 +1,7 @@
 """Whether what is asked for fits into memory: else the system would end Blender in the middle, unsaved work and all.
 
-Windows refuses instead, which is no better in the middle of Blender's own work; macOS compresses, and swaps until the
-disk is full. Each system is asked by a module of its own.
+Windows refuses instead, which is no better in the middle of Blender's own work. Each system is asked by a module of its
+own, but for macOS, where this never ran: nothing is known there, and nothing is refused.
 """
 
 from __future__ import annotations
@@ -10,15 +10,12 @@ import sys
 
 
 def free_bytes() -> int | None:
-    """What can still be allocated without pushing anything out; None where the system does not tell.
+    """What can still be allocated without pushing anything out; None where nothing is known.
 
-    What limits the process counts as well as the machine: control groups on Linux, which containers are made of, job
-    objects on Windows. macOS has nothing of the kind.
+    On Linux what limits the process counts as well as the machine: control groups, which containers are made of.
     """
     if sys.platform == "win32":
         from .windows import free_bytes
-    elif sys.platform == "darwin":
-        from .macos import free_bytes
     else:
         from .linux import free_bytes
     return free_bytes()

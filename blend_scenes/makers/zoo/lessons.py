@@ -29,7 +29,7 @@ _COMPARE = (
     "To see both trees press Compare in the sidebar of the view (N), tab Perfect BVH, under Trees: on the left is the "
     "usual method's, on the right this engine's."
 )
-_DECAY = "Decay, below that, draws what trees cost that are refitted only, governed or rebuilt, frame by frame."
+_DECAY = "Bench, below that, measures what trees cost that are refitted only, governed or rebuilt, frame by frame."
 # What Compare shows of a usual method, and beside it.
 COMPARED = {
     "median splits": ("MEDIAN", "AUTO"),

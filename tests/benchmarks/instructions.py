@@ -1,6 +1,6 @@
 """Counts of the engine's instructions, stage by stage: a speed that no other process on the machine disturbs.
 
-    python tests/fingerprints/instructions.py MESH.npz ... > counts.json
+    python tests/benchmarks/instructions.py MESH.npz ... --json counts.json
 
 Each mesh file holds `positions` (V, 3) and `triangles` (T, 3). The stages of a mesh: its tree built, 20,000 rays of a
 camera, 20,000 from where these hit into all directions, an image. Each runs in a process of its own under
@@ -12,7 +12,6 @@ work differs. Valgrind knows no AVX-512, so the instruction set is avx2, or what
 from __future__ import annotations
 
 import argparse
-import json
 import os
 import re
 import subprocess
@@ -24,6 +23,7 @@ from typing import Any
 
 import numpy as np
 import perfect_bvh
+from rows import write_rows
 
 RAYS = (200, 100)
 IMAGE_SIZE = (64, 36)
@@ -99,6 +99,9 @@ def count_instructions(path: Path, last: str) -> int:
 def main() -> None:
     parser = argparse.ArgumentParser(description="Count the engine's instructions, stage by stage.")
     parser.add_argument("meshes", type=Path, nargs="+", metavar="MESH.npz", help="positions and triangles")
+    parser.add_argument(
+        "--json", type=Path, default=Path("counts.json"), metavar="OUT.json", help="where the counts go"
+    )
     parser.add_argument("--stage", choices=STAGES, help="run the stages up to this one, and count nothing")
     chosen = parser.parse_args()
     if chosen.stage:
@@ -108,7 +111,7 @@ def main() -> None:
     for path in chosen.meshes:
         totals = [count_instructions(path, stage) for stage in STAGES]
         counts[path.stem] = {STAGES[i]: totals[i] - totals[i - 1] for i in range(1, len(STAGES))}
-    print(json.dumps(counts, indent=2))
+    write_rows(chosen.json, counts)
 
 
 if __name__ == "__main__":

@@ -1,1 +1,0 @@
-"""What trees cost from frame to frame of an animation, as curves."""
