@@ -8,7 +8,7 @@ from typing import Any
 
 from ..events.changes import watched_evaluations
 from ..events.evaluation_log import EvaluationLog
-from ..sync.motion_records import MomentRecord
+from ..sync.moments import MomentRecord
 from ..sync.records import AttributeRequest, InstanceRecords, MeshRecord, ObjectRecord
 from .camera import read_frame
 from .geometry.groups import GroupTable

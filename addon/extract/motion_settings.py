@@ -7,7 +7,7 @@ from typing import Any
 import bpy
 import numpy as np
 
-from ..sync.motion_records import MotionSettings
+from ..sync.moments import MotionSettings
 from ..sync.records import SceneRecord
 
 _DEFAULT_STEPS = 3  # of Cycles: one at either end of the shutter, one in its middle

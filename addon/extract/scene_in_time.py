@@ -7,13 +7,13 @@ evaluated again at a moment is not read again, for which its changes are listene
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from fractions import Fraction
 from typing import Any
 
 from ..events.changes import listen, stop_listening
-from ..support.progress import Progress
+from ..sync.moments import MomentRecord
 from ..sync.motion import add_motion
-from ..sync.motion_records import MomentRecord
 from ..sync.records import AttributeRequest, CameraRecord, SceneRecord
 from .moment import read_moment
 from .motion_settings import read_motion_settings
@@ -31,7 +31,7 @@ def read_scene_in_time(
     camera: Any,
     size: tuple[int, int] | None,
     space: Any,
-    progress: Progress | None = None,
+    progress: Callable[[float], object] | None = None,
 ) -> SceneRecord:
     """What `read_scene` reads, with the motion of all that moves within the shutter.
 
@@ -82,7 +82,7 @@ def _mover(depsgraph: Any, camera: Any) -> Any:
     return None if mover is None else mover.original
 
 
-def _tell(progress: Progress | None, done: float) -> None:
+def _tell(progress: Callable[[float], object] | None, done: float) -> None:
     if progress is not None and progress(done) is False:
         import perfect_bvh
 
