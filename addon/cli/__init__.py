@@ -11,14 +11,10 @@ import sys
 from collections.abc import Sequence
 
 from ..settings.modes import MODES
-from .arguments import CommandError, parse_frames, parse_seed, parse_size
+from .arguments import EXIT_ERROR, EXIT_INTERRUPTED, EXIT_PIPE, CommandError, parse_frames, parse_seed, parse_size
 from .console import is_reader_gone, write_any_text
 
 DEFAULT_AUDIT = 1e-3
-EXIT_ERROR = 2
-EXIT_FAILED_PIECES = 3
-EXIT_INTERRUPTED = 130
-EXIT_PIPE = 141  # as a shell reports a program that SIGPIPE ended; the same where there is no such signal
 
 
 def _positive(text: str) -> int:

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from .arguments import CommandError
-from .blender import go_to_frame, render_job
+from .blender import render_job
 
 if TYPE_CHECKING:
     import bpy
@@ -26,6 +26,7 @@ def render_frame(
 ) -> Frame | None:
     """A frame of a scene; None if it was stopped. progress: called with 0 to 1, False stops. Errors: CommandError."""
     from ..engine import RenderJob
+    from ..live.scene_view import go_to_frame
 
     go_to_frame(scene, number, is_simulated or for_viewport)
     job = RenderJob(progress=progress, for_viewport=for_viewport)

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import argparse
 import re
+from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
-from .arguments import CommandError, Output
-from .blender import StopRequest, apply_settings
+from ..pieces.work import Done, PieceWork, Steps
+from .arguments import CommandError, Output, explained
+from .blender import StopRequest, active_view_layer, apply_settings
 from .frames import ImageWriter, render_frame, warnings_of
-from .piece_work import Advance, Done, PieceWork, explained, scene_inputs
 
 if TYPE_CHECKING:
     import bpy
@@ -18,6 +19,7 @@ if TYPE_CHECKING:
     from ..image.still import Frame
     from ..pieces.piece import Piece
 
+T = TypeVar("T")
 # What the images depend on, among the arguments.
 CHOICES = ("mode", "size", "samples", "denoise", "time_limit", "noise_threshold", "seed", "viewport")
 
@@ -26,10 +28,13 @@ class RenderWork(PieceWork):
     """Pieces of rendered frames; each begins with trees of its own."""
 
     def __init__(self, scene: bpy.types.Scene, stop: StopRequest, arguments: argparse.Namespace) -> None:
+        from ..live.scene_view import SceneView
         from ..pieces.folder import PieceFolder
         from ..pieces.piece import Piece, runs_of
 
-        super().__init__(scene, stop, arguments)
+        view = SceneView("render", scene, active_view_layer(scene), for_viewport=arguments.viewport)
+        super().__init__(view, arguments.frames or (scene.frame_current,))
+        self._stop, self._arguments = stop, arguments
         if scene.camera is None:
             raise CommandError(f"{arguments.file}: scene {scene.name!r} has no camera")
         self._output = Output.parse(arguments.output, len(self.frames))
@@ -44,33 +49,39 @@ class RenderWork(PieceWork):
         before = self._output.pattern.stem.partition("#")[0]
         self.place = PieceFolder(self._output.pattern.parent, inputs, before, "animation")
 
-    def make(self, piece: Piece, advance: Advance) -> Done | None:
+    def make(self, piece: Piece) -> Steps:
         """By trees of its own: ids of instances, and what rays cost, do not depend on the pieces before."""
         from ..live.sync_cache import clear_syncs
 
         if not self._know_scale(piece):
-            return None
+            return
         clear_syncs()
         warnings = dict[str, None]()
         for number, frame in enumerate(piece.frames):
             rendered = self._render(frame)
             if rendered is None:
-                return None
+                return
             self._writer.save(self._output.path_of(frame), rendered)
             warnings |= dict.fromkeys(warnings_of(rendered))
-            advance((number + 1) / len(piece.frames))
+            yield (number + 1) / len(piece.frames)
         with explained():
             self.place.finish(piece, warnings=list(warnings))
-        return Done({"frames": len(piece.frames)}, tuple(warnings))
+        yield Done({"frames": len(piece.frames)}, tuple(warnings))
 
-    def join(self) -> None:
-        """Nothing: each frame is a file."""
+    def hold(self, piece: Piece, work: Callable[[], T]) -> T:
+        """Each frame is a render of its own."""
+        return work()
+
+    @property
+    def where(self) -> str:
+        """The images."""
+        return self._output.describe(self.frames)
 
     def _render(self, frame: int) -> Frame | None:
-        if self.stop.is_set:
+        if self._stop.is_set:
             return None
-        how = self.is_simulated, self.arguments.viewport
-        return render_frame(self.scene, frame, lambda _: not self.stop.is_set, *how)
+        how = self.is_simulated, self._arguments.viewport
+        return render_frame(self.view.find(), frame, lambda _: not self._stop.is_set, *how)
 
     def _know_scale(self, piece: Piece) -> bool:
         """Renders the first of all frames, if greys are on its scale and it was not rendered here; False if stopped."""
@@ -88,12 +99,14 @@ class RenderWork(PieceWork):
         return f"{name}.manifest"
 
     def _inputs(self) -> dict[str, object]:
+        from ..pieces.scene_inputs import scene_inputs
         from ..settings.denoisers import denoiser_in_use
 
-        arguments = self.arguments
+        arguments = self._arguments
         return scene_inputs(
             Path(arguments.file),
-            arguments,
+            autoexec=arguments.autoexec,
+            allow_missing=arguments.allow_missing,
             **{name: getattr(arguments, name) for name in CHOICES},
             denoiser=denoiser_in_use(),
             format=self._output.pattern.suffix,

@@ -14,7 +14,7 @@ bpy = pytest.importorskip("bpy")
 from blender.command_lines import run  # noqa: E402
 from blender.sensor_flight import SENSOR, contents, save_flight  # noqa: E402
 from perfect_bvh_addon import SpinningLidar, load_sensor, scan  # noqa: E402
-from perfect_bvh_addon.scanning.pieces import pieces_of  # noqa: E402
+from perfect_bvh_addon.scanning.piece_scan import pieces_of  # noqa: E402
 
 
 @pytest.fixture
