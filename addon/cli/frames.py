@@ -42,10 +42,10 @@ class ImageWriter:
     """Writes frames of a scene in its mode; distances as greys, near white, far black, on the first one's scale."""
 
     def __init__(self, scene: bpy.types.Scene) -> None:
-        from ..settings.modes import find_mode
+        from ..settings.modes import mode_of_render
 
         self._scene = scene
-        self._mode = find_mode(scene.perfect_bvh.mode.lower())
+        self._mode = mode_of_render(scene)
         self.range: tuple[float, float] | None = None
 
     def has_scale(self, suffix: str) -> bool:

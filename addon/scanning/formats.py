@@ -20,7 +20,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ..support.files import replacing
-from ..support.libraries import data_library
+from ..support.libraries import POINT_FORMATS, data_library
 from .format_columns import label_columns
 from .point_cloud import AXES, COLUMNS, SINGULAR, PointCloud
 
@@ -195,11 +195,4 @@ WRITERS: dict[str, Callable[[PointCloud, Path], None]] = {
     ".parquet": _parquet,
     ".h5": _hdf5,
 }
-MODULES = {
-    ".ply": ("plyfile",),
-    ".las": ("laspy",),
-    ".laz": ("laspy", "lazrs"),
-    ".csv": ("pyarrow.csv",),
-    ".parquet": ("pyarrow.parquet",),
-    ".h5": ("h5py",),
-}
+MODULES = {f".{name}": modules for name, _, _, modules in POINT_FORMATS}
