@@ -11,7 +11,7 @@ import sys
 from collections.abc import Sequence
 
 from ..settings.modes import MODES
-from ..support.libraries import POINT_FORMATS
+from ..settings.point_items import POINT_FORMATS
 from .arguments import EXIT_ERROR, EXIT_INTERRUPTED, EXIT_PIPE, CommandError, parse_frames, parse_seed, parse_size
 from .console import is_reader_gone, write_any_text
 

@@ -19,8 +19,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from ..settings.point_items import POINT_FORMATS
 from ..support.files import replacing
-from ..support.libraries import POINT_FORMATS, data_library
+from ..support.libraries import data_library
 from .format_columns import label_columns
 from .point_cloud import AXES, COLUMNS, SINGULAR, PointCloud
 

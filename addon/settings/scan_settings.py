@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import bpy
 
-from ..support.libraries import POINT_FORMATS
-from . import point_color_items
+from . import point_items
 from .sensor_items import sensor_items
 
 # Blender warns of paths that begin with // where a property does not say that it takes them; older ones do not ask.
@@ -169,7 +168,7 @@ class PERFECT_BVH_PG_scan(bpy.types.PropertyGroup):
     point_color: bpy.props.EnumProperty(
         name="Color",
         description="What the colors of the points mean",
-        items=point_color_items.items(),
+        items=point_items.items(),
         default="DISTANCE",
     )
     point_column: bpy.props.StringProperty(
@@ -190,7 +189,7 @@ class PERFECT_BVH_PG_scan(bpy.types.PropertyGroup):
     file_format: bpy.props.EnumProperty(
         name="Format",
         description="How points are written",
-        items=[(*each[:3], number) for number, each in enumerate(POINT_FORMATS)],
+        items=[(*each[:3], number) for number, each in enumerate(point_items.POINT_FORMATS)],
         default="npz",
     )
     frames_per_file: bpy.props.IntProperty(
