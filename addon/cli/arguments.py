@@ -108,10 +108,8 @@ def parse_folder(text: str) -> Path:
     folder = parse_path("-o", text)
     if folder.exists() and not folder.is_dir():
         raise CommandError(f"-o {text}: expected a folder, it is a file")
-    try:
+    with explained():
         prepare_folder(folder)
-    except OSError as error:
-        raise CommandError(error.strerror or str(error)) from error
     return folder
 
 
@@ -206,9 +204,7 @@ class Output:
     def prepare(self) -> None:
         """Make the folder, and try it with a file, before the work rather than after. Errors: CommandError."""
         folder = self.pattern.parent
-        try:
+        with explained():
             prepare_folder(folder)
-        except OSError as error:
-            raise CommandError(str(error.strerror)) from error
         if reachable(self.pattern).is_dir():
             raise CommandError(f"cannot write {self.pattern}: it is a folder")

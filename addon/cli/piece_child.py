@@ -81,8 +81,8 @@ def _open(job: dict[str, Any], stop: StopRequest) -> PieceWork:
     from ..pieces.inputs import find_difference, learn_checksums
     from .arguments import CommandError
     from .blender import open_scene
+    from .frames import RenderWork
     from .labels import LabelsWork
-    from .render_pieces import RenderWork
     from .scan import scan_work
 
     if perfect_bvh.__version__ != job["version"]:

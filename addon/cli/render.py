@@ -12,10 +12,9 @@ from typing import TYPE_CHECKING, TextIO
 from .arguments import EXIT_INTERRUPTED, CommandError, Output, check_blend_file, check_mode, check_pieces
 from .blender import StopRequest, active_view_layer, apply_settings, open_scene, stop_on_interrupt
 from .console import Teller, progress_bar, quiet_blender
-from .frames import ImageWriter, render_frame, warnings_of
+from .frames import ImageWriter, RenderWork, render_frame, warnings_of
 from .ignored_output import find_ignored_output
 from .piece_work import run_pieces
-from .render_pieces import RenderWork
 from .report import FrameTimes, format_frame, format_header, format_summary
 
 if TYPE_CHECKING:

@@ -62,14 +62,11 @@ class ScanPlan:
         """Where pieces go. inputs: see below."""
         return PieceFolder(path, inputs, BEFORE, "scan")
 
-    def inputs(
-        self, scene_file: Path, carrier: bpy.types.Object | None, *, autoexec: bool, allow_missing: bool
-    ) -> dict[str, Any]:
-        """What the bytes of pieces depend on. scene_file: that is open. carrier: None for the camera of each frame."""
+    def inputs(self, scene_file: Path, carrier: bpy.types.Object | None, **how: bool) -> dict[str, Any]:
+        """What the bytes of pieces depend on. carrier: None for the camera of each frame. how: see `scene_inputs`."""
         return scene_inputs(
             scene_file,
-            autoexec=autoexec,
-            allow_missing=allow_missing,
+            **how,
             sensor=sensor_input(self.sensor.pattern),
             light=light_input(self.sensor.light),
             seed=self.seed,
