@@ -1,7 +1,7 @@
 """The architecture's import rules, checked by reading the sources: no layer reaches upwards.
 
-Layers are listed from the ground up. A layer may use itself, layers above it in its list and nothing below. Within each
-folder of the add-on what its files and folders import of each other has no circle either.
+Layers are listed from the ground up. A layer may use itself, layers above it in its list and nothing below. Nor
+has what the files and folders in one folder of Python's import of each other a circle.
 """
 
 from __future__ import annotations
@@ -189,19 +189,20 @@ def addon_objection(layer: str, name: str) -> str | None:
     return f"{target} is {'above' if ADDON_RANKS[target] > ADDON_RANKS[layer] else 'beside'} {layer}"
 
 
-def addon_circles(addon: Path) -> list[str]:
-    """Circles of imports between what lies in one folder under `addon`, files and folders alike, as sentences."""
-    modules = list(modules_in(addon, addon.name))
-    files = {(addon.name, *inside): inside for _, _, inside in modules}
+def circles_in(root: Path) -> list[str]:
+    """Circles of imports between what lies in one folder under `root`, files and folders alike, as sentences."""
+    modules = list(modules_in(root, root.name))
+    files = {(root.name, *inside): inside for _, _, inside in modules}
     uses: dict[tuple[str, ...], dict[str, set[str]]] = {}  # by folder: what each of its files and folders imports of it
     for path, package, inside in modules:
         for name in imports_of(path, package):
-            target = file_of(tuple(name.replace("perfect_bvh_addon", addon.name, 1).split(".")), files)
-            if target is None or target == inside:
+            parts = tuple(name.replace("perfect_bvh_addon", root.name, 1).split("."))
+            target = file_of(parts, files)
+            if target is None or target == inside or "_core" in parts:  # which is no file
                 continue
             depth = next(at for at, (own, other) in enumerate(zip(inside, target, strict=False)) if own != other)
             uses.setdefault(inside[:depth], {}).setdefault(inside[depth], set()).add(target[depth])
-    found = {"/".join((addon.name, *folder)): circle_of(TopologicalSorter(graph)) for folder, graph in uses.items()}
+    found = {"/".join((root.name, *folder)): circle_of(TopologicalSorter(graph)) for folder, graph in uses.items()}
     return [f"{folder}: {circle}" for folder, circle in found.items() if circle is not None]
 
 
@@ -246,8 +247,9 @@ def test_the_addon_imports_nothing_above(repository: Path) -> None:
     assert addon_violations(repository / "addon") == []
 
 
-def test_no_folder_of_the_addon_has_a_circle(repository: Path) -> None:
-    assert addon_circles(repository / "addon") == []
+@pytest.mark.parametrize("folder", ["addon", "native/python/perfect_bvh"])
+def test_no_folder_has_a_circle(repository: Path, folder: str) -> None:
+    assert circles_in(repository / folder) == []
 
 
 @pytest.mark.parametrize(
@@ -264,7 +266,7 @@ def test_a_circle_is_found(tmp_path: Path, files: dict[str, str], folder: str, c
         path = tmp_path / "addon" / file
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_text(text + "\n")
-    (found,) = addon_circles(tmp_path / "addon")
+    (found,) = circles_in(tmp_path / "addon")
     assert found.startswith(f"{folder}: ")
     assert set(found.removeprefix(f"{folder}: ").split(" -> ")) == circle
 
