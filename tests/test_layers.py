@@ -1,7 +1,7 @@
 """The architecture's import rules, checked by reading the sources: no layer reaches upwards.
 
-Layers are listed from the ground up. A layer may use itself, layers above it in its list and nothing below. Nor
-has what the files and folders in one folder of Python's import of each other a circle.
+Layers are listed from the ground up. A layer may use itself, layers above it in its list and nothing below. What files
+and folders in one folder of Python's import of each other has no circle.
 """
 
 from __future__ import annotations
