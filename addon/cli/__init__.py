@@ -11,7 +11,6 @@ import sys
 from collections.abc import Sequence
 
 from ..settings.modes import MODES
-from ..settings.point_items import POINT_FORMATS
 from .arguments import EXIT_ERROR, EXIT_INTERRUPTED, EXIT_PIPE, CommandError, parse_frames, parse_seed, parse_size
 from .console import is_reader_gone, write_any_text
 
@@ -228,9 +227,9 @@ def _add_scan(commands: argparse._SubParsersAction) -> None:
     )
     _add_frames(parser, "one whole pass in the current one")
     parser.add_argument("--steps", type=_positive, metavar="N", help="key moments of a frame (default: 1)")
-    *names, last = (each[0] for each in POINT_FORMATS)
-    what = f"{', '.join(names)} or {last} (default: npz)"
-    parser.add_argument("--format", default="npz", metavar="F", help=what)
+    parser.add_argument(
+        "--format", default="npz", metavar="F", help="npz, ply, las, laz, csv, parquet or h5 (default: npz)"
+    )
     parser.add_argument(
         "--seed", type=parse_seed, default=0, metavar="N", help="of the sensor's noise and dropout (default: 0)"
     )

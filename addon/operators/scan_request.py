@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import bpy
 import numpy as np
 
-from ..settings.point_items import OTHER
+from ..settings.point_color_items import OTHER
 from ..settings.scan_settings import label_names
 
 if TYPE_CHECKING:

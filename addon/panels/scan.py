@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import bpy
 
-from ..settings.point_items import OTHER
+from ..settings.point_color_items import OTHER
 from ..statistics.messages import notes_of
 from .common import TABS, SidebarPanel, draw_lines, draw_messages_of, settings_layout
 

@@ -19,7 +19,6 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from ..settings.point_items import POINT_FORMATS
 from ..support.files import replacing
 from ..support.libraries import data_library
 from .format_columns import label_columns
@@ -196,4 +195,11 @@ WRITERS: dict[str, Callable[[PointCloud, Path], None]] = {
     ".parquet": _parquet,
     ".h5": _hdf5,
 }
-MODULES = {f".{name}": modules for name, _, _, modules in POINT_FORMATS}
+MODULES = {
+    ".ply": ("plyfile",),
+    ".las": ("laspy",),
+    ".laz": ("laspy", "lazrs"),
+    ".csv": ("pyarrow.csv",),
+    ".parquet": ("pyarrow.parquet",),
+    ".h5": ("h5py",),
+}

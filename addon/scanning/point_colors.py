@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from ..settings.point_items import find_color
+from ..settings.point_color_items import find_color
 from .point_cloud import PointCloud
 
 Float32Array = npt.NDArray[np.float32]

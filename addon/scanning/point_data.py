@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ..extract.scans import COLOR, OBJECT_NAMES, RADIUS
-from ..settings.point_items import OTHER, find_color
+from ..settings.point_color_items import OTHER, find_color
 from .point_cloud import PointCloud, column_names
 from .point_colors import colors_of_column, scale_of_column
 from .point_nodes import NAME, add_points_modifier, point_material

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import bpy
 
-from . import point_items
+from . import point_color_items
 from .sensor_items import sensor_items
 
 # Blender warns of paths that begin with // where a property does not say that it takes them; older ones do not ask.
@@ -13,6 +13,15 @@ PATH_OPTIONS = {"PATH_SUPPORTS_BLEND_RELATIVE"} if _KNOWS_RELATIVE_PATHS else se
 # Which frames, as two switches keep it: files had the first one alone.
 FRAMES = ("CURRENT", "SCENE", "RANGE")
 MOST = 1_048_574  # frames, as Blender has it
+FORMATS = (
+    ("npz", "NumPy", "An .npz file with all columns and names; needs no library"),
+    ("ply", "PLY", "Polygon file format, with all columns; by the library plyfile"),
+    ("las", "LAS", "As surveyors exchange point clouds; by the library laspy"),
+    ("laz", "LAZ", "LAS, compressed; by the libraries laspy and lazrs"),
+    ("csv", "CSV", "A table as text, with commas between; by the library pyarrow"),
+    ("parquet", "Parquet", "A compressed table of columns; by the library pyarrow"),
+    ("h5", "HDF5", "An array for each column; by the library h5py"),
+)
 
 
 def _get_frames(settings: PERFECT_BVH_PG_scan) -> int:
@@ -168,7 +177,7 @@ class PERFECT_BVH_PG_scan(bpy.types.PropertyGroup):
     point_color: bpy.props.EnumProperty(
         name="Color",
         description="What the colors of the points mean",
-        items=point_items.items(),
+        items=point_color_items.items(),
         default="DISTANCE",
     )
     point_column: bpy.props.StringProperty(
@@ -189,7 +198,7 @@ class PERFECT_BVH_PG_scan(bpy.types.PropertyGroup):
     file_format: bpy.props.EnumProperty(
         name="Format",
         description="How points are written",
-        items=[(*each[:3], number) for number, each in enumerate(point_items.POINT_FORMATS)],
+        items=[(*item, number) for number, item in enumerate(FORMATS)],
         default="npz",
     )
     frames_per_file: bpy.props.IntProperty(

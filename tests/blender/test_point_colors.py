@@ -14,7 +14,7 @@ from blender.scanned_room import LIDAR, values_of  # noqa: E402
 from perfect_bvh_addon import CameraGrid, PointCloud, scan  # noqa: E402
 from perfect_bvh_addon.scanning.collector import LUMINANCE  # noqa: E402
 from perfect_bvh_addon.scanning.point_colors import COLUMNS, colors_of, colors_of_column  # noqa: E402
-from perfect_bvh_addon.settings.point_items import POINT_COLORS, items  # noqa: E402
+from perfect_bvh_addon.settings.point_color_items import POINT_COLORS, items  # noqa: E402
 
 pytestmark = pytest.mark.usefixtures("registered")
 

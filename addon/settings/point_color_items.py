@@ -1,4 +1,4 @@
-"""What a scan's points can be colored by and written as, in menus; their numbers are what .blend files keep."""
+"""What colors of a scan's points can mean, as the items of a menu; their numbers are what .blend files keep."""
 
 from __future__ import annotations
 
@@ -47,17 +47,6 @@ POINT_COLORS = (
     PointColor("RING", "Ring", "Which line of a LiDAR, or row of a picture: yellow the first", 9, "ring", "ramp"),
     PointColor("RETURN", "Return", "Which echo of its beam the point is, by a color for each", 11, "return_id", "ids"),
     PointColor("RETURNS", "Returns", "How many echoes of its beam were kept", 12, "return_count", "ids"),
-)
-
-# How files end, what menus say, and the modules that write them; numbered in this order.
-POINT_FORMATS: tuple[tuple[str, str, str, tuple[str, ...]], ...] = (
-    ("npz", "NumPy", "An .npz file with all columns and names; needs no library", ()),
-    ("ply", "PLY", "Polygon file format, with all columns; by the library plyfile", ("plyfile",)),
-    ("las", "LAS", "As surveyors exchange point clouds; by the library laspy", ("laspy",)),
-    ("laz", "LAZ", "LAS, compressed; by the libraries laspy and lazrs", ("laspy", "lazrs")),
-    ("csv", "CSV", "A table as text, with commas between; by the library pyarrow", ("pyarrow.csv",)),
-    ("parquet", "Parquet", "A compressed table of columns; by the library pyarrow", ("pyarrow.parquet",)),
-    ("h5", "HDF5", "An array for each column; by the library h5py", ("h5py",)),
 )
 
 
