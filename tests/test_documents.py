@@ -140,7 +140,7 @@ def test_names_of_what_has_gone_are_found(tree: Tree) -> None:
     package = '"""Light.\n\nmodel   numbers\npaths, beams   light\nlight_tables   the same\nthe_long_module it\n"""'
     assert missing_modules(tree, "addon/scanning/light/__init__.py", package) == {"light_tables", "the_long_module"}
     module = '"""See `light.py`, `light/model.py`, `scan.py`, `ways/`, `sensors/`."""\nA = "gone.py"  # or left.py'
-    assert missing(tree, "addon/scanning/pieces.py", module) == {"light.py", "ways", "left.py"}
+    assert missing(tree, "addon/scanning/piece_scan.py", module) == {"light.py", "ways", "left.py"}
     assert missing(tree, "docs/farm.md", "[a](../README.md) [b](../READ.md) https://a.org/b.py") == {"../READ.md"}
     header = 'auto a = "b.h";  // as math/triangle.h and math/beam.h'
     assert missing(tree, "native/src/blas/blas.h", header) == {"math/beam.h"}

@@ -1,6 +1,7 @@
 """The architecture's import rules, checked by reading the sources: no layer reaches upwards.
 
-Layers are listed from the ground up. A layer may use itself, layers above it in its list and nothing below.
+Layers are listed from the ground up. A layer may use itself, layers above it in its list and nothing below. What files
+and folders in one folder of Python's import of each other has no circle.
 """
 
 from __future__ import annotations
@@ -8,6 +9,7 @@ from __future__ import annotations
 import ast
 import re
 from collections.abc import Iterator
+from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
 import pytest
@@ -43,8 +45,9 @@ NATIVE_IGNORANCE = {
 # Rooms of the add-on in one group know nothing of each other; a group may import those above it in this list.
 ADDON_LAYERS = (
     ("support", "events", "settings", "sync"),
-    ("extract", "statistics", "pieces"),
+    ("extract", "statistics"),
     ("live",),
+    ("pieces",),
     ("image", "scanning", "labels"),
     ("view3d", "bench"),
     ("engine", "operators", "panels"),
@@ -186,6 +189,41 @@ def addon_objection(layer: str, name: str) -> str | None:
     return f"{target} is {'above' if ADDON_RANKS[target] > ADDON_RANKS[layer] else 'beside'} {layer}"
 
 
+def circles_in(root: Path) -> list[str]:
+    """Circles of imports between what lies in one folder under `root`, files and folders alike, as sentences."""
+    modules = list(modules_in(root, root.name))
+    files = {(root.name, *inside): inside for _, _, inside in modules}
+    uses: dict[tuple[str, ...], dict[str, set[str]]] = {}  # by folder: what each of its files and folders imports of it
+    for path, package, inside in modules:
+        for name in imports_of(path, package):
+            parts = tuple(name.replace("perfect_bvh_addon", root.name, 1).split("."))
+            target = file_of(parts, files)
+            if target is None or target == inside or "_core" in parts:  # which is no file
+                continue
+            depth = next(at for at, (own, other) in enumerate(zip(inside, target, strict=False)) if own != other)
+            uses.setdefault(inside[:depth], {}).setdefault(inside[depth], set()).add(target[depth])
+    found = {"/".join((root.name, *folder)): circle_of(TopologicalSorter(graph)) for folder, graph in uses.items()}
+    return [f"{folder}: {circle}" for folder, circle in found.items() if circle is not None]
+
+
+def file_of(name: tuple[str, ...], files: dict[tuple[str, ...], tuple[str, ...]]) -> tuple[str, ...] | None:
+    """The file that an imported name is of: a module, a package, or what is within one of these; None if of none."""
+    for each in (name, name[:-1]):
+        found = files.get(each) or files.get((*each, "__init__"))
+        if found is not None:
+            return found
+    return None
+
+
+def circle_of(sorter: TopologicalSorter[str]) -> str | None:
+    """One circle, if there is any."""
+    try:
+        sorter.prepare()
+    except CycleError as error:
+        return " -> ".join(error.args[1])
+    return None
+
+
 def facade_violations(facade: Path) -> list[str]:
     """Imports of the package perfect_bvh that tie it to Blender or to the add-on."""
     return [
@@ -207,6 +245,30 @@ def core_importers(folder: Path) -> list[str]:
 
 def test_the_addon_imports_nothing_above(repository: Path) -> None:
     assert addon_violations(repository / "addon") == []
+
+
+@pytest.mark.parametrize("folder", ["addon", "native/python/perfect_bvh"])
+def test_no_folder_has_a_circle(repository: Path, folder: str) -> None:
+    assert circles_in(repository / folder) == []
+
+
+@pytest.mark.parametrize(
+    ("files", "folder", "circle"),
+    [
+        ({"sync/a.py": "from .b import B", "sync/b.py": "def f():\n    from .a import A"}, "addon/sync", {"a", "b"}),
+        ({"cli/a.py": "from .farm.run import do", "cli/farm/run.py": "from ..a import B"}, "addon/cli", {"a", "farm"}),
+        ({"cli/__init__.py": "from .a import run", "cli/a.py": "from . import X"}, "addon/cli", {"__init__", "a"}),
+        ({"sync/a.py": "from ..cli.b import B", "cli/b.py": "from ..sync import a"}, "addon", {"sync", "cli"}),
+    ],
+)
+def test_a_circle_is_found(tmp_path: Path, files: dict[str, str], folder: str, circle: set[str]) -> None:
+    for file, text in files.items():
+        path = tmp_path / "addon" / file
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(text + "\n")
+    (found,) = circles_in(tmp_path / "addon")
+    assert found.startswith(f"{folder}: ")
+    assert set(found.removeprefix(f"{folder}: ").split(" -> ")) == circle
 
 
 def test_the_facade_knows_neither_blender_nor_the_addon(repository: Path) -> None:

@@ -13,6 +13,9 @@ from collections.abc import Sequence
 from ..settings.cloud_formats import CLOUD_FORMATS
 from ..settings.modes import MODES
 from .arguments import (
+    EXIT_ERROR,
+    EXIT_INTERRUPTED,
+    EXIT_PIPE,
     LAYERS,
     POSITIVE,
     SCALE,
@@ -27,10 +30,6 @@ from .arguments import (
 from .console import is_reader_gone, write_any_text
 
 DEFAULT_AUDIT = 1e-3
-EXIT_ERROR = 2
-EXIT_FAILED_PIECES = 3
-EXIT_INTERRUPTED = 130
-EXIT_PIPE = 141  # as a shell reports a program that SIGPIPE ended; the same where there is no such signal
 
 
 def build_parser(prog: str) -> argparse.ArgumentParser:

@@ -7,7 +7,8 @@ import importlib.util
 import os
 import re
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -22,11 +23,24 @@ MAX_FRAMES = 1_000_000
 MAX_PIECE = 10  # frames, unless --piece says otherwise
 # How a .blend file begins: plain, or compressed by Zstandard (Blender 3 and later) or gzip (before).
 BLEND_MAGICS = (b"BLENDER", b"\x28\xb5\x2f\xfd", b"\x1f\x8b")
+EXIT_ERROR = 2
+EXIT_FAILED_PIECES = 3
+EXIT_INTERRUPTED = 130
+EXIT_PIPE = 141  # as a shell reports a program that SIGPIPE ended; the same where there is no such signal
 _FRAME_RANGE = re.compile(r"(-?\d+)(?:-(-?\d+)(?::(\d+))?)?")
 
 
 class CommandError(Exception):
     """A mistake of the user's: its message is all that is printed."""
+
+
+@contextmanager
+def explained() -> Iterator[None]:
+    """Errors of files become CommandErrors, which keep them as their cause."""
+    try:
+        yield
+    except OSError as error:
+        raise CommandError(error.strerror or str(error)) from error
 
 
 def parse_frames(text: str) -> tuple[int, ...]:
@@ -117,10 +131,8 @@ def parse_folder(text: str) -> Path:
     folder = parse_path("-o", text)
     if folder.exists() and not folder.is_dir():
         raise CommandError(f"-o {text}: expected a folder, it is a file")
-    try:
+    with explained():
         prepare_folder(folder)
-    except OSError as error:
-        raise CommandError(error.strerror or str(error)) from error
     return folder
 
 
@@ -215,9 +227,7 @@ class Output:
     def prepare(self) -> None:
         """Make the folder, and try it with a file, before the work rather than after. Errors: CommandError."""
         folder = self.pattern.parent
-        try:
+        with explained():
             prepare_folder(folder)
-        except OSError as error:
-            raise CommandError(str(error.strerror)) from error
         if reachable(self.pattern).is_dir():
             raise CommandError(f"cannot write {self.pattern}: it is a folder")

@@ -7,9 +7,8 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, TextIO
 
-from . import EXIT_INTERRUPTED
-from .arguments import CommandError, check_blend_file, parse_folder
-from .blender import StopRequest, active_view_layer, go_to_frame, open_scene, stop_on_interrupt
+from .arguments import EXIT_INTERRUPTED, CommandError, check_blend_file, parse_folder
+from .blender import StopRequest, active_view_layer, open_scene, stop_on_interrupt
 from .console import quiet_blender
 
 if TYPE_CHECKING:
@@ -35,7 +34,7 @@ def _measure(
     from ..bench.measurements import SceneBench
     from ..bench.results import HOW_TO_GET_CHARTS, write
     from ..bench.table import format_table
-    from ..live.scene_view import SceneView
+    from ..live.scene_view import SceneView, go_to_frame
 
     if arguments.threads is not None:
         perfect_bvh.set_thread_count(min(arguments.threads, 1024))

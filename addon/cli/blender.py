@@ -134,20 +134,6 @@ def active_view_layer(scene: bpy.types.Scene) -> bpy.types.ViewLayer:
     return active if active.name in scene.view_layers else scene.view_layers[0]
 
 
-def go_to_frame(scene: bpy.types.Scene, number: int, for_viewport: bool = False) -> None:
-    """Set the frame that the next render shows; with `frame_set`'s evaluation only if scripts wait for it.
-
-    for_viewport: the viewport's depsgraph is needed: it is shown, or something is simulated, which is played there
-    alone. A render evaluates the frame in a depsgraph of its own, so that to evaluate both is lost time otherwise.
-    """
-    import bpy
-
-    if for_viewport or bpy.app.handlers.frame_change_pre or bpy.app.handlers.frame_change_post:
-        scene.frame_set(number)
-    else:
-        scene.frame_current = number
-
-
 def render_job(scene: bpy.types.Scene, job: RenderJob) -> None:
     """Render the scene's current frame; the frame is in the job afterwards. Errors: CommandError."""
     import bpy

@@ -7,9 +7,9 @@ import errno
 import io
 import os
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager, redirect_stdout
-from typing import TextIO
+from typing import Any, TextIO
 
 
 def _flush_c_streams() -> None:
@@ -65,6 +65,35 @@ def quiet_blender() -> Iterator[TextIO]:
         os.close(saved)
         if own is not python_stdout:
             own.close()
+
+
+def progress_bar(unit: str, total: int, is_quiet: bool) -> Any:
+    """A progress bar; on a terminal only, so that logs stay clean."""
+    from tqdm import tqdm
+
+    bar_format = "{l_bar}{bar}| {n:.3g}/{total} [{elapsed}<{remaining}]"
+    is_disabled = True if is_quiet else None
+    return tqdm(total=total, unit=unit, bar_format=bar_format, disable=is_disabled, leave=False, file=sys.stderr)
+
+
+class Teller:
+    """Writes warnings, each once."""
+
+    def __init__(self, told: set[str] | None = None) -> None:
+        self._told = told if told is not None else set()
+
+    def tell(self, warnings: Iterable[str]) -> None:
+        """Those that were not told before."""
+        for warning in warnings:
+            if warning not in self._told:
+                self._told.add(warning)
+                self.say(warning)
+
+    def say(self, sentence: str) -> None:
+        """Beside a progress bar."""
+        from tqdm import tqdm
+
+        tqdm.write(f"perfect-bvh: {sentence}", file=sys.stderr)
 
 
 def format_table(header: Sequence[str], rows: Sequence[Sequence[str]], left: frozenset[int] = frozenset({0})) -> str:

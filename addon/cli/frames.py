@@ -1,13 +1,16 @@
-"""One frame of a file after the other, rendered and written as images, on one scale of greys where there is one."""
+"""Frames of a file, rendered and written as images, on one scale of greys where there is one; maybe in pieces."""
 
 from __future__ import annotations
 
+import argparse
+import re
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
-from .arguments import CommandError
-from .blender import go_to_frame, render_job
+from ..pieces.work import Done, PieceWork, Steps
+from .arguments import CommandError, Output, explained
+from .blender import StopRequest, active_view_layer, apply_settings, render_job
 
 if TYPE_CHECKING:
     import bpy
@@ -15,6 +18,11 @@ if TYPE_CHECKING:
     import numpy.typing as npt
 
     from ..image.still import Frame
+    from ..pieces.piece import Piece
+
+T = TypeVar("T")
+# What images depend on, among the arguments.
+CHOICES = ("mode", "size", "samples", "denoise", "time_limit", "noise_threshold", "seed", "viewport")
 
 
 def render_frame(
@@ -26,6 +34,7 @@ def render_frame(
 ) -> Frame | None:
     """A frame of a scene; None if it was stopped. progress: called with 0 to 1, False stops. Errors: CommandError."""
     from ..engine import RenderJob
+    from ..live.scene_view import go_to_frame
 
     go_to_frame(scene, number, is_simulated or for_viewport)
     job = RenderJob(progress=progress, for_viewport=for_viewport)
@@ -41,10 +50,10 @@ class ImageWriter:
     """Writes frames of a scene in its mode; distances as greys, near white, far black, on the first one's scale."""
 
     def __init__(self, scene: bpy.types.Scene) -> None:
-        from ..settings.modes import find_mode
+        from ..settings.modes import mode_of_render
 
         self._scene = scene
-        self._mode = find_mode(scene.perfect_bvh.mode.lower())
+        self._mode = mode_of_render(scene)
         self.range: tuple[float, float] | None = None
 
     def has_scale(self, suffix: str) -> bool:
@@ -56,10 +65,8 @@ class ImageWriter:
         from ..image.saving import save_image
 
         image = self._grey(frame) if self.has_scale(path.suffix) else frame.images["combined"]
-        try:
+        with explained():
             save_image(path, frame.cut(image), self._scene, self._mode)
-        except OSError as error:
-            raise CommandError(error.strerror or str(error)) from error
 
     def measure(self, frame: Frame) -> None:
         """Takes the scale of this frame, unless there is one."""
@@ -84,3 +91,94 @@ def warnings_of(frame: Frame) -> tuple[str, ...]:
     """What a frame lacks, and what went wrong, as sentences."""
     report = frame.statistics.report
     return (*report.warnings, *map(str, report.not_shown), *frame.statistics.complaints)
+
+
+class RenderWork(PieceWork):
+    """Pieces of an animation, with `--resume` or by workers; each begins with trees of its own."""
+
+    def __init__(self, scene: bpy.types.Scene, stop: StopRequest, arguments: argparse.Namespace) -> None:
+        from ..live.scene_view import SceneView
+        from ..pieces.folder import PieceFolder
+        from ..pieces.piece import Piece, runs_of
+
+        view = SceneView("render", scene, active_view_layer(scene), for_viewport=arguments.viewport)
+        super().__init__(view, arguments.frames or (scene.frame_current,))
+        self._stop, self._arguments = stop, arguments
+        if scene.camera is None:
+            raise CommandError(f"{arguments.file}: scene {scene.name!r} has no camera")
+        self._output = Output.parse(arguments.output, len(self.frames))
+        self._output.check_frames(self.frames, Path(arguments.file))
+        inputs = self._inputs()
+        apply_settings(scene, arguments)
+        self._writer = ImageWriter(scene)
+        self.pieces = [
+            Piece(frames, self._stem(frames), tuple(self._output.path_of(frame).name for frame in frames))
+            for frames in runs_of(self.frames, arguments.piece, has_gaps=True)
+        ]
+        before = self._output.pattern.stem.partition("#")[0]
+        self.place = PieceFolder(self._output.pattern.parent, inputs, before, "animation")
+
+    def make(self, piece: Piece) -> Steps:
+        """By trees of its own: ids of instances, and what rays cost, do not depend on the pieces before."""
+        from ..live.sync_cache import clear_syncs
+
+        if not self._know_scale(piece):
+            return
+        clear_syncs()
+        warnings = dict[str, None]()
+        for number, frame in enumerate(piece.frames):
+            rendered = self._render(frame)
+            if rendered is None:
+                return
+            self._writer.save(self._output.path_of(frame), rendered)
+            warnings |= dict.fromkeys(warnings_of(rendered))
+            yield (number + 1) / len(piece.frames)
+        with explained():
+            self.place.finish(piece, warnings=list(warnings))
+        yield Done({"frames": len(piece.frames)}, tuple(warnings))
+
+    def hold(self, piece: Piece, work: Callable[[], T]) -> T:
+        """Each frame is a render of its own."""
+        return work()
+
+    @property
+    def where(self) -> str:
+        """The images."""
+        return self._output.describe(self.frames)
+
+    def _render(self, frame: int) -> Frame | None:
+        if self._stop.is_set:
+            return None
+        how = self.is_simulated, self._arguments.viewport
+        return render_frame(self.view.find(), frame, lambda _: not self._stop.is_set, *how)
+
+    def _know_scale(self, piece: Piece) -> bool:
+        """Renders the first of all frames, if greys are on its scale and it was not rendered here; False if stopped."""
+        first = self.frames[0]
+        if self._writer.range is None and self._writer.has_scale(self._output.pattern.suffix) and first != piece.first:
+            rendered = self._render(first)
+            if rendered is None:
+                return False
+            self._writer.measure(rendered)
+        return True
+
+    def _stem(self, frames: tuple[int, ...]) -> str:
+        """Of a manifest, which is told from other files of JSON by its name."""
+        name = re.sub("#+", f"{frames[0]:04d}-{frames[-1]:04d}", self._output.pattern.stem)
+        return f"{name}.manifest"
+
+    def _inputs(self) -> dict[str, object]:
+        from ..pieces.scene_inputs import scene_inputs
+        from ..settings.denoisers import denoiser_in_use
+
+        arguments = self._arguments
+        return scene_inputs(
+            Path(arguments.file),
+            autoexec=arguments.autoexec,
+            allow_missing=arguments.allow_missing,
+            **{name: getattr(arguments, name) for name in CHOICES},
+            denoiser=denoiser_in_use(),
+            format=self._output.pattern.suffix,
+            first=self.frames[0],
+            begins=min(self.frames) if self.is_simulated else None,
+        )

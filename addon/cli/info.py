@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, TextIO
 from ..settings.modes import find_mode
 from ..statistics.words import memory, primitives, sum_of
 from .arguments import CommandError, check_blend_file
-from .blender import apply_settings, go_to_frame, open_scene, render_job, stop_on_interrupt
+from .blender import apply_settings, open_scene, render_job, stop_on_interrupt
 from .console import format_table, quiet_blender
 
 if TYPE_CHECKING:
@@ -44,6 +44,8 @@ def run_info(arguments: argparse.Namespace) -> int:
         scene = open_scene(path, arguments)
         apply_settings(scene, arguments)
         if arguments.frame is not None:
+            from ..live.scene_view import go_to_frame
+
             go_to_frame(scene, arguments.frame, arguments.viewport)
         if scene.camera is None:
             _add_camera(scene)

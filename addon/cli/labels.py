@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import argparse
-import time
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from .arguments import CommandError, check_blend_file, check_pieces, parse_folder
-from .blender import StopRequest, active_view_layer, apply_settings, go_to_frame, open_scene, stop_on_interrupt
+from ..pieces.work import Done, PieceWork, Steps
+from .arguments import CommandError, check_blend_file, check_pieces, explained, parse_folder
+from .blender import StopRequest, active_view_layer, apply_settings, open_scene, stop_on_interrupt
 from .console import quiet_blender
-from .piece_work import Advance, Done, PieceWork, explained, run_pieces, scene_inputs
+from .piece_work import run_pieces
 
 if TYPE_CHECKING:
     import bpy
@@ -34,16 +34,7 @@ def run_labels(arguments: argparse.Namespace) -> int:
         _check_coco()
     arguments.file, arguments.output = str(path), str(folder)  # as workers, which are elsewhere, find them
     with quiet_blender() as out, stop_on_interrupt() as stop:
-        scene = open_scene(path, arguments)
-        started = time.perf_counter()
-        work = LabelsWork(scene, stop, arguments)
-        outcome, status = run_pieces(work, out)
-        if not arguments.quiet:
-            seconds = time.perf_counter() - started
-            recognised = f", {outcome.kept} were there" if outcome.kept else ""
-            pieces = f"{outcome.written} of {len(work.pieces)} pieces"
-            out.write(f"{folder}: {pieces}{recognised}; {outcome.counts.get('frames', 0)} frames in {seconds:.2f} s\n")
-    return status
+        return run_pieces(LabelsWork, open_scene(path, arguments), stop, arguments, out)
 
 
 def _check_formats(arguments: argparse.Namespace) -> None:
@@ -77,10 +68,11 @@ class LabelsWork(PieceWork):
         from ..pieces.folder import PieceFolder
         from ..pieces.piece import Piece, runs_of
 
-        super().__init__(scene, stop, arguments)
+        view = SceneView("labels", scene, active_view_layer(scene), for_viewport=arguments.viewport)
+        super().__init__(view, arguments.frames or (scene.frame_current,))
+        self._stop, self._arguments = stop, arguments
         inputs = self._inputs()
         apply_settings(scene, arguments)
-        self._view = SceneView("labels", scene, active_view_layer(scene), for_viewport=arguments.viewport)
         self.pieces = []
         for frames in runs_of(self.frames, arguments.piece, has_gaps=True):
             stem = f"{BEFORE}{frames[0]:04d}-{frames[-1]:04d}"
@@ -91,36 +83,29 @@ class LabelsWork(PieceWork):
         if not arguments.no_coco:
             self.joined = (f"coco_{min(self.frames):04d}-{max(self.frames):04d}.json",)
 
-    def make(self, piece: Piece, advance: Advance) -> Done | None:
+    def make(self, piece: Piece) -> Steps:
         """By a scene of the engine's own: what a piece holds, ids of instances included, depends on no piece before."""
-        go_to_frame(self.scene, piece.first, self.is_simulated or self.arguments.viewport)
-        try:
-            return self._view.hold(lambda: self._make(piece, advance))
-        except ValueError as error:
-            raise CommandError(str(error)) from error
-
-    def _make(self, piece: Piece, advance: Advance) -> Done | None:
         from ..labels.coco import image_row, write_rows
         from ..live.scene_sync import SceneSync
 
         sync, rows, warnings = SceneSync(watch=False), [], dict[str, None]()
         try:
             for number, frame in enumerate(piece.frames):
-                labels = None if self.stop.is_set else self._label(frame, sync)
+                labels = None if self._stop.is_set else self._label(frame, sync)
                 if labels is None:
-                    return None
+                    return
                 lacking = self._save(labels, frame)
-                if not self.arguments.no_coco:
+                if not self._arguments.no_coco:
                     rows.append(image_row(labels, f"frame_{frame:04d}.png"))
                 warnings |= dict.fromkeys((*labels.warnings, *lacking))
-                advance((number + 1) / len(piece.frames))
+                yield (number + 1) / len(piece.frames)
         finally:
             sync.close()
         with explained():
-            if not self.arguments.no_coco:
+            if not self._arguments.no_coco:
                 write_rows(rows, self.place.path_of(piece.files[-1]))
             self.place.finish(piece, warnings=list(warnings))
-        return Done({"frames": len(piece.frames)}, tuple(warnings))
+        yield Done({"frames": len(piece.frames)}, tuple(warnings))
 
     def join(self) -> None:
         """The file of COCO's format, of all pieces, in the order of their frames."""
@@ -132,10 +117,13 @@ class LabelsWork(PieceWork):
                 join_rows(lambda: read_rows(paths), self.place.path_of(self.joined[0]))
 
     def _inputs(self) -> dict[str, object]:
-        arguments = self.arguments
+        from ..pieces.scene_inputs import scene_inputs
+
+        arguments = self._arguments
         return scene_inputs(
             Path(arguments.file),
-            arguments,
+            autoexec=arguments.autoexec,
+            allow_missing=arguments.allow_missing,
             size=arguments.size,
             category=arguments.category,
             labels=arguments.labels,
@@ -151,7 +139,7 @@ class LabelsWork(PieceWork):
     def _files_of(self, frame: int) -> list[str]:
         from ..labels.files import file_names
 
-        arguments = self.arguments
+        arguments = self._arguments
         what = {"labels": arguments.labels, "layers": arguments.layers, "flow": arguments.flow}
         return file_names(_stem_of(frame), arguments.format, **what)
 
@@ -159,10 +147,10 @@ class LabelsWork(PieceWork):
         """What the files lack of the labels, as sentences."""
         from ..labels import save_labels
 
-        how = {"frame": frame, "depth_scale": self.arguments.depth_scale}
+        how = {"frame": frame, "depth_scale": self._arguments.depth_scale}
         try:
             with explained():
-                return save_labels(labels, self.place.folder, _stem_of(frame), self.arguments.format, **how).warnings
+                return save_labels(labels, self.place.folder, _stem_of(frame), self._arguments.format, **how).warnings
         except ValueError as error:
             raise CommandError(f"frame {frame}: {error}") from error
 
@@ -172,11 +160,11 @@ class LabelsWork(PieceWork):
 
         from ..labels import label_image
 
-        arguments = self.arguments
+        arguments = self._arguments
 
         def label(moment: SceneMoment) -> Labels:
             if moment.camera is None:
-                raise ValueError(f"scene {self.scene.name!r} has no camera")
+                raise ValueError(f"scene {self.view.find().name!r} has no camera")
             return label_image(
                 moment.depsgraph,
                 sync=sync,
@@ -186,11 +174,11 @@ class LabelsWork(PieceWork):
                 flow=arguments.flow,
                 frame_set=moment.frame_set,
                 threads=arguments.threads or 0,
-                progress=lambda _: not self.stop.is_set,
+                progress=lambda _: not self._stop.is_set,
             )
 
         try:
-            return self._view.read(label, frame)
+            return self.view.read(label, frame)
         except perfect_bvh.Cancelled:
             return None
         except ValueError as error:

@@ -1,219 +1,109 @@
-"""What `scan`, `labels` and `render` have in common: pieces of a scene's frames, done one after the other.
-
-The same in the process of the command line and in those of workers: what a piece holds depends on its frames and inputs
-alone, not on what was done before it in its process.
-"""
+"""What `scan`, `labels` and `render` have in common: pieces of a scene's frames, done here or by workers."""
 
 from __future__ import annotations
 
 import argparse
 import sys
-from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
-from dataclasses import dataclass, field
-from pathlib import Path
-from typing import TYPE_CHECKING, Any, TextIO
+import time
+from collections.abc import Callable
+from typing import TYPE_CHECKING, TextIO
 
-from .arguments import CommandError
+from ..pieces.work import Advance, Done, Outcome, PieceWork, do_pieces
+from .arguments import EXIT_FAILED_PIECES, EXIT_INTERRUPTED, CommandError, explained
 from .blender import StopRequest
+from .console import Teller, is_reader_gone, progress_bar
 
 if TYPE_CHECKING:
     import bpy
 
-    from ..pieces.folder import PieceFolder
     from ..pieces.piece import Piece
 
-Advance = Callable[[float], object]
+Job = Callable[["bpy.types.Scene", StopRequest, argparse.Namespace], PieceWork]
 
 
-@dataclass(frozen=True, slots=True)
-class Done:
-    """What is told of a piece that was done. counts: numbers, by their names, which are added up for the summary."""
+def run_pieces(job: Job, scene: bpy.types.Scene, stop: StopRequest, arguments: argparse.Namespace, out: TextIO) -> int:
+    """Does what is missing of a command's job, here or by workers, joins it and tells of it; the exit status."""
+    started = time.perf_counter()
+    work = job(scene, stop, arguments)
+    _prepare_folder(work, arguments)
+    if arguments.workers is None and arguments.scheduler is None:
+        outcome = _do_here(work, stop, arguments)
+    else:
+        from .farm.run import do_pieces_on_farm
 
-    counts: dict[str, int] = field(default_factory=dict)
-    warnings: tuple[str, ...] = ()
-
-
-@dataclass(slots=True)
-class Outcome:
-    """What came of a run. failed: pieces and the reasons, a sentence each."""
-
-    written: int = 0
-    kept: int = 0
-    counts: dict[str, int] = field(default_factory=dict)
-    failed: list[tuple[Piece, str]] = field(default_factory=list)
-    is_stopped: bool = False
-
-    def add(self, done: Done) -> None:
-        """Counts a piece more."""
-        self.written += 1
-        for name, count in done.counts.items():
-            self.counts[name] = self.counts.get(name, 0) + count
+        outcome = do_pieces_on_farm(work, stop, arguments, out)
+    status = _end(work, outcome)
+    if not arguments.quiet:
+        what, *lines = work.summary(outcome)
+        seconds = time.perf_counter() - started
+        out.write(f"{work.where}: {outcome.words(len(work.pieces))}; {what} in {seconds:.2f} s\n")
+        out.writelines(f"{line}\n" for line in lines)
+    return status
 
 
-class PieceWork(ABC):
-    """The pieces of a command. Made once a scene is open; `pieces` and `place` are there then."""
+def do_piece(work: PieceWork, piece: Piece, stop: StopRequest, advance: Advance = lambda _: None) -> Done | None:
+    """Makes the files of a piece, and its manifest; None if it was stopped. advance: called with 0 to 1.
 
-    pieces: list[Piece]
-    place: PieceFolder
-    joined: tuple[str, ...] = ()  # names of files that are made of all pieces in the end
+    Raises CommandError for what its user can mend; what is of files has that as its cause.
+    """
 
-    def __init__(self, scene: bpy.types.Scene, stop: StopRequest, arguments: argparse.Namespace) -> None:
-        from ..extract.simulations import has_simulations
+    def go_on(done: float) -> bool:
+        advance(done)
+        return not stop.is_set
 
-        self.scene = scene
-        self.stop = stop
-        self.arguments = arguments
-        self.frames: tuple[int, ...] = arguments.frames or (scene.frame_current,)
-        self.is_simulated = has_simulations(scene)
-        self._played_to = min(self.frames) - 1
-
-    def can_do(self, piece: Piece) -> bool:
-        """Whether the scene can come to this piece as it is now; what is simulated does not run backwards."""
-        return not self.is_simulated or piece.first > self._played_to
-
-    def do(self, piece: Piece, advance: Advance) -> Done | None:
-        """Makes the files of a piece, and its manifest; None if it was stopped. advance: called with 0 to 1.
-
-        Raises CommandError.
-        """
-        self._play_to(piece.first)
-        done = None if self.stop.is_set else self.make(piece, advance)
-        if done is not None:
-            self._played_to = piece.last
-        elif not self.stop.is_set:
-            raise CommandError(f"{piece}: Blender has given it up, and says no more")
-        return done
-
-    @abstractmethod
-    def make(self, piece: Piece, advance: Advance) -> Done | None:
-        """The files and the manifest of a piece to whose first frame the scene was played; as `do`."""
-
-    @abstractmethod
-    def join(self) -> None:
-        """Makes the files for which all pieces have to be there, if there are such. Raises CommandError."""
-
-    def _play_to(self, frame: int) -> None:
-        """Through the frames before, if anything is simulated: it depends on them."""
-        if self.is_simulated:
-            for number in sorted(set(self.frames)):
-                if self._played_to < number < frame and not self.stop.is_set:
-                    self.scene.frame_set(number)
+    try:
+        done = work.do(piece, go_on)
+    except ValueError as error:
+        raise CommandError(f"{piece}: {error}") from error
+    except OSError as error:
+        if is_reader_gone(error):
+            raise
+        raise CommandError(error.strerror or str(error)) from error
+    if done is None and not stop.is_set:
+        raise CommandError(f"{piece}: Blender has given it up, and says no more")
+    return done
 
 
-def scene_inputs(path: Path, arguments: argparse.Namespace, **options: Any) -> dict[str, Any]:
-    """Of a scene that is open, with all the files that it reads; options: of the command."""
-    from ..pieces.scene_inputs import scene_inputs as inputs_of_scene
-
-    return inputs_of_scene(path, autoexec=arguments.autoexec, allow_missing=arguments.allow_missing, **options)
-
-
-def prepare_folder_of(work: PieceWork) -> None:
+def _prepare_folder(work: PieceWork, arguments: argparse.Namespace) -> None:
     """Refuses a folder of other work; what is there counts as done, or not, as is asked. Errors: CommandError."""
     from ..pieces.folder import OtherInputsError
 
     try:
         with explained():
-            work.place.prepare(work.pieces, *work.joined, resume=work.arguments.resume)
+            work.place.prepare(work.pieces, *work.joined, resume=arguments.resume)
     except OtherInputsError as error:
         raise CommandError(f"-o: {error}") from error
 
 
-def do_pieces(work: PieceWork) -> Outcome:
+def _do_here(work: PieceWork, stop: StopRequest, arguments: argparse.Namespace) -> Outcome:
     """All pieces that are not there, one after the other, in this process. Errors: CommandError."""
+    import perfect_bvh
+
     outcome, teller = Outcome(), Teller()
-    with piece_bar(work) as bar:
-        for number, piece in enumerate(work.pieces):
 
-            def advance(done: float, before: int = number) -> bool:
-                bar.update(before + done - bar.n)
-                return not work.stop.is_set
+    def do(piece: Piece, before: int) -> Done | None:
+        try:
+            return do_piece(work, piece, stop, lambda done: bar.update(before + done - bar.n))
+        except (perfect_bvh.EngineError, MemoryError) as error:  # there is no other worker that could try it again
+            raise CommandError(f"{piece}: {str(error) or 'there is not enough memory'}") from error
 
-            if work.place.is_done(piece):
-                outcome.kept += 1
-            else:
-                done = None if work.stop.is_set else _do(work, piece, advance)
-                if done is None:
-                    outcome.is_stopped = True
-                    break
-                outcome.add(done)
-                teller.tell(done)
-            bar.update(number + 1 - bar.n)
+    with progress_bar("piece", len(work.pieces), arguments.quiet) as bar:
+        for done in do_pieces(work, outcome, do):
+            teller.tell(outcome.warnings)
+            bar.update(done - bar.n)
     return outcome
 
 
-def _do(work: PieceWork, piece: Piece, advance: Advance) -> Done | None:
-    """As `PieceWork.do`, where there is no other worker that could try it again."""
-    import perfect_bvh
-
-    try:
-        return work.do(piece, advance)
-    except (perfect_bvh.EngineError, MemoryError) as error:
-        raise CommandError(f"{piece}: {str(error) or 'there is not enough memory'}") from error
-
-
-def piece_bar(work: PieceWork) -> Any:
-    """A progress bar over pieces; on a terminal only, so that logs stay clean."""
-    from tqdm import tqdm
-
-    bar_format = "{l_bar}{bar}| {n:.3g}/{total} [{elapsed}<{remaining}]"
-    is_disabled = True if work.arguments.quiet else None
-    return tqdm(
-        total=len(work.pieces), unit="piece", bar_format=bar_format, disable=is_disabled, leave=False, file=sys.stderr
-    )
-
-
-class Teller:
-    """Writes warnings, each once."""
-
-    def __init__(self, told: set[str] | None = None) -> None:
-        self._told = told if told is not None else set()
-
-    def tell(self, done: Done) -> None:
-        """Those of a piece."""
-        for warning in done.warnings:
-            if warning not in self._told:
-                self._told.add(warning)
-                self.say(warning)
-
-    def say(self, sentence: str) -> None:
-        """Beside a progress bar."""
-        from tqdm import tqdm
-
-        tqdm.write(f"perfect-bvh: {sentence}", file=sys.stderr)
-
-
-@contextmanager
-def explained() -> Iterator[None]:
-    """Errors of files become CommandErrors, which keep them as their cause."""
-    try:
-        yield
-    except OSError as error:
-        raise CommandError(error.strerror or str(error)) from error
-
-
-def run_pieces(work: PieceWork, out: TextIO) -> tuple[Outcome, int]:
-    """Does what is missing, here or by workers, and joins it; what came of it, and the exit status."""
-    from . import EXIT_FAILED_PIECES, EXIT_INTERRUPTED
-
-    prepare_folder_of(work)
-    arguments = work.arguments
-    if arguments.workers is None and arguments.scheduler is None:
-        outcome = do_pieces(work)
-    else:
-        from .farm.run import do_pieces_on_farm
-
-        outcome = do_pieces_on_farm(work, out)
+def _end(work: PieceWork, outcome: Outcome) -> int:
+    """Says what failed, and joins the pieces if they are there; the exit status."""
+    total = len(work.pieces)
     if outcome.failed:
         for piece, reason in outcome.failed:
             sys.stderr.write(f"perfect-bvh: {piece}: {reason}\n")
-        count = f"{len(outcome.failed)} of {len(work.pieces)} pieces failed"
-        sys.stderr.write(f"perfect-bvh: {count}; --resume tries them again\n")
-        return outcome, EXIT_FAILED_PIECES
+        sys.stderr.write(f"perfect-bvh: {len(outcome.failed)} of {total} pieces failed; --resume tries them again\n")
+        return EXIT_FAILED_PIECES
     if outcome.is_stopped:
-        done = outcome.written + outcome.kept
-        sys.stderr.write(f"perfect-bvh: stopped; {done} of {len(work.pieces)} pieces are there; --resume goes on\n")
-        return outcome, EXIT_INTERRUPTED
+        sys.stderr.write(f"perfect-bvh: stopped; {outcome.there} of {total} pieces are there; --resume goes on\n")
+        return EXIT_INTERRUPTED
     work.join()
-    return outcome, 0
+    return 0

@@ -9,13 +9,12 @@ import sys
 import time
 from typing import TYPE_CHECKING, TextIO
 
-from . import EXIT_INTERRUPTED
-from .arguments import CommandError, Output, check_blend_file, check_mode, check_pieces
+from .arguments import EXIT_INTERRUPTED, CommandError, Output, check_blend_file, check_mode, check_pieces
 from .blender import StopRequest, active_view_layer, apply_settings, open_scene, stop_on_interrupt
-from .console import quiet_blender
-from .frames import ImageWriter, render_frame, warnings_of
+from .console import Teller, progress_bar, quiet_blender
+from .frames import ImageWriter, RenderWork, render_frame, warnings_of
 from .ignored_output import find_ignored_output
-from .piece_work import Done, Teller, run_pieces
+from .piece_work import run_pieces
 from .report import FrameTimes, format_frame, format_header, format_summary
 
 if TYPE_CHECKING:
@@ -48,7 +47,7 @@ def run_render(arguments: argparse.Namespace) -> int:
         for sentence in find_ignored_output(scene, active_view_layer(scene)):
             sys.stderr.write(f"perfect-bvh: {sentence}\n")
         if _is_in_pieces(arguments):
-            return _run_pieces(scene, output, out, stop, arguments)
+            return run_pieces(RenderWork, scene, stop, arguments, out)
         apply_settings(scene, arguments)
         frames = arguments.frames or (scene.frame_current,)
         output.check_frames(frames, path)
@@ -58,24 +57,6 @@ def run_render(arguments: argparse.Namespace) -> int:
 
 def _is_in_pieces(arguments: argparse.Namespace) -> bool:
     return bool(arguments.resume or arguments.workers or arguments.scheduler)
-
-
-def _run_pieces(
-    scene: bpy.types.Scene, output: Output, out: TextIO, stop: StopRequest, arguments: argparse.Namespace
-) -> int:
-    from .render_pieces import RenderWork
-
-    started = time.perf_counter()
-    work = RenderWork(scene, stop, arguments)
-    outcome, status = run_pieces(work, out)
-    if not arguments.quiet:
-        seconds = time.perf_counter() - started
-        recognised = f", {outcome.kept} were there" if outcome.kept else ""
-        pieces = f"{outcome.written} of {len(work.pieces)} pieces"
-        frames = outcome.counts.get("frames", 0)
-        where = output.describe(work.frames)
-        out.write(f"{where}: {pieces}{recognised}; {frames} frames in {seconds:.2f} s\n")
-    return status
 
 
 class RenderSession:
@@ -103,16 +84,9 @@ class RenderSession:
 
     def run(self, frames: tuple[int, ...]) -> int:
         """Render them all; the exit status."""
-        from tqdm import tqdm
-
-        bar_format = "{l_bar}{bar}| {n:.3g}/{total} [{elapsed}<{remaining}]"
-        # None: shown on a terminal only, so that logs stay clean.
-        is_disabled = True if self._is_quiet else None
         if self._wants_stats:
             self._say(format_header())
-        with tqdm(
-            total=len(frames), unit="frame", bar_format=bar_format, disable=is_disabled, leave=False, file=sys.stderr
-        ) as bar:
+        with progress_bar("frame", len(frames), self._is_quiet) as bar:
             for index, frame in enumerate(frames):
                 bar.set_description(f"frame {frame}")
                 if self._stop.is_set or not self._render(frame, index, bar):
@@ -139,7 +113,7 @@ class RenderSession:
         self._reports.append(frame.statistics.report)
         if frame.statistics.audit is not None:
             self._audits.append(frame.statistics.audit)
-        self._teller.tell(Done(warnings=warnings_of(frame)))
+        self._teller.tell(warnings_of(frame))
         if self._wants_stats:
             self._say(format_frame(number, frame.statistics, times))
         return True

@@ -7,6 +7,7 @@ evaluated again at a moment is not read again, for which its changes are listene
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from contextlib import nullcontext
 from dataclasses import replace
 from fractions import Fraction
@@ -17,9 +18,8 @@ import numpy as np
 
 from ..events.changes import listen, stop_listening, watched_evaluations
 from ..events.evaluation_log import EvaluationLog
-from ..support.progress import Progress
+from ..sync.moments import MomentRecord, MotionSettings
 from ..sync.motion import add_motion
-from ..sync.motion_records import MomentRecord, MotionSettings
 from ..sync.records import AttributeRequest, CameraRecord, InstanceRecords, MeshRecord, ObjectRecord, SceneRecord
 from .camera import read_frame
 from .geometry.groups import AdaptiveSubdivision, GroupTable
@@ -47,7 +47,7 @@ def read_scene_in_time(
     camera: Any,
     size: tuple[int, int] | None,
     space: Any,
-    progress: Progress | None = None,
+    progress: Callable[[float], object] | None = None,
 ) -> SceneRecord:
     """What `read_scene` reads, with the motion of all that moves within the shutter.
 
@@ -98,7 +98,7 @@ def _mover(depsgraph: Any, camera: Any) -> Any:
     return None if mover is None else mover.original
 
 
-def _tell(progress: Progress | None, done: float) -> None:
+def _tell(progress: Callable[[float], object] | None, done: float) -> None:
     if progress is not None and progress(done) is False:
         import perfect_bvh
 

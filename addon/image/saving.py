@@ -17,7 +17,7 @@ import bpy
 import numpy as np
 import numpy.typing as npt
 
-from ..settings.modes import Mode, find_mode
+from ..settings.modes import Mode, mode_of_render
 from ..settings.scene_settings import ENGINE_NAME
 from ..support.files import replacing
 from ..support.paths import is_extended
@@ -127,7 +127,7 @@ _fixed_jobs: dict[int, ExitStack] = {}
 @bpy.app.handlers.persistent
 def _begin_job(scene: bpy.types.Scene, *_: object) -> None:
     _end_job(scene)
-    view_transform = find_mode(scene.perfect_bvh.mode.lower()).view
+    view_transform = mode_of_render(scene).view
     if scene.render.engine == ENGINE_NAME and view_transform is not None:
         stack = ExitStack()
         stack.enter_context(fixed_output(scene, view_transform))

@@ -11,7 +11,6 @@ import numpy.typing as npt
 from ..extract.camera import check_resolution, image_window
 from ..extract.label_values import OBJECT, LabelReader
 from ..support.memory import check_fits
-from ..support.progress import Progress, part_of
 from ..sync.label_columns import LabelColumn
 from ..sync.lookup import MISS, IdRows
 from ..sync.records import VISIBLE_TO_CAMERA, AttributeRequest
@@ -25,6 +24,7 @@ if TYPE_CHECKING:
 
     import bpy
     from perfect_bvh import Camera, Hits, Intersections, Snapshot
+    from perfect_bvh._batches import Progress
 
     from ..live.scene_sync import SceneSync
     from ..live.scene_view import SceneMoment
@@ -119,12 +119,14 @@ def _label_depsgraph(
     progress: Progress | None,
 ) -> Labels:
     """`label_image` of what was evaluated. view: for `SceneSync.update`."""
+    from perfect_bvh._batches import share_of
+
     from ..live.scene_sync import SceneSync
 
     own = SceneSync(READ, watch=False) if sync is None else sync
     own.request(READ)
     try:
-        own.update(depsgraph, **view, progress=part_of(progress, 0.0, 0.3))
+        own.update(depsgraph, **view, progress=share_of(progress, 0.0, 0.3))
         if own.camera is None:
             raise ValueError(_no_camera(depsgraph.scene, own.warnings[-1] if own.warnings else "it has none"))
         try:
@@ -137,7 +139,7 @@ def _label_depsgraph(
         bytes_needed = width * height * (BYTES_A_PIXEL + BYTES_A_LAYER * layers)
         check_fits(f"label_image: {width:,} x {height:,} pixels", bytes_needed, "choose a smaller size")
         labelling = _Labelling(own, own.camera, own.size, window, layers, view["shutter"] is not None, threads)
-        labelling.run(part_of(progress, 0.3, 0.7))
+        labelling.run(share_of(progress, 0.3, 0.7))
         return labelling.result(classes, others, depsgraph)
     finally:
         if sync is None:

@@ -17,6 +17,7 @@ from functools import partial
 from typing import Any
 
 from perfect_bvh import Scene
+from perfect_bvh._batches import share_of
 from perfect_bvh.scene import Policy
 
 from ..extract import ReadCache, read_scene
@@ -24,7 +25,6 @@ from ..extract.pointer_views import ArrayReader
 from ..extract.scene_in_time import read_scene_in_time
 from ..extract.shutter import FrameSet, Shutter, as_shutter
 from ..support.background_work import BackgroundWork
-from ..support.progress import part_of
 from ..sync.motion import without_parting
 from ..sync.records import AttributeRequest, SceneRecord
 from ..sync.report import SyncReport
@@ -149,8 +149,8 @@ class SceneSync(SyncedScene):
         view = {"camera": camera, "size": size, "space": space}
         if self._watch is not None:
             self._watch.start()  # again, if it was closed
-        reading = part_of(progress, 0.0, 0.5)
-        committing = progress if span is None else part_of(progress, 0.5, 0.5)
+        reading = share_of(progress, 0.0, 0.5)
+        committing = progress if span is None else share_of(progress, 0.5, 0.5)
         difference, read_milliseconds = self._read(lambda: self._read_any(depsgraph, view, span, reading))
         if self._watch is not None:
             self._watch.note_synced(depsgraph)

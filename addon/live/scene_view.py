@@ -77,6 +77,18 @@ def is_at(scene: bpy.types.Scene, frame: int, subframe: float) -> bool:
     return bool((scene.frame_current, scene.frame_subframe) == (frame, np.float32(subframe)))
 
 
+def go_to_frame(scene: bpy.types.Scene, number: int, for_viewport: bool = False) -> None:
+    """Sets the frame that the next render shows; with `frame_set`'s evaluation only if scripts wait for it.
+
+    for_viewport: the viewport's depsgraph is needed: it is shown, or something is simulated, which is played there
+    alone. A render evaluates the frame in a depsgraph of its own, so that to evaluate both is lost time otherwise.
+    """
+    if for_viewport or bpy.app.handlers.frame_change_pre or bpy.app.handlers.frame_change_post:
+        scene.frame_set(number)
+    else:
+        scene.frame_current = number
+
+
 class SceneView(SceneReference):
     """A scene that is read as a render sees it, or with `for_viewport` as viewports do."""
 

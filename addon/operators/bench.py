@@ -16,7 +16,6 @@ import bpy
 
 from ..live.scene_reference import SceneReference
 from ..settings.editors import redraw_viewports
-from ..settings.preferences import native_error
 from ..support.files import prepare_folder
 from .preview import show_in_editor
 from .ticking import Ticking
@@ -56,35 +55,6 @@ class PERFECT_BVH_OT_bench(Ticking, bpy.types.Operator):
     _scene_uid: int
     _frame: tuple[int, float, int]
     _where: Path
-
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        error = native_error()
-        if error is not None:
-            cls.poll_message_set(error)
-        return error is None
-
-    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
-        if not self._begin(context):
-            return {"CANCELLED"}
-        self._begin_ticking(context)
-        return {"RUNNING_MODAL"}
-
-    def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
-        if event.type == "ESC":
-            return self._finish(context)
-        if event.type != "TIMER":
-            return {"PASS_THROUGH"}
-        step = self._step()
-        if step is not None:
-            context.window_manager.progress_update(100 * step[0])
-            self._tell(context, f"Measuring: {step[1]}. Esc ends it and shows what there is")
-            return {"RUNNING_MODAL"}
-        return self._finish(context)
-
-    def cancel(self, context: bpy.types.Context) -> None:
-        """Blender ends or opens another file."""
-        self._end(context)
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         if not self._begin(context):
@@ -128,6 +98,17 @@ class PERFECT_BVH_OT_bench(Ticking, bpy.types.Operator):
         except (ValueError, perfect_bvh.EngineError, MemoryError) as problem:
             self._complain(problem)
             return None
+
+    def _tick(self, context: bpy.types.Context) -> set[str] | None:
+        step = self._step()
+        if step is not None:
+            context.window_manager.progress_update(100 * step[0])
+            self._tell(context, f"Measuring: {step[1]}. Esc ends it and shows what there is")
+            return None
+        return self._finish(context)
+
+    def _stop(self, context: bpy.types.Context) -> set[str]:
+        return self._finish(context)
 
     def _end(self, context: bpy.types.Context) -> None:
         self._steps.close()

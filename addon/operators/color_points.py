@@ -6,11 +6,11 @@ from typing import ClassVar
 
 import bpy
 
-from ..settings.preferences import native_error
 from ..statistics.words import sentence
+from .ticking import Checked
 
 
-class PERFECT_BVH_OT_color_points(bpy.types.Operator):
+class PERFECT_BVH_OT_color_points(Checked, bpy.types.Operator):
     """Writes the points' attribute of colours anew."""
 
     bl_idname = "perfect_bvh.color_points"
@@ -19,11 +19,13 @@ class PERFECT_BVH_OT_color_points(bpy.types.Operator):
     bl_options: ClassVar = {"REGISTER", "UNDO"}
 
     @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        complaint = native_error() or _find_complaint(context)
-        if complaint is not None:
-            cls.poll_message_set(complaint)
-        return complaint is None
+    def _find_complaint(cls, context: bpy.types.Context) -> str | None:
+        """Why no points can be coloured; asked in each redraw, where all objects cannot be gone through."""
+        from ..scanning.point_data import may_have_points
+
+        if context.mode != "OBJECT":
+            return "Points can be colored in Object Mode only"
+        return None if may_have_points() else "There is no scan whose points could be colored"
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         from ..scanning.point_data import color_points
@@ -43,15 +45,6 @@ class PERFECT_BVH_OT_color_points(bpy.types.Operator):
             return {"CANCELLED"}
         self.report({"INFO"}, f"{', '.join(colored)}: points are colored anew")
         return {"FINISHED"}
-
-
-def _find_complaint(context: bpy.types.Context) -> str | None:
-    """Why no points can be coloured; asked in each redraw, where all objects cannot be gone through."""
-    from ..scanning.point_data import may_have_points
-
-    if context.mode != "OBJECT":
-        return "Points can be colored in Object Mode only"
-    return None if may_have_points() else "There is no scan whose points could be colored"
 
 
 def _chosen(context: bpy.types.Context) -> list[bpy.types.Object]:

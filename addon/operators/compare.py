@@ -12,9 +12,8 @@ from typing import Any, ClassVar
 import bpy
 
 from ..events.changes import edit_count
-from ..settings.preferences import native_error
 from ..settings.tree_settings import REFITTED, choice_of
-from .ticking import Ticking
+from .ticking import Checked, Ticking
 
 SHAPES = ("MESH", "CURVE", "CURVES", "SURFACE", "FONT", "META", "POINTCLOUD", "VOLUME")
 
@@ -33,35 +32,8 @@ class PERFECT_BVH_OT_compare(Ticking, bpy.types.Operator):
     _edits: int
 
     @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        complaint = native_error() or find_complaint(context)
-        if complaint is not None:
-            cls.poll_message_set(complaint)
-        return complaint is None
-
-    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
-        if not self._begin(context):
-            return {"CANCELLED"}
-        self._begin_ticking(context)
-        return {"RUNNING_MODAL"}
-
-    def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
-        if event.type == "ESC":
-            self._end(context)
-            self.report({"INFO"}, "Comparing was stopped")
-            return {"CANCELLED"}
-        if event.type != "TIMER":
-            return {"PASS_THROUGH"}
-        if self._work.is_running:
-            context.window_manager.progress_update(100 * self._work.share)
-            self._tell(context, f"Comparing trees {self._work.share:.0%}: Esc stops it")
-            return {"RUNNING_MODAL"}
-        self._end(context)
-        return self._finish(context)
-
-    def cancel(self, context: bpy.types.Context) -> None:
-        """Blender ends or opens another file."""
-        self._end(context)
+    def _find_complaint(cls, context: bpy.types.Context) -> str | None:
+        return find_complaint(context)
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         return self._finish(context) if self._begin(context) else {"CANCELLED"}
@@ -92,6 +64,17 @@ class PERFECT_BVH_OT_compare(Ticking, bpy.types.Operator):
         )
         return True
 
+    def _tick(self, context: bpy.types.Context) -> set[str] | None:
+        if self._work.is_running:
+            context.window_manager.progress_update(100 * self._work.share)
+            self._tell(context, f"Comparing trees {self._work.share:.0%}: Esc stops it")
+            return None
+        self._end(context)
+        return self._finish(context)
+
+    def _stopped(self) -> str:
+        return "Comparing was stopped"
+
     def _finish(self, context: bpy.types.Context) -> set[str]:
         import perfect_bvh
 
@@ -113,7 +96,7 @@ class PERFECT_BVH_OT_compare(Ticking, bpy.types.Operator):
         self._end_ticking(context)
 
 
-class PERFECT_BVH_OT_end_comparison(bpy.types.Operator):
+class PERFECT_BVH_OT_end_comparison(Checked, bpy.types.Operator):
     """Shows the scene again."""
 
     bl_idname = "perfect_bvh.end_comparison"
@@ -122,11 +105,10 @@ class PERFECT_BVH_OT_end_comparison(bpy.types.Operator):
     bl_options: ClassVar = {"INTERNAL"}
 
     @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        if native_error() is not None or not _is_shown():
-            cls.poll_message_set("No trees are compared")
-            return False
-        return True
+    def _find_complaint(cls, context: bpy.types.Context) -> str | None:
+        from ..view3d.compare import compare_view
+
+        return "No trees are compared" if compare_view.shown() is None else None
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         from ..view3d.compare import compare_view
@@ -144,12 +126,6 @@ def find_complaint(context: bpy.types.Context) -> str | None:
     if context.mode != "OBJECT":
         return "Leave the mode of the active object first: its triangles are those of Object Mode"
     return None
-
-
-def _is_shown() -> bool:
-    from ..view3d.compare import compare_view
-
-    return compare_view.shown() is not None
 
 
 def find_space(context: bpy.types.Context) -> int | None:

@@ -16,7 +16,6 @@ from ..image.progressive import Pace
 from ..image.refinement import Refinement
 from ..live.pending_commit import LOOKING_SECONDS
 from ..settings.editors import redraw_viewports
-from ..settings.preferences import native_error
 from ..statistics.last_result import note_image
 from ..view3d.rendered.awaited_view import AwaitedView, await_view, find_view
 from ..view3d.rendered.screen_image import picture_of
@@ -47,49 +46,12 @@ class PERFECT_BVH_OT_preview(Ticking, bpy.types.Operator):
     _window: int | None = None  # the one that was opened for the image
 
     @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        error = native_error()
-        if error is not None:
-            cls.poll_message_set(error)
-            return False
-        if find_view(context) is None and context.scene.camera is None:
-            cls.poll_message_set("There is neither a 3D viewport nor a camera")
-            return False
-        return True
-
-    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
-        if not self._attempt(lambda: self._read(context)):
-            return {"CANCELLED"}
-        self._begin_ticking(context)
-        self._show_state(context)
-        return {"RUNNING_MODAL"}
-
-    def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
-        if event.type == "ESC" or self._is_closed(context):
-            self._end(context)
-            count = None if self._refinement is None else self._refinement.sample_count
-            when = "before there was an image" if count is None else f"after {count} samples"
-            self.report({"INFO"}, f"Rendering the view was stopped {when}")
-            return {"CANCELLED"}
-        if event.type != "TIMER":
-            return {"PASS_THROUGH"}
-        if not self._attempt(lambda: self._build(context) if self._refinement is None else self._refine(context)):
-            self._end(context)
-            return {"CANCELLED"}
-        self._show_state(context)
-        if self._refinement is None or not self._refinement.is_finished:
-            return {"RUNNING_MODAL"}
-        self._end(context)
-        self._remember(self._refinement)
-        self._tell_where(context, "is")
-        return {"FINISHED"}
-
-    def cancel(self, context: bpy.types.Context) -> None:
-        """Blender ends or opens another file."""
-        self._end(context)
+    def _find_complaint(cls, context: bpy.types.Context) -> str | None:
+        is_lost = find_view(context) is None and context.scene.camera is None
+        return "There is neither a 3D viewport nor a camera" if is_lost else None
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        if not self._attempt(lambda: self._read(context)) or not self._attempt(self._begin_image):
+        if not self._begin(context) or not self._attempt(self._begin_image):
             return {"CANCELLED"}
         refinement = self._refinement
         assert refinement is not None
@@ -100,6 +62,26 @@ class PERFECT_BVH_OT_preview(Ticking, bpy.types.Operator):
         return {"FINISHED"}
 
     # The parts -------------------------------------------------------------------------------------------------------
+
+    def _begin(self, context: bpy.types.Context) -> bool:
+        return self._attempt(lambda: self._read(context))
+
+    def _tick(self, context: bpy.types.Context) -> set[str] | None:
+        if not self._attempt(lambda: self._build(context) if self._refinement is None else self._refine(context)):
+            self._end(context)
+            return {"CANCELLED"}
+        self._show_state(context)
+        if self._refinement is None or not self._refinement.is_finished:
+            return None
+        self._end(context)
+        self._remember(self._refinement)
+        self._tell_where(context, "is")
+        return {"FINISHED"}
+
+    def _stopped(self) -> str:
+        count = None if self._refinement is None else self._refinement.sample_count
+        when = "before there was an image" if count is None else f"after {count} samples"
+        return f"Rendering the view was stopped {when}"
 
     def _attempt(self, work: Callable[[], None]) -> bool:
         """Whether it has succeeded; the reason is reported if not."""

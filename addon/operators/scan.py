@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import bpy
 
-from ..settings.preferences import native_error
 from ..statistics import messages
 from . import scanned_file
 from .scanned_file import ScannedFile
@@ -41,40 +40,20 @@ class PERFECT_BVH_OT_scan(Ticking, bpy.types.Operator):
     _started: float
 
     @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        complaint = native_error() or _find_complaint(context)
-        if complaint is not None:
-            cls.poll_message_set(complaint)
-        return complaint is None
+    def _find_complaint(cls, context: bpy.types.Context) -> str | None:
+        from ..extract.camera import has_camera
 
-    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
-        if not self._begin(context):
-            return {"CANCELLED"}
-        self._begin_ticking(context)
-        self._show_state(context)
-        return {"RUNNING_MODAL"}
-
-    def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
-        if event.type == "ESC":
-            self._end(context)
-            self.report({"INFO"}, self._job.stopped())
-            return {"CANCELLED"}
-        if event.type != "TIMER":
-            return {"PASS_THROUGH"}
-        done = self._step(STEP_SECONDS)
-        if done is None:
-            self._end(context)
-            return self._give_up(context)
-        context.window_manager.progress_update(100 * done)
-        self._show_state(context)
-        if done < 1.0:
-            return {"RUNNING_MODAL"}
-        self._end(context)
-        return self._finish(context)
-
-    def cancel(self, context: bpy.types.Context) -> None:
-        """Blender ends or opens another file."""
-        self._end(context)
+        scene = context.scene
+        settings = scene.perfect_bvh.scan
+        if context.mode != "OBJECT":
+            return "Points are added as an object: leave the mode of the active one first"
+        if settings.sensor is None and not has_camera(scene):
+            return "There is neither a sensor nor an active camera"
+        if not settings.use_points and not settings.use_files:
+            return "Nothing would be made: choose Points in Scene, Files, or both"
+        if settings.use_points and scene.library is not None:
+            return "The scene is linked from another file: nothing can be added to it"
+        return None
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         from ..live.scene_view import SceneView
@@ -140,6 +119,21 @@ class PERFECT_BVH_OT_scan(Ticking, bpy.types.Operator):
             return None
         return 1.0
 
+    def _tick(self, context: bpy.types.Context) -> set[str] | None:
+        done = self._step(STEP_SECONDS)
+        if done is None:
+            self._end(context)
+            return self._give_up(context)
+        context.window_manager.progress_update(100 * done)
+        self._show_state(context)
+        if done < 1.0:
+            return None
+        self._end(context)
+        return self._finish(context)
+
+    def _stopped(self) -> str:
+        return str(self._job.stopped())
+
     def _show_state(self, context: bpy.types.Context) -> None:
         built = self._job.built_share
         state = "Scanning" if built is None else f"Building trees {built:.0%}"
@@ -176,23 +170,6 @@ class PERFECT_BVH_OT_scan(Ticking, bpy.types.Operator):
         if made and self._file is not None:
             self._file.points_were_added(context.scene, context.view_layer)
         return made
-
-
-def _find_complaint(context: bpy.types.Context) -> str | None:
-    """Why no scan is possible here."""
-    from ..extract.camera import has_camera
-
-    scene = context.scene
-    settings = scene.perfect_bvh.scan
-    if context.mode != "OBJECT":
-        return "Points are added as an object: leave the mode of the active one first"
-    if settings.sensor is None and not has_camera(scene):
-        return "There is neither a sensor nor an active camera"
-    if not settings.use_points and not settings.use_files:
-        return "Nothing would be made: choose Points in Scene, Files, or both"
-    if settings.use_points and scene.library is not None:
-        return "The scene is linked from another file: nothing can be added to it"
-    return None
 
 
 def _add_object(context: bpy.types.Context, cloud: PointCloud, name: str, colors: tuple[str, str]) -> bpy.types.Object:

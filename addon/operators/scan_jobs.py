@@ -13,7 +13,6 @@ from ..settings.scan_settings import label_names
 from ..statistics.words import duration
 from ..support.files import prepare_folder
 from .scan_request import (
-    carrier_of,
     check_colors,
     exclude_mount_of,
     folder_of,
@@ -43,7 +42,7 @@ class PointsJob:
         check_colors(settings)
         self._scanner: Any = Scanner(
             sensor_of(settings),
-            carrier_of(scene),
+            settings.sensor,
             frames=frames_of(scene),
             steps_per_frame=settings.steps_per_frame,
             threads=threads_of(scene),
@@ -95,12 +94,13 @@ class FilesJob:
     """
 
     def __init__(self, scene: bpy.types.Scene, file: ScannedFile) -> None:
-        from ..scanning.piece_scan import PieceScan
+        from ..pieces.work import Outcome
+        from ..scanning.piece_scan import ScanWork
 
         settings = scene.perfect_bvh.scan
         if settings.use_points:
             check_colors(settings)
-        plan, carrier = plan_of(scene), carrier_of(scene)
+        plan, carrier = plan_of(scene), settings.sensor
         plan.scanner(plan.pieces()[0], carrier)  # what cannot be scanned is refused before a folder is made
         self._folder: Path = folder_of(settings).resolve()
         if self._folder in _folders_in_use:
@@ -111,24 +111,32 @@ class FilesJob:
         self._clouds: list[tuple[str, PointCloud]] = []
         place = plan.folder(self._folder, file.inputs_of(plan, carrier))
         place.prepare(plan.pieces(), resume=settings.use_resume)
-        self._pieces = PieceScan(plan, carrier, place, on_piece=self._take)
+        self._work = ScanWork(plan, carrier, place, self._take)
+        self._outcome = Outcome()
         self._resumes = settings.use_resume
         _folders_in_use.add(self._folder)
 
     @property
     def built_share(self) -> float | None:
-        return self._pieces.built_share
+        return self._work.built_share
 
     @property
     def where(self) -> str:
         """What is worked on, for the status bar."""
-        return f", piece {self._pieces.number} of {len(self._pieces.pieces)}"
+        return f", piece {self._outcome.number} of {len(self._work.pieces)}"
 
     def steps(self) -> Generator[float, None, None]:
         """Yields the share done, 0 to 1."""
-        with closing(self._pieces.steps()) as steps:
-            for done in steps:
-                yield done / len(self._pieces.pieces)
+        from ..pieces.work import do_pieces
+
+        scene = self._work.view.find()
+        frame = scene.frame_current, scene.frame_subframe, scene.camera.session_uid if scene.camera else 0
+        try:
+            with closing(do_pieces(self._work, self._outcome)) as steps:
+                for done in steps:
+                    yield done / len(self._work.pieces)
+        finally:
+            self._work.view.set_frame_back(*frame)
 
     def release(self) -> None:
         """At the end, however it came: other scans may write there."""
@@ -137,32 +145,29 @@ class FilesJob:
     def stopped(self) -> str:
         """What to tell who has stopped it."""
         how = "Start Scan goes on" if self._resumes else "Start Scan goes on if Resume is chosen"
-        return f"The scan was stopped: {self._there()} in {self._folder}; {how}"
+        done = self._outcome.there
+        count = f"{done} of {len(self._work.pieces)} pieces {'is' if done == 1 else 'are'} whole"
+        return f"The scan was stopped: {count} in {self._folder}; {how}"
 
     def result(self) -> tuple[list[tuple[str, PointCloud]], list[str]]:
         """Points to be added, with the names of their objects, and warnings."""
-        warnings = list(self._pieces.warnings)
-        if self._keeps and self._pieces.kept:
-            warnings.append(
-                f"The points of {self._pieces.kept} pieces that were there are not added; without Resume all are"
-            )
+        warnings, kept = list(self._outcome.warnings), self._outcome.kept
+        if self._keeps and kept:
+            warnings.append(f"The points of {kept} pieces that were there are not added; without Resume all are")
         return [(name, cloud) for name, cloud in self._clouds if len(cloud)], warnings
 
     def ray_outcomes(self) -> RayCounts:
         """What became of the rays of the pieces that were scanned."""
-        return self._pieces.counts
+        from ..scanning.piece_scan import ray_counts
+
+        return ray_counts(self._outcome)
 
     def summary(self, names: list[str], seconds: float) -> str:
         """What was made, in a sentence. names: of the objects that were."""
-        pieces = self._pieces
-        kept = f", {pieces.kept} were there" if pieces.kept else ""
         added = f", {len(names)} objects" if self._keeps else ""
-        count = f"{pieces.written} of {len(pieces.pieces)} pieces written{kept}"
-        return f"{self._folder}: {count}; {pieces.points:,} points{added}, {duration(1e3 * seconds)}"
-
-    def _there(self) -> str:
-        done = self._pieces.written + self._pieces.kept
-        return f"{done} of {len(self._pieces.pieces)} pieces {'is' if done == 1 else 'are'} whole"
+        count = self._outcome.words(len(self._work.pieces), "pieces written")
+        points = self._work.summary(self._outcome)[0]
+        return f"{self._folder}: {count}; {points}{added}, {duration(1e3 * seconds)}"
 
     def _take(self, piece: Piece, cloud: PointCloud) -> None:
         self._file.check_unedited(piece.first)

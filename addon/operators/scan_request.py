@@ -73,12 +73,6 @@ def frames_of(scene: bpy.types.Scene) -> tuple[int, int] | None:
     return settings.frame_start, settings.frame_end
 
 
-def carrier_of(scene: bpy.types.Scene) -> bpy.types.Object | None:
-    """The object that carries the sensor; None for the camera of each frame."""
-    carrier: bpy.types.Object | None = scene.perfect_bvh.scan.sensor
-    return carrier
-
-
 def exclude_mount_of(scene: bpy.types.Scene) -> bool | None:
     """As `scan` has it; None to decide by the object."""
     return {"AUTO": None, "EXCLUDE": True, "SCAN": False}[scene.perfect_bvh.scan.mount]

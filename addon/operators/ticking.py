@@ -1,4 +1,4 @@
-"""Operators in a window that work in steps of a timer: Blender goes on, and its status bar tells how far they are."""
+"""What operators share: they say why they cannot be pressed, and work in steps of a timer while Blender goes on."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ from collections.abc import Callable
 
 import bpy
 
+from ..settings.preferences import native_error
 from ..statistics import messages
 from ..statistics.words import sentence
 from . import status_bar
@@ -23,16 +24,86 @@ def sentence_of(problem: BaseException | str) -> str:
     return sentence(text or type(problem).__name__)
 
 
-class Ticking:
-    """What such operators share: a timer that calls their `modal`, a bar at the pointer, a line in the status bar.
+class Checked:
+    """An operator whose button is greyed where it cannot work, and tells why."""
 
-    Without a window, or when a script calls them, none of it begins.
+    poll_message_set: Callable[..., None]
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        complaint = native_error() or cls._find_complaint(context)
+        if complaint is not None:
+            cls.poll_message_set(complaint)
+        return complaint is None
+
+    @classmethod
+    def _find_complaint(cls, context: bpy.types.Context) -> str | None:
+        """Why it cannot work here."""
+        return None
+
+
+class Ticking(Checked):
+    """An operator that ticks: a timer that calls its `modal`, a bar at the pointer, a line in the status bar.
+
+    Without a window, or when a script calls it, none of that begins: it has an `execute` of its own.
     """
 
     bl_label: str
     report: Callable[[set[str], str], None]
     _timer: bpy.types.Timer | None = None
     _told = ""
+
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
+        if not self._begin(context):
+            return {"CANCELLED"}
+        self._begin_ticking(context)
+        self._show_state(context)
+        return {"RUNNING_MODAL"}
+
+    def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
+        if event.type == "ESC" or self._is_closed(context):
+            self._end(context)
+            return self._stop(context)
+        if event.type != "TIMER":
+            return {"PASS_THROUGH"}
+        ended = self._tick(context)
+        return {"RUNNING_MODAL"} if ended is None else ended
+
+    def cancel(self, context: bpy.types.Context) -> None:
+        """Blender ends or opens another file."""
+        self._end(context)
+
+    # What each of them has its own of --------------------------------------------------------------------------------
+
+    def _begin(self, context: bpy.types.Context) -> bool:
+        """Reads what it is about; False if it cannot be done, with the reason reported."""
+        raise NotImplementedError
+
+    def _tick(self, context: bpy.types.Context) -> set[str] | None:
+        """Works for a moment; what Blender is to be told once that was the last, which has ended it."""
+        raise NotImplementedError
+
+    def _end(self, context: bpy.types.Context) -> None:
+        """Gives up what is under way."""
+        raise NotImplementedError
+
+    def _stop(self, context: bpy.types.Context) -> set[str]:
+        """What Blender is to be told when the user has ended it."""
+        self.report({"INFO"}, self._stopped())
+        return {"CANCELLED"}
+
+    def _stopped(self) -> str:
+        """What the user is told then."""
+        raise NotImplementedError
+
+    def _show_state(self, context: bpy.types.Context) -> None:
+        """How far it is."""
+
+    def _is_closed(self, context: bpy.types.Context) -> bool:
+        """Whether what it works for was closed."""
+        return False
+
+    # Ticking ---------------------------------------------------------------------------------------------------------
 
     def _begin_ticking(self, context: bpy.types.Context) -> None:
         manager = context.window_manager

@@ -13,10 +13,9 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import bpy
 
 from ..settings.editors import redraw_viewports
-from ..settings.preferences import native_error
 from ..statistics import messages
 from . import status_bar
-from .ticking import sentence_of
+from .ticking import Checked, sentence_of
 from .walk_step import go
 
 if TYPE_CHECKING:
@@ -35,7 +34,7 @@ KEYS = {
 SHIFT_KEYS = {"LEFT_ARROW": "PREVIOUS_BOX", "RIGHT_ARROW": "NEXT_BOX"}
 
 
-class PERFECT_BVH_OT_walk_ray(bpy.types.Operator):
+class PERFECT_BVH_OT_walk_ray(Checked, bpy.types.Operator):
     """Waits for clicks and keys, and for trees that are being built."""
 
     bl_idname = "perfect_bvh.walk_ray"
@@ -56,13 +55,8 @@ class PERFECT_BVH_OT_walk_ray(bpy.types.Operator):
     _knows_it_is_old: bool
 
     @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        complaint = native_error()
-        if complaint is None and not _has_viewport(context):
-            complaint = "There is no 3D viewport"
-        if complaint is not None:
-            cls.poll_message_set(complaint)
-        return complaint is None
+    def _find_complaint(cls, context: bpy.types.Context) -> str | None:
+        return None if _has_viewport(context) else "There is no 3D viewport"
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         from ..view3d.compare import compare_view

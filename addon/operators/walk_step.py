@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import bpy
 
 from ..settings.editors import redraw_viewports
-from ..settings.preferences import native_error
+from .ticking import Checked
 
 if TYPE_CHECKING:
     from ..view3d.walk.shown_walk import ShownWalk
 
 
-class PERFECT_BVH_OT_walk_step(bpy.types.Operator):
+class PERFECT_BVH_OT_walk_step(Checked, bpy.types.Operator):
     """The buttons that keys stand for."""
 
     bl_idname = "perfect_bvh.walk_step"
@@ -42,11 +42,10 @@ class PERFECT_BVH_OT_walk_step(bpy.types.Operator):
         return cls.bl_rna.properties["to"].enum_items[properties.to].description
 
     @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        if native_error() is not None or not is_walking():
-            cls.poll_message_set("No ray is walked")
-            return False
-        return True
+    def _find_complaint(cls, context: bpy.types.Context) -> str | None:
+        from ..view3d.walk import walk_view
+
+        return "No ray is walked" if walk_view.shown() is None else None
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         go(self.to)
@@ -80,13 +79,6 @@ def _move(walk: ShownWalk, to: str) -> None:
         walk.go_to_previous_box()
     else:
         walk.go({"FIRST": 0, "PREVIOUS": walk.index - 1, "LAST": len(walk.steps) - 1}[to])
-
-
-def is_walking() -> bool:
-    """Whether a ray's walk is shown."""
-    from ..view3d.walk import walk_view
-
-    return walk_view.shown() is not None
 
 
 def register() -> None:

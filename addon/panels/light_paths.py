@@ -7,7 +7,7 @@ from typing import ClassVar
 import bpy
 
 from ..settings.light_paths import light_path_settings
-from ..settings.modes import find_mode
+from ..settings.modes import mode_of_render
 from .common import EnginePanel, draw_lines, settings_layout
 
 CYCLES_IS_OFF = "Enable the add-on Cycles Render Engine: it keeps these settings. Without it they have their defaults"
@@ -77,7 +77,7 @@ class PERFECT_BVH_PT_light_paths_caustics(LightPathsPanel, bpy.types.Panel):
 def _layout_of(panel: bpy.types.Panel, context: bpy.types.Context) -> bpy.types.UILayout:
     """Greyed out in modes without light that bounces."""
     layout = settings_layout(panel)
-    layout.active = find_mode(context.scene.perfect_bvh.mode.lower()).shading
+    layout.active = mode_of_render(context.scene).shading
     return layout
 
 

@@ -6,7 +6,7 @@ from typing import ClassVar
 
 import bpy
 
-from ..settings.modes import find_mode
+from ..settings.modes import mode_of_render
 from ..settings.motion_blur import object_motion_settings, rolling_shutter_settings
 from .common import EnginePanel, settings_layout
 
@@ -18,7 +18,7 @@ def _layout_of(panel: bpy.types.Panel, context: bpy.types.Context) -> bpy.types.
     """Greyed out where nothing is blurred."""
     layout = settings_layout(panel)
     scene = context.scene
-    layout.active = scene.render.use_motion_blur and find_mode(scene.perfect_bvh.mode.lower()).has_bounces
+    layout.active = scene.render.use_motion_blur and mode_of_render(scene).has_bounces
     return layout
 
 

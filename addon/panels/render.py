@@ -6,7 +6,7 @@ from typing import ClassVar
 
 import bpy
 
-from ..settings.modes import find_mode
+from ..settings.modes import find_mode, mode_of_render
 from ..settings.preferences import native_error
 from ..view3d.rendered import opening
 from .common import EnginePanel, RenderPanel, draw_lines, settings_layout
@@ -106,7 +106,7 @@ class PERFECT_BVH_PT_simplify_render(RenderPanel, bpy.types.Panel):
 def _draw_view_hint(context: bpy.types.Context, layout: bpy.types.UILayout) -> None:
     """Files of data modes bypass the scene's view transform; what the Image Editor shows does not."""
     scene = context.scene
-    view_transform = find_mode(scene.perfect_bvh.mode.lower()).view
+    view_transform = mode_of_render(scene).view
     if view_transform is not None and scene.view_settings.view_transform != view_transform:
         column = layout.column(align=True)
         draw_lines(context, column, f"Files use {view_transform}; the display uses:", icon="INFO")

@@ -7,7 +7,7 @@ from typing import ClassVar
 import bpy
 
 from ..settings.denoisers import denoising_data_settings
-from ..settings.modes import find_mode
+from ..settings.modes import mode_of_render
 from .common import RenderPanel, settings_layout
 
 
@@ -31,7 +31,7 @@ class PERFECT_BVH_PT_passes(RenderPanel, bpy.types.Panel):
         column.prop(view_layer, "use_pass_object_index", text="Object")
         column.prop(view_layer, "use_pass_material_index", text="Material")
         threshold = layout.column()
-        threshold.active = find_mode(context.scene.perfect_bvh.mode).shading
+        threshold.active = mode_of_render(context.scene).shading
         threshold.prop(view_layer, "pass_alpha_threshold")
         denoising = denoising_data_settings(view_layer)
         if denoising is not None:

@@ -2,6 +2,7 @@
 
 piece         which frames and files belong together, and how frames are divided
 inputs        what the bytes of pieces depend on: files by their contents, and options
-scene_inputs  what those of a scene depend on that is open in Blender. The others know no Blender
+scene_inputs  what those of a scene depend on that is open in Blender
+work          the work itself, at once or in steps, and what came of it
 folder        manifests: what counts as done, and what a folder of other work is
 """

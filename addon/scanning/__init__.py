@@ -19,8 +19,7 @@ mount          the object that carries the sensor, with its children, and how ra
 point_cloud    the result as columns, and as an .npz file. Needs no Blender.
 format_columns what labels are called in files of each format. Needs no Blender.
 formats        the result in the formats of others: PLY, LAS, LAZ, CSV, Parquet, HDF5. Needs no Blender.
-pieces         a long scan as files of some frames each, which are recognised when it is run again. Needs no Blender.
-piece_scan     the plan of such a scan, for the command line and the button; its steps, for the button alone
+piece_scan     a long scan as files of some frames each, which are recognised when it is run again
 point_colors   a colour for each point, by any column. Needs no Blender.
 point_data     the result as a Blender object whose points carry the columns as attributes
 point_nodes    the nodes that show it

@@ -1,6 +1,4 @@
-"""A scan over frames into a folder, piece by piece: its plan, and its steps for the button.
-
-The command line takes the plan alone: what runs its pieces, here or by workers, runs other commands' pieces as well.
+"""A scan over frames into a folder, piece by piece: its plan, and its work, for the command line and the button.
 
 What a piece holds depends on its frames and on the plan alone: each is scanned by a scene of the engine's own, so that
 it is the same bytes whoever asked for it, and whatever pieces were there before.
@@ -8,24 +6,29 @@ it is the same bytes whoever asked for it, and whatever pieces were there before
 
 from __future__ import annotations
 
-from collections.abc import Callable, Generator
-from contextlib import closing
-from dataclasses import dataclass
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
 import bpy
 
-from ..extract.simulations import has_simulations
 from ..live.scene_view import SceneView
 from ..pieces.folder import PieceFolder
-from ..pieces.piece import Piece
+from ..pieces.piece import Piece, runs_of
 from ..pieces.scene_inputs import scene_inputs
+from ..pieces.work import Done, Outcome, PieceWork, Steps
+from .format_columns import label_columns
+from .formats import save_cloud
+from .light.model import Light
 from .outcomes import RayCounts
-from .pieces import BEFORE, light_input, pieces_of, sensor_input, write_piece
+from .patterns import Pattern
 from .point_cloud import PointCloud
 from .scan import Scanner, find_sensor
 from .sensor_files import Sensor
+
+BEFORE = "points_"  # of the names of all files
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,14 +62,11 @@ class ScanPlan:
         """Where pieces go. inputs: see below."""
         return PieceFolder(path, inputs, BEFORE, "scan")
 
-    def inputs(
-        self, scene_file: Path, carrier: bpy.types.Object | None, *, autoexec: bool, allow_missing: bool
-    ) -> dict[str, Any]:
-        """What the bytes of pieces depend on. scene_file: that is open. carrier: None for the camera of each frame."""
+    def inputs(self, scene_file: Path, carrier: bpy.types.Object | None, **how: bool) -> dict[str, Any]:
+        """What the bytes of pieces depend on. carrier: None for the camera of each frame. how: see `scene_inputs`."""
         return scene_inputs(
             scene_file,
-            autoexec=autoexec,
-            allow_missing=allow_missing,
+            **how,
             sensor=sensor_input(self.sensor.pattern),
             light=light_input(self.sensor.light),
             seed=self.seed,
@@ -96,11 +96,10 @@ class ScanPlan:
         )
 
 
-class PieceScan:
-    """One run over the pieces of a plan, in the scene and view layer of the context.
+class ScanWork(PieceWork):
+    """The pieces of a plan, in the scene and view layer of the context.
 
-    carrier: the object that carries the sensor, None for the camera of each frame. place: where pieces go, prepared:
-    what counts as done there is kept.
+    carrier: the object that carries the sensor, None for the camera of each frame. place: where pieces go.
     on_piece: called with each cloud before it is written; what it raises ends the run, and the piece is not written.
     """
 
@@ -109,77 +108,80 @@ class PieceScan:
         plan: ScanPlan,
         carrier: bpy.types.Object | None,
         place: PieceFolder,
-        *,
-        on_piece: Callable[[Piece, PointCloud], object] | None = None,
+        on_piece: Callable[[Piece, PointCloud], object] = lambda _piece, _cloud: None,
     ) -> None:
-        self.pieces = plan.pieces()
-        self.number = 1
-        """Of the piece that is worked on, from 1."""
-        self.written = self.kept = self.points = 0
-        self.counts = RayCounts()
-        self.warnings: dict[str, None] = {}
-        """Of the pieces that were scanned, each once."""
-        self._plan = plan
-        self._place = place
-        self._on_piece = on_piece
         where = bpy.context.scene, bpy.context.view_layer
-        self._where = SceneView("scan", *where, for_viewport=plan.for_viewport)
+        super().__init__(SceneView("scan", *where, for_viewport=plan.for_viewport), plan.frames)
+        self.pieces, self.place = plan.pieces(), place
+        self._plan = plan
+        self._on_piece = on_piece
         self._carrier = None if carrier is None else (carrier.name, carrier.session_uid)
         self._scanner: Scanner | None = None
-        self._played_to = min(plan.frames) - 1
 
     @property
     def built_share(self) -> float | None:
         """How much of the trees of a stretch is built, as long as they are."""
         return None if self._scanner is None else self._scanner.built_share
 
-    def steps(self) -> Generator[float, None, None]:
-        """Does it; yields how many pieces are done, with fractions, as often as `Scanner.steps` does.
-
-        Closing it gives up the piece that is under way; whole ones stay. Raises what that does, and OSError for a file
-        that cannot be written.
-        """
-        scene = self._where.find()
-        camera_uid = scene.camera.session_uid if scene.camera else 0
-        frame = scene.frame_current, scene.frame_subframe, camera_uid
-        try:
-            for before, piece in enumerate(self.pieces):
-                self.number = before + 1
-                yield before
-                if self._place.is_done(piece):
-                    self.kept += 1
-                    continue
-                yield from self._play_to(piece.first, before)
-                yield from self._scan(piece, before)
-                self._played_to = piece.last
-            yield len(self.pieces)
-        finally:
-            self._where.set_frame_back(*frame)
-
-    def _play_to(self, frame: int, done: float) -> Generator[float, None, None]:
-        """Through the frames of pieces that were there, if anything is simulated: it depends on those before it."""
-        if self._plan.is_one_pass or not has_simulations(self._where.find()):
-            return
-        for number in sorted(set(self._plan.frames)):
-            if self._played_to < number < frame:
-                self._where.find().frame_set(number)
-                yield done
-
-    def _scan(self, piece: Piece, before: int) -> Generator[float, None, None]:
-        scene = self._where.find()
-        with bpy.context.temp_override(scene=scene, view_layer=self._where.find_layer()):
-            self._scanner = self._plan.scanner(piece, self._find_carrier(scene))
-        with closing(self._scanner.steps()) as steps:  # in the middle of a build, too: the frame is set back
-            for done in steps:
-                yield before + min(done, 0.999)
+    def make(self, piece: Piece) -> Steps:
+        """Yields as often as `Scanner.steps` does, and raises what that does, and OSError for a file."""
+        scene = self.view.find()
+        with bpy.context.temp_override(scene=scene, view_layer=self.view.find_layer()):
+            carrier = None if self._carrier is None else find_sensor(scene, *self._carrier)
+            self._scanner = self._plan.scanner(piece, carrier)
+        yield from self._scanner.steps()
         cloud = self._scanner.result()
         self._scanner = None
-        if self._on_piece is not None:
-            self._on_piece(piece, cloud)
-        write_piece(self._place, piece, cloud)
-        self.written, self.points = self.written + 1, self.points + len(cloud)
-        self.counts += cloud.ray_outcomes
-        self.warnings |= dict.fromkeys(cloud.warnings)
+        self._on_piece(piece, cloud)
+        _write(self.place, piece, cloud)
+        yield Done({"points": len(cloud), **cloud.ray_outcomes.named}, cloud.warnings)
 
-    def _find_carrier(self, scene: bpy.types.Scene) -> bpy.types.Object | None:
-        return None if self._carrier is None else find_sensor(scene, *self._carrier)
+    def summary(self, outcome: Outcome) -> tuple[str, ...]:
+        """How many points there are, and what became of the rays."""
+        points = f"{outcome.counts.get('points', 0):,} points"
+        return (points, str(ray_counts(outcome))) if outcome.written else (points,)
+
+
+def ray_counts(outcome: Outcome) -> RayCounts:
+    """What became of the rays of the pieces that were scanned."""
+    return RayCounts(**{name: count for name, count in outcome.counts.items() if name != "points"})
+
+
+def pieces_of(frames: Sequence[int], size: int, suffix: str = ".npz") -> list[Piece]:
+    """Runs of frames that follow each other, of at most so many each, in the order of the frames."""
+    stems = [(run, f"{BEFORE}{run[0]:04d}-{run[-1]:04d}") for run in runs_of(frames, size)]
+    return [Piece(run, stem, (f"{stem}{suffix}",)) for run, stem in stems]
+
+
+def sensor_input(pattern: Pattern) -> dict[str, Any]:
+    """A sensor as an input of pieces."""
+    values = {
+        name: None if value == math.inf else value
+        for name, value in asdict(pattern).items()  # type: ignore[call-overload]
+    }
+    return {"kind": type(pattern).__name__, **values}
+
+
+def light_input(light: Light | None) -> dict[str, Any] | None:
+    """The same of what a sensor's file says of light."""
+    return None if light is None else asdict(light)
+
+
+def _write(place: PieceFolder, piece: Piece, cloud: PointCloud) -> None:
+    """The file of points, then its manifest. Raises OSError."""
+    path = place.path_of(piece.files[0])
+    save_cloud(cloud, path)
+    stretches = len(piece.frames) * place.inputs["steps"]
+    # Of a single stretch, of whose way nothing is known but its ends, there are no errors.
+    is_known = stretches > 1 and not place.inputs["is_one_pass"]
+    place.finish(
+        piece,
+        rays=cloud.ray_count,
+        points=len(cloud),
+        ray_outcomes=cloud.ray_outcomes.named,
+        object_names=list(cloud.object_names),
+        material_names=list(cloud.material_names),
+        labels=cloud.described_labels(label_columns(cloud.labels, path.suffix.lower())),
+        **{name: getattr(cloud, name) if is_known else None for name in ("pose_error", "scene_error")},
+        warnings=list(cloud.warnings),
+    )

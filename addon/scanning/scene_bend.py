@@ -12,8 +12,7 @@ import numpy as np
 import numpy.typing as npt
 from perfect_bvh.bulk import are_equal
 
-from ..sync.motion_records import InstanceMotions
-from ..sync.records import Float32Array, Float64Array, Int32Array, MeshRecord, SceneRecord
+from ..sync.records import Float32Array, Float64Array, InstanceMotions, Int32Array, MeshRecord, SceneRecord
 
 IntArray = npt.NDArray[np.intp]
 

@@ -15,21 +15,19 @@ from __future__ import annotations
 
 import math
 import os
-import tomllib
 from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from ..settings.sensor_items import FOLDER, SUFFIX, read_sensor_file, sensor_names
 from .light.model import Light
 from .light.tables import TABLES, read_light
 from .more_patterns import DepthCamera, Raster, Rosette
 from .patterns import Pattern, SpinningLidar
 from .words import listed, nearest, shown
 
-FOLDER = Path(__file__).parent / "sensors"
-SUFFIX = ".toml"
 KINDS: dict[str, type[Any]] = {
     "spinning": SpinningLidar,
     "rosette": Rosette,
@@ -52,11 +50,6 @@ class Sensor:
     light: Light | None = None
 
 
-def sensor_names() -> tuple[str, ...]:
-    """Those that the add-on brings, in the order of their names."""
-    return tuple(sorted(path.stem for path in FOLDER.glob(f"*{SUFFIX}")))
-
-
 def load_sensor(name: str | os.PathLike[str]) -> Sensor:
     """One of `sensor_names()`, or one's own: the path of a file that ends in .toml.
 
@@ -69,11 +62,7 @@ def load_sensor(name: str | os.PathLike[str]) -> Sensor:
         if text not in sensor_names():
             raise ValueError(f"sensor: there is no {text!r}{nearest(text, sensor_names())}: {listed(sensor_names())}")
         path = FOLDER / f"{text}{SUFFIX}"
-    try:
-        with path.open("rb") as file:
-            values = tomllib.load(file)
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise ValueError(f"sensor: {path}: {error}") from error
+    values = read_sensor_file(path)
     try:
         return Sensor(path.stem, *_words(values), _pattern(values), read_light(values))
     except ValueError as error:

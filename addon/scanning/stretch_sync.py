@@ -15,8 +15,8 @@ import numpy as np
 
 from ..events.changes import listen, stop_listening, watch_again
 from ..live.scene_sync import SceneSync, UpdateCommit
+from ..sync.moments import MomentRecord, MotionSettings
 from ..sync.motion import add_motion
-from ..sync.motion_records import MomentRecord, MotionSettings
 from ..sync.records import AttributeRequest, SceneRecord
 from ..sync.scene_difference import AppliedDifference, SceneDifference
 from ..sync.stretch_words import StretchWords

@@ -10,6 +10,7 @@ What eyes and files get of a mode:
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 
 @dataclass(frozen=True, slots=True)
@@ -111,3 +112,8 @@ def find_mode(name: str) -> Mode:
         if name in (mode.name, mode.word):
             return mode
     raise ValueError(f"unknown mode {name!r}; the modes are {', '.join(mode.word for mode in MODES)}")
+
+
+def mode_of_render(scene: Any) -> Mode:
+    """What renders of a Blender scene show."""
+    return find_mode(scene.perfect_bvh.mode.lower())

@@ -1,6 +1,6 @@
-"""The sensors that the add-on brings, as the items of a menu; their numbers are what .blend files keep.
+"""Files of sensors, and those that the add-on brings as the items of a menu; their numbers are what .blend files keep.
 
-What else their files say is read by `scanning/sensor_files.py`.
+What files say of rays is understood by `scanning/sensor_files.py`.
 """
 
 from __future__ import annotations
@@ -8,11 +8,27 @@ from __future__ import annotations
 import tomllib
 import zlib
 from pathlib import Path
+from typing import Any
 
 FOLDER = Path(__file__).parents[1] / "scanning" / "sensors"
+SUFFIX = ".toml"
 SMALL_WORDS = ("a", "and", "in", "of", "on", "or", "the", "to")  # in names of Blender's
 
 Item = tuple[str, str, str, int]
+
+
+def sensor_names() -> tuple[str, ...]:
+    """Those that the add-on brings, in the order of their names."""
+    return tuple(sorted(path.stem for path in FOLDER.glob(f"*{SUFFIX}")))
+
+
+def read_sensor_file(path: Path) -> dict[str, Any]:
+    """What a file says, by its words. Raises ValueError for what is no TOML, OSError if it cannot be read."""
+    try:
+        with path.open("rb") as file:
+            return tomllib.load(file)
+    except ValueError as error:  # of TOML or of UTF-8
+        raise ValueError(f"sensor: {path}: {error}") from error
 
 
 def number_of(name: str) -> int:
@@ -23,9 +39,9 @@ def number_of(name: str) -> int:
 def sensor_items() -> list[Item]:
     """Identifier (the sensor's name), title, where its numbers are from, and number, in the order of the names."""
     items = []
-    for path in sorted(FOLDER.glob("*.toml")):
-        values = tomllib.loads(path.read_text(encoding="utf-8"))
-        items.append((path.stem, _as_name(values["title"]), _capital(values["source"]), number_of(path.stem)))
+    for name in sensor_names():
+        values = read_sensor_file(FOLDER / f"{name}{SUFFIX}")
+        items.append((name, _as_name(values["title"]), _capital(values["source"]), number_of(name)))
     return items
 
 

@@ -7,14 +7,13 @@ from dataclasses import replace
 import bpy
 
 from .editors import redraw_for_setting
-from .modes import MODES
-from .scene_settings import RenderSettings, read_settings
+from .scene_settings import MODE_ITEMS, RenderSettings, read_settings
 
 AS_RENDER = "RENDER"
 # Its number must be no mode's, of which there may be more one day.
 _MODE_ITEMS = [
     (AS_RENDER, "As Render", "What a render shows: the mode in the Render properties", 1000),
-    *((mode.name.upper(), mode.label, mode.description, mode.number) for mode in MODES),
+    *MODE_ITEMS,
 ]
 
 

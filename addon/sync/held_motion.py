@@ -16,8 +16,7 @@ from perfect_bvh.bulk import are_equal
 from . import mesh_edits
 from .compare import InstanceDifference, MeshDifference
 from .mesh_edits import MeshScene
-from .motion_records import BoolArray, InstanceMotions, MeshMotion, SceneMotion
-from .records import Int32Array, SceneRecord
+from .records import BoolArray, InstanceMotions, Int32Array, MeshMotion, SceneMotion, SceneRecord
 
 
 class MovingScene(MeshScene, Protocol):

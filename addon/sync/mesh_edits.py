@@ -6,8 +6,7 @@ from typing import Any, Protocol
 
 import numpy.typing as npt
 
-from .motion_records import MeshMotion
-from .records import MeshRecord
+from .records import MeshMotion, MeshRecord
 
 
 class MeshScene(Protocol):

@@ -1,4 +1,4 @@
-"""Finds each instance of a scene again at another moment of the shutter, and how its mesh differs there.
+"""The scene at other moments of the shutter: finds each instance again there, and how its mesh differs.
 
 Instances are matched by their keys, and the meshes that they show with them: an evaluated mesh has no name that is
 surer than who shows it. What is the same array is known to be equal, so that what rests costs a look.
@@ -6,7 +6,9 @@ surer than who shows it. What is the same array is known to be equal, so that wh
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Container
+from dataclasses import dataclass, field, replace
+from fractions import Fraction
 
 import numpy as np
 import numpy.typing as npt
@@ -14,8 +16,7 @@ from perfect_bvh.bulk import find_moved
 
 from .compare import are_same_instances, have_same, topology_change
 from .keys import Uint64Array, match_keys, number_repeated, plain_keys
-from .motion_records import BoolArray, MomentRecord
-from .records import Int32Array, MeshRecord, SceneRecord
+from .records import BoolArray, CameraRecord, InstanceRecords, Int32Array, MeshRecord, ObjectRecord, SceneRecord
 from .verify import RADIUS_ROUNDING
 
 Int8Array = npt.NDArray[np.int8]
@@ -23,6 +24,54 @@ Int8Array = npt.NDArray[np.int8]
 # What became of a shape. REMADE: its triangles, curves or points are others. BARE: some of its points have a radius
 # now and none then, which no motion leads to.
 SAME, DEFORMED, REMADE, BARE = range(4)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class MomentRecord:
+    """The scene at one moment of the shutter: where everything is, and nothing of what it looks like.
+
+    The fields are those of a `SceneRecord`. complaint: why there is no camera, as a sentence.
+    """
+
+    meshes: tuple[MeshRecord, ...]
+    objects: tuple[ObjectRecord, ...]
+    instances: InstanceRecords
+    camera: CameraRecord | None = None
+    complaint: str | None = None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class MotionSettings:
+    """What users ask of the motion of each of a scene's objects, and of its camera.
+
+    steps: (O,) int32, at how many moments an object is to be known, 0 if it is to stand still. deforms: (O,) bool,
+    whether its shape may change meanwhile. camera_steps: as steps. camera_name, camera_uid: of the object, if any.
+    """
+
+    steps: Int32Array = field(default_factory=lambda: np.empty(0, np.int32))
+    deforms: BoolArray = field(default_factory=lambda: np.empty(0, np.bool_))
+    camera_steps: int = 0
+    camera_name: str = ""
+    camera_uid: int = 0
+
+    @property
+    def times(self) -> list[Fraction]:
+        """All moments at which something is to be known, in order: a union of grids."""
+        counts = {int(count) for count in self.steps} | {self.camera_steps}
+        return sorted({time for count in counts if count for time in times_of(count)})
+
+    def limited_to(self, times: Container[Fraction]) -> MotionSettings:
+        """The same, but for what asks for others than these moments: it stands still."""
+        steps = self.steps.copy()
+        for count in np.unique(steps[steps > 0]).tolist():
+            if not all(time in times for time in times_of(count)):
+                steps[steps == count] = 0
+        return replace(self, steps=steps)
+
+
+def times_of(steps: int) -> list[Fraction]:
+    """So many, 2 or more, at equal intervals."""
+    return [Fraction(step, steps - 1) for step in range(steps)]
 
 
 @dataclass(frozen=True, slots=True)

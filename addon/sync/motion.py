@@ -14,19 +14,19 @@ import numpy as np
 import numpy.typing as npt
 
 from .compare import is_same_camera
-from .moments import BARE, DEFORMED, REMADE, MatchedMoment, MomentMatcher
-from .motion_records import (
+from .moments import BARE, DEFORMED, REMADE, MatchedMoment, MomentMatcher, MomentRecord, MotionSettings, times_of
+from .motion_words import MotionWords
+from .records import (
     BoolArray,
+    CameraRecord,
     Float32Array,
     InstanceMotions,
+    Int32Array,
     MeshMotion,
-    MomentRecord,
-    MotionSettings,
+    MeshRecord,
     SceneMotion,
-    times_of,
+    SceneRecord,
 )
-from .motion_words import MotionWords
-from .records import CameraRecord, Int32Array, MeshRecord, SceneRecord
 from .reordered import find_reordered
 
 # A matrix whose largest entry is 1 and whose determinant is below it flattens space: how it turns cannot be told.

@@ -8,10 +8,9 @@ import numpy as np
 import numpy.typing as npt
 
 from .keys import PlacedInstances
-from .moments import BARE, MatchedMoment
-from .motion_records import BoolArray, MotionSettings
+from .moments import BARE, MatchedMoment, MotionSettings
 from .not_shown import NotShown
-from .records import ObjectRecord, SceneRecord
+from .records import BoolArray, ObjectRecord, SceneRecord
 
 _OF_MISSING = "Bake it, or let it begin or end at a whole frame; or turn its Motion Blur off"
 _OF_ORDER = "Give the points ids, by Set ID, before nodes change their order; or turn its Motion Blur off"

@@ -12,9 +12,9 @@ from typing import Any, Literal
 import numpy as np
 import numpy.typing as npt
 
-from .motion_records import SceneMotion
 from .not_shown import NotShown
 
+BoolArray = npt.NDArray[np.bool_]
 Int32Array = npt.NDArray[np.int32]
 Float32Array = npt.NDArray[np.float32]
 Float64Array = npt.NDArray[np.float64]
@@ -364,6 +364,41 @@ class CameraRecord:
     clip_end: float
     border: tuple[float, float, float, float] = (0.0, 1.0, 0.0, 1.0)
     lens: LensRecord | None = None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class InstanceMotions:
+    """Instances with as many steps. rows: (K,) int32, ascending, of the scene's. transforms: (S, K, 3, 4) float32."""
+
+    rows: Int32Array
+    transforms: Float32Array
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class MeshMotion:
+    """A mesh that deforms. row: of the scene's. positions: (S, V, 3) float32. radii: (S, V), None for triangles."""
+
+    row: int
+    positions: Float32Array
+    radii: Float32Array | None = None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SceneMotion:
+    """All that moves within the shutter. instances: one for each number of steps. camera: at each step, or empty.
+
+    Times are the engine's: 0 where the shutter opens, 1 where it closes. What has S steps is known at S of them, at
+    equal intervals from 0 to 1.
+    """
+
+    instances: tuple[InstanceMotions, ...] = ()
+    meshes: tuple[MeshMotion, ...] = ()
+    camera: tuple[CameraRecord, ...] = ()
+
+    @property
+    def count(self) -> int:
+        """Of instances and meshes that have a motion."""
+        return sum(len(motions.rows) for motions in self.instances) + len(self.meshes)
 
 
 @dataclass(frozen=True, slots=True)

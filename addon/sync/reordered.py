@@ -13,8 +13,7 @@ import numpy.typing as npt
 
 from .keys import Uint64Array, mix
 from .moments import MatchedMoment
-from .motion_records import BoolArray, Float32Array
-from .records import InstanceRecords, SceneRecord
+from .records import BoolArray, Float32Array, InstanceRecords, SceneRecord
 
 IntArray = npt.NDArray[np.intp]
 

@@ -60,7 +60,7 @@ class Killer:
 
 def kind_of(words: str) -> str:
     """Of a process, by its command line."""
-    parts = {"farm.child": "Blender", "spawn_main": "worker", "resource_tracker": "tracker", RUN_MAIN: "run"}
+    parts = {"piece_child": "Blender", "spawn_main": "worker", "resource_tracker": "tracker", RUN_MAIN: "run"}
     return next((kind for part, kind in parts.items() if part in words), "other")  # as compilers are
 
 

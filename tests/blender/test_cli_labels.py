@@ -220,4 +220,4 @@ def test_a_piece_that_blender_gives_up_is_no_stop(
 
     monkeypatch.setattr(scene_view, "serve_visit", lambda *_: True)
     assert run("labels", small_file, "-o", tmp_path / "out", "--frames", "1-2", "-q") == 2
-    assert "Blender cannot read scene 'Scene' as a render does" in capfd.readouterr().err
+    assert "frames 1-2: labels: Blender cannot read scene 'Scene' as a render does" in capfd.readouterr().err

@@ -14,7 +14,7 @@ bpy = pytest.importorskip("bpy")
 from blender.command_lines import run  # noqa: E402
 from blender.sensor_flight import SENSOR, contents, save_flight  # noqa: E402
 from perfect_bvh_addon import SpinningLidar, load_sensor, scan  # noqa: E402
-from perfect_bvh_addon.scanning.pieces import pieces_of  # noqa: E402
+from perfect_bvh_addon.scanning.piece_scan import pieces_of  # noqa: E402
 
 
 @pytest.fixture
@@ -192,6 +192,21 @@ def test_what_is_simulated_is_played_again(small_file: Path, tmp_path: Path) -> 
     last.unlink()
     assert scanned(small_file, out, "--resume") == 0
     assert last.read_bytes() == content
+
+
+def test_a_sensor_s_object_that_is_deleted_is_named(small_file: Path, tmp_path: Path, capfd: Any) -> None:
+    @bpy.app.handlers.persistent
+    def delete(scene: Any, *_: Any) -> None:
+        if scene.frame_current == 4 and "Head" in bpy.data.objects:
+            bpy.data.objects.remove(bpy.data.objects["Head"])
+
+    bpy.app.handlers.frame_change_pre.append(delete)
+    try:
+        assert scanned(small_file, tmp_path / "out") == 2
+    finally:
+        bpy.app.handlers.frame_change_pre.remove(delete)
+    assert "frames 3-4: scan: the sensor 'Head' was deleted during the scan" in capfd.readouterr().err
+    assert sorted(path.name for path in (tmp_path / "out").glob("*.npz")) == ["points_0001-0002.npz"]
 
 
 def test_a_library_that_has_changed_is_noticed(small_file: Path, tmp_path: Path, capfd: Any) -> None:

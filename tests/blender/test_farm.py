@@ -24,13 +24,14 @@ from blender.command_lines import run  # noqa: E402
 from blender.farm_killer import Killer, complete  # noqa: E402
 from blender.farm_runs import JOBS, command, run_job, save_scene  # noqa: E402
 from blender.sensor_flight import contents  # noqa: E402
-from perfect_bvh_addon.cli.farm import child, worker  # noqa: E402
+from perfect_bvh_addon.cli import piece_child as child  # noqa: E402
+from perfect_bvh_addon.cli.farm import worker  # noqa: E402
 
 # Scripts of scenes, for workers alone.
 DEADLY = """
 import bpy, os, sys
 def die(scene, *_):
-    if scene.frame_current == 5 and "perfect_bvh_addon.cli.farm.child" in sys.orig_argv:
+    if scene.frame_current == 5 and "perfect_bvh_addon.cli.piece_child" in sys.orig_argv:
         os.abort()
 bpy.app.handlers.frame_change_pre.append(die)
 """
@@ -46,13 +47,13 @@ bpy.app.handlers.frame_change_post.append(go)
 """
 FULL_DISK = """
 import resource, sys
-if "perfect_bvh_addon.cli.farm.child" in sys.orig_argv:
+if "perfect_bvh_addon.cli.piece_child" in sys.orig_argv:
     resource.setrlimit(resource.RLIMIT_FSIZE, (4000, resource.getrlimit(resource.RLIMIT_FSIZE)[1]))
 """
 
 BROKEN = """
 import sys
-if "perfect_bvh_addon.cli.farm.child" in sys.orig_argv:
+if "perfect_bvh_addon.cli.piece_child" in sys.orig_argv:
     from perfect_bvh_addon.live.scene_sync import SceneSync
     def fail(*_, **__):
         raise RuntimeError("nothing can be read")
@@ -60,7 +61,7 @@ if "perfect_bvh_addon.cli.farm.child" in sys.orig_argv:
 """
 GIVES_BACK = """
 import os, sys
-if "perfect_bvh_addon.cli.farm.child" in sys.orig_argv and "MALLOC_TRIM_THRESHOLD_" in os.environ:
+if "perfect_bvh_addon.cli.piece_child" in sys.orig_argv and "MALLOC_TRIM_THRESHOLD_" in os.environ:
     os.abort()
 """
 
@@ -495,7 +496,7 @@ def test_a_worker_that_joins_with_other_software_or_files_refuses(
     from perfect_bvh_addon import unregister
     from perfect_bvh_addon.cli import build_parser
     from perfect_bvh_addon.cli.blender import StopRequest
-    from perfect_bvh_addon.cli.farm.child import Bench
+    from perfect_bvh_addon.cli.piece_child import Workbench
 
     asked = ["labels", str(folder / "small.blend"), "-o", str(tmp_path), "--frames", "1-2"]
     arguments = {**vars(build_parser("perfect-bvh").parse_args(asked)), **changed.get("arguments", {})}
@@ -508,7 +509,7 @@ def test_a_worker_that_joins_with_other_software_or_files_refuses(
         "arguments": arguments,
     }
     try:
-        answer = Bench(StopRequest()).answer({"job": job, "piece": 0})
+        answer = Workbench(StopRequest()).answer({"job": job, "piece": 0})
     finally:
         unregister()
     assert said in answer["refused"]

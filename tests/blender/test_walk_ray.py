@@ -128,14 +128,14 @@ def test_it_ends_with_its_viewport_its_file_and_an_undo(viewport: Viewport) -> N
     again = Viewport()
     again.start()
     again.click()
-    walk_view._watcher.on_change("an object was edited")
+    walk_view._tool.on_change("an object was edited")
     assert walk_view.shown() is not None
-    walk_view._watcher.on_change("a step was undone")
+    walk_view._tool.on_change("a step was undone")
     assert walk_view.shown() is None and again.send("TIMER") == {"FINISHED"}
     again.start()
     again.click()
     bpy.ops.wm.read_factory_settings(use_empty=True)
-    assert walk_view.shown() is None and not walk_view._handles
+    assert walk_view.shown() is None and not any(handler._handle for handler in walk_view._handlers)
 
 
 def test_trees_are_waited_for_no_longer_where_their_viewport_is_closed(

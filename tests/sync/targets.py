@@ -7,8 +7,7 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from perfect_bvh_addon.sync.motion_records import InstanceMotions, MeshMotion, SceneMotion
-from perfect_bvh_addon.sync.records import SceneRecord
+from perfect_bvh_addon.sync.records import InstanceMotions, MeshMotion, SceneMotion, SceneRecord
 from perfect_bvh_addon.sync.state import SceneState
 from sync.fakes import FakeScene, Shown, mesh, record
 

@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 import pytest
+from perfect_bvh_addon.sync.moments import MomentRecord, MotionSettings, times_of
 from perfect_bvh_addon.sync.motion import add_motion, without_parting
-from perfect_bvh_addon.sync.motion_records import MomentRecord, MotionSettings, times_of
 from perfect_bvh_addon.sync.records import SceneRecord
 from sync.fakes import Shown, mesh, record
 from sync.targets import base, bending, fresh, moved, moving, moving_faster, moving_more, state

@@ -8,14 +8,15 @@ from typing import Any
 import numpy as np
 import pytest
 from perfect_bvh_addon.sync.compare import ATTRIBUTES
-from perfect_bvh_addon.sync.motion_records import InstanceMotions, SceneMotion
 from perfect_bvh_addon.sync.not_shown import NotShown
 from perfect_bvh_addon.sync.records import (
     CameraRecord,
     ImageRecord,
+    InstanceMotions,
     LightRecords,
     MaterialRecord,
     MaterialVariants,
+    SceneMotion,
     SceneRecord,
     UnseenMesh,
     WorldRecord,

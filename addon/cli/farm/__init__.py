@@ -4,6 +4,5 @@ run      hands pieces to workers, and counts what came of each
 cluster  a cluster of this machine's, or the user's; whether its workers can do the work
 nanny    what watches a worker of this machine's, and starts it again
 costs    which piece comes next, by what those beside it took
-worker   what a worker of Dask does for a piece: it asks a Blender in a process of its own
-child    that process: it opens the scene once and does pieces of it, on its main thread, as Blender wants
+worker   what a worker of Dask does for a piece: it asks a Blender in a process of its own, `piece_child` beside this
 """

@@ -17,14 +17,14 @@ from pathlib import Path
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
-from ..arguments import CommandError
-from ..piece_work import explained
+from ..arguments import CommandError, explained
 from . import worker
 
 if TYPE_CHECKING:
     from distributed import Client, LocalCluster
 
-    from ..piece_work import PieceWork
+    from ...pieces.work import PieceWork
+    from ..blender import StopRequest
 
 CONNECT_SECONDS = 20
 CLOSE_SECONDS = 5
@@ -141,17 +141,20 @@ def _ignoring_interrupts() -> Iterator[Callable[[], AbstractContextManager[None]
         signal.signal(signal.SIGINT, before)
 
 
-def check_workers(client: Client, work: PieceWork) -> int:
+def check_workers(client: Client, work: PieceWork, stop: StopRequest, arguments: argparse.Namespace) -> int:
     """How many threads each worker is to use. Raises CommandError if one cannot do the work, with why.
 
     Looks before anything starts: who joins later is looked at when its first piece is.
     """
-    arguments = work.arguments
     found: dict[str, Any] = {}
     while not found:
-        _wait_for_workers(client, work)
+        _wait_for_workers(client, stop)
         # Who dies meanwhile says nothing.
-        found = {address: seen for address, seen in _look(client, work).items() if not isinstance(seen, OSError)}
+        found = {
+            address: seen
+            for address, seen in _look(client, work, arguments.file).items()
+            if not isinstance(seen, OSError)
+        }
     for address, seen in found.items():
         fault = _fault_of(seen, arguments)
         if fault is not None:
@@ -163,23 +166,23 @@ def check_workers(client: Client, work: PieceWork) -> int:
     return min(max(1, seen["cores"] // on_host[seen["host"]]) for seen in found.values())
 
 
-def _look(client: Client, work: PieceWork) -> dict[str, Any]:
+def _look(client: Client, work: PieceWork, file: str) -> dict[str, Any]:
     """What workers say of themselves, or the exceptions that came of asking them, by their addresses."""
     probe = work.place.folder / f".{secrets.token_hex(4)}"
     with explained():
         probe.touch()
     try:
-        found: dict[str, Any] = client.run(worker.look, work.arguments.file, str(probe), on_error="return")
+        found: dict[str, Any] = client.run(worker.look, file, str(probe), on_error="return")
     finally:
         probe.unlink(missing_ok=True)
     return found
 
 
-def _wait_for_workers(client: Client, work: PieceWork) -> None:
+def _wait_for_workers(client: Client, stop: StopRequest) -> None:
     """Until there is one."""
     is_told = False
     while not client.nthreads():
-        if work.stop.is_set:
+        if stop.is_set:
             raise KeyboardInterrupt
         if not is_told:
             sys.stderr.write("perfect-bvh: the scheduler has no workers yet; waiting for one\n")

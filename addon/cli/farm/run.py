@@ -7,14 +7,16 @@ begun leaves whole files only, whatever ends it, so that `--resume` goes on from
 
 from __future__ import annotations
 
+import argparse
 import queue
 import secrets
 import sys
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, TextIO
 
-from ..arguments import CommandError
-from ..piece_work import Done, Outcome, PieceWork, Teller, explained, piece_bar
+from ...pieces.work import Done, Outcome, PieceWork
+from ..arguments import CommandError, explained
+from ..console import Teller, progress_bar
 from . import worker
 from .cluster import POLL_SECONDS, check_workers, cluster_client
 from .costs import Costs
@@ -22,29 +24,31 @@ from .costs import Costs
 if TYPE_CHECKING:
     from distributed import Client, Future
 
+    from ..blender import StopRequest
+
 MOST_DEATHS = 3
 
 
-def do_pieces_on_farm(work: PieceWork, out: TextIO) -> Outcome:
+def do_pieces_on_farm(work: PieceWork, stop: StopRequest, arguments: argparse.Namespace, out: TextIO) -> Outcome:
     """All pieces that are not there; what came of them. Errors: CommandError."""
     outcome = Outcome()
     left = {number for number, piece in enumerate(work.pieces) if not work.place.is_done(piece)}
     outcome.kept = len(work.pieces) - len(left)
     if not left:
         return outcome
-    with cluster_client(work.arguments) as client:
-        threads = check_workers(client, work)
-        if not work.arguments.quiet:
+    with cluster_client(arguments) as client:
+        threads = check_workers(client, work, stop, arguments)
+        if not arguments.quiet:
             count = len(client.nthreads())
             out.write(f"{len(left)} pieces, {count} workers, threads of each: {threads}\n")
             out.flush()
-        _Farm(client, work, left, threads, outcome).run()
+        _Farm(client, work, stop, _job_of(work, arguments, threads), outcome).run(left, arguments.quiet)
     with explained():
         work.place.clear(work.pieces, *work.joined)
     return outcome
 
 
-def _job_of(work: PieceWork, threads: int) -> dict[str, Any]:
+def _job_of(work: PieceWork, arguments: argparse.Namespace, threads: int) -> dict[str, Any]:
     """All that a worker has to know, as plain data."""
     import perfect_bvh
 
@@ -53,21 +57,24 @@ def _job_of(work: PieceWork, threads: int) -> dict[str, Any]:
     return {
         "id": secrets.token_hex(8),
         "version": perfect_bvh.__version__,
-        "arguments": {**vars(work.arguments), "threads": threads},
+        "arguments": {**vars(arguments), "threads": threads},
         "inputs": work.place.inputs,
         "checksums": known_checksums(),
     }
 
 
 class _Farm:
-    """One run. left: the numbers of the pieces that are to be done."""
+    """One run. job: all that a worker has to know."""
 
-    def __init__(self, client: Client, work: PieceWork, left: set[int], threads: int, outcome: Outcome) -> None:
+    def __init__(
+        self, client: Client, work: PieceWork, stop: StopRequest, job: dict[str, Any], outcome: Outcome
+    ) -> None:
         self._client = client
         self._work = work
-        self._left = left
+        self._stop = stop
+        self._job = job
         self._outcome = outcome
-        self._job = _job_of(work, threads)
+        self._left: set[int] = set()  # the numbers of the pieces that are to be done
         self._costs = Costs(work.pieces, is_in_order=work.is_simulated)
         self._running: dict[Future, int] = {}
         self._ended: queue.SimpleQueue[Future] = queue.SimpleQueue()
@@ -75,22 +82,23 @@ class _Farm:
         self._teller = Teller()
         self._is_stopping = self._is_alone = False
 
-    def run(self) -> None:
-        """Until nothing is left, or it is stopped."""
-        with piece_bar(self._work) as bar:
+    def run(self, left: set[int], is_quiet: bool) -> None:
+        """Does the pieces of these numbers, until nothing is left, or it is stopped."""
+        self._left = left
+        with progress_bar("piece", len(self._work.pieces), is_quiet) as bar:
             bar.update(self._outcome.kept)
             try:
-                while self._running or (self._left and not self._work.stop.is_set):
+                while self._running or (self._left and not self._stop.is_set):
                     self._hand_out()
                     future = self._wait()
                     if future is not None and self._take(self._running.pop(future), future):
                         bar.update()
             finally:
                 self._end_blenders()
-        self._outcome.is_stopped = self._work.stop.is_set and bool(self._left)
+        self._outcome.is_stopped = self._stop.is_set and bool(self._left)
 
     def _hand_out(self) -> None:
-        if self._work.stop.is_set:
+        if self._stop.is_set:
             if not self._is_stopping:
                 self._is_stopping = True
                 self._ask(lambda: self._client.run(worker.stop_pieces, self._job["id"], on_error="return"))
@@ -142,7 +150,7 @@ class _Farm:
                 self._costs.add(number, answer["seconds"])
             done = Done(answer["done"], tuple(answer["warnings"]))
             self._outcome.add(done)
-            self._teller.tell(done)
+            self._teller.tell(done.warnings)
             return True
         return self._take_fault(number, answer)
 
@@ -189,8 +197,9 @@ class _Farm:
         return self._ends("the scheduler has gone away")
 
     def _ends(self, reason: str) -> CommandError:
-        there = self._outcome.kept + self._outcome.written
-        return CommandError(f"{reason}; {there} of {len(self._work.pieces)} pieces are there, --resume goes on")
+        return CommandError(
+            f"{reason}; {self._outcome.there} of {len(self._work.pieces)} pieces are there, --resume goes on"
+        )
 
     def _end_blenders(self) -> None:
         """However this run ends: none of them goes on."""

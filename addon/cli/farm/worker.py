@@ -19,7 +19,7 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
-CHILD = "perfect_bvh_addon.cli.farm.child"
+CHILD = "perfect_bvh_addon.cli.piece_child"
 FOLDER_PREFIX = "perfect_bvh_"
 # To itself, so that Ctrl-C in a terminal does not end it.
 OWN_GROUP: dict[str, Any] = (

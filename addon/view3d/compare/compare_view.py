@@ -12,11 +12,10 @@ from typing import TYPE_CHECKING
 
 import bpy
 
-from ...events.changes import edit_count, listen, stop_listening, watch_again
-from ...settings.editors import redraw_viewports
+from ...events.changes import edit_count, watch_again
 from .. import drawing
 from ..close_button import close_rect, contains, draw_close
-from ..draw_handler import DrawHandler
+from ..draw_handler import DrawHandler, OneShown
 from .compare_words import Row, heading_of, level_line, rows_of
 from .half_picture import Framing, HalfPicture, background_color, frame_box
 
@@ -43,18 +42,6 @@ class Shown:
     frame: int
 
 
-class _Watcher:
-    """Ends what is shown with the file, or with the object."""
-
-    is_unsure = False
-
-    def on_change(self, what: str) -> None:
-        self.is_unsure = True
-
-    def on_file_change(self) -> None:
-        hide()
-
-
 @dataclass(slots=True)
 class _Region:
     """The pictures of one region."""
@@ -63,39 +50,36 @@ class _Region:
     halves: tuple[HalfPicture, HalfPicture]
 
 
-_shown: Shown | None = None
+class _Tool(OneShown[Shown]):
+    """Ends what is shown with the object, too."""
+
+    is_unsure = False
+
+    def forget(self) -> None:
+        _regions.clear()
+
+    def on_change(self, what: str) -> None:
+        self.is_unsure = True
+
+
 _regions: dict[int, _Region] = {}  # by address
-_watcher = _Watcher()
+_tool = _Tool()
+hide = _tool.hide
 
 
 def show(comparison: Comparison, scene: bpy.types.Scene, space: int, edits: int) -> None:
     """In a viewport, by its address, until `hide`. edits: the `edit_count` of the scene when the object was read."""
-    global _shown
-    hide()
-    listen(_watcher)
-    _shown = Shown(comparison, scene.session_uid, space, edits, scene.frame_current)
-    redraw_viewports()
-
-
-def hide() -> None:
-    """Show nothing any more; does nothing where nothing is shown."""
-    global _shown
-    if _shown is None:
-        return
-    redraw_viewports()
-    _shown = None
-    _regions.clear()
-    stop_listening(_watcher)
+    _tool.show(Shown(comparison, scene.session_uid, space, edits, scene.frame_current))
 
 
 def shown() -> Shown | None:
     """What is compared, in whichever viewport; None if nothing is."""
-    return _shown
+    return _tool.found
 
 
 def shown_in(context: bpy.types.Context) -> Shown | None:
     """What the context's viewport shows instead of the scene; None if it shows that."""
-    found = _shown
+    found = _tool.found
     if found is None or context.space_data is None or context.space_data.as_pointer() != found.space:
         return None
     return found if context.scene.session_uid == found.scene_uid else None
@@ -115,8 +99,8 @@ def _draw() -> None:
     if found is None:
         return
     watch_again()
-    if _watcher.is_unsure:
-        _watcher.is_unsure = False
+    if _tool.is_unsure:
+        _tool.is_unsure = False
         if not any(obj.session_uid == found.comparison.shown.session_uid for obj in bpy.data.objects):
             hide()
             return

@@ -12,10 +12,10 @@ from typing import Any
 import bpy
 import numpy as np
 
-from ...events.changes import listen, stop_listening, watch_again
-from ...settings.editors import redraw_viewports
+from ...events.changes import watch_again
 from .. import drawing
 from ..compare import compare_view
+from ..draw_handler import DrawHandler, OneShown
 from .shown_walk import CHANGED, ShownWalk
 from .walk_legend import draw_legend, rows_of
 from .walk_picture import HIT, RAY, Lines, Picture
@@ -28,53 +28,36 @@ PLAY_SECONDS = 0.35  # a step, while it plays
 ENDING_CHANGES = frozenset({"a step was undone", "a step was redone"})
 
 
-class _Watcher:
-    """Ends what is shown with the file, and where a step is undone."""
+class _Tool(OneShown[ShownWalk]):
+    """Draws while a walk is shown; ends it where a step is undone, too."""
+
+    def show(self, what: ShownWalk) -> None:
+        """From its first step on."""
+        super().show(what)
+        for handler in _handlers:
+            handler.add()
+
+    def forget(self) -> None:
+        for handler in _handlers:
+            handler.remove()
 
     def on_change(self, what: str) -> None:
         if what in ENDING_CHANGES:
-            hide()
-
-    def on_file_change(self) -> None:
-        hide()
+            self.hide()
 
 
-_shown: ShownWalk | None = None
-_watcher = _Watcher()
-_handles: list[Any] = []
-
-
-def show(walk: ShownWalk) -> None:
-    """From its first step on, until `hide`."""
-    global _shown
-    hide()
-    listen(_watcher)
-    _shown = walk
-    for draw, when in ((_draw_in_space, "POST_VIEW"), (_draw_in_pixels, "POST_PIXEL")):
-        _handles.append(bpy.types.SpaceView3D.draw_handler_add(draw, (), "WINDOW", when))
-    redraw_viewports()
-
-
-def hide() -> None:
-    """Show nothing any more; does nothing where nothing is shown."""
-    global _shown
-    if _shown is None:
-        return
-    _shown = None
-    while _handles:
-        bpy.types.SpaceView3D.draw_handler_remove(_handles.pop(), "WINDOW")
-    stop_listening(_watcher)
-    redraw_viewports()
+_tool = _Tool()
+show, hide = _tool.show, _tool.hide
 
 
 def shown() -> ShownWalk | None:
     """What is shown, in whichever viewports; None if nothing is."""
-    return _shown
+    return _tool.found
 
 
 def shown_in(context: bpy.types.Context) -> ShownWalk | None:
     """What the context's viewport shows; None if that is old, another scene's, or two trees are there instead."""
-    found = _shown
+    found = _tool.found
     return None if found is None or not _is_of(context, found) or found.is_old(context.scene) else found
 
 
@@ -96,7 +79,7 @@ def tells(context: bpy.types.Context, found: ShownWalk) -> bool:
 
 
 def _draw_in_space() -> None:
-    if _shown is None:
+    if _tool.found is None:
         return
     watch_again()
     found = shown_in(bpy.context)
@@ -111,7 +94,7 @@ def _draw_in_space() -> None:
 
 
 def _draw_in_pixels() -> None:
-    context, found = bpy.context, _shown
+    context, found = bpy.context, _tool.found
     if found is None or not _is_of(context, found):
         return
     if found.is_old(context.scene):
@@ -185,6 +168,9 @@ def _place_of(context: bpy.types.Context, point: Any) -> tuple[float, float] | N
 
     place = location_3d_to_region_2d(context.region, context.region_data, Vector(point))
     return None if place is None or not np.isfinite(place).all() else (place.x, place.y)
+
+
+_handlers = DrawHandler(_draw_in_space, "POST_VIEW"), DrawHandler(_draw_in_pixels, "POST_PIXEL")
 
 
 def register() -> None:

@@ -1,4 +1,4 @@
-"""A process with a Blender, which does pieces that it is asked for: `python -m perfect_bvh_addon.cli.farm.child DIR`.
+"""A process with a Blender, which does pieces that it is asked for: `python -m perfect_bvh_addon.cli.piece_child DIR`.
 
 It reads a request as a line of JSON on its standard input and answers by a line on its standard output. The scene is
 opened once and kept from piece to piece. Whatever is no mistake of the user's ends the process: then the piece is tried
@@ -22,8 +22,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn, TextIO
 
 if TYPE_CHECKING:
-    from ..blender import StopRequest
-    from ..piece_work import PieceWork
+    from ..pieces.work import PieceWork
+    from .blender import StopRequest
+    from .piece_work import Job
 
 IDLE_SECONDS = 600.0  # then nobody is taken to need it any more
 EXIT_ALONE = 1
@@ -31,7 +32,7 @@ EXIT_ALONE = 1
 Request = dict[str, Any]
 
 
-class Bench:
+class Workbench:
     """The scene of a job, and the pieces of it."""
 
     def __init__(self, stop: StopRequest) -> None:
@@ -44,7 +45,8 @@ class Bench:
 
         seconds: what the piece took, without opening the scene; None if it was there.
         """
-        from ..arguments import CommandError
+        from .arguments import CommandError
+        from .piece_work import do_piece
 
         job, number = request["job"], request["piece"]
         try:
@@ -58,7 +60,7 @@ class Bench:
                 self._work = before
                 return {"done": {}, "warnings": [], "seconds": None}
             started = time.monotonic()
-            done = work.do(piece, lambda _: not self._stop.is_set)
+            done = do_piece(work, piece, self._stop)
         except CommandError as error:
             return {"fault": str(error), "is_of_files": isinstance(error.__cause__, OSError)}
         if done is None:
@@ -76,20 +78,20 @@ class Bench:
 def _open(job: dict[str, Any], stop: StopRequest) -> PieceWork:
     import perfect_bvh
 
-    from ...pieces.inputs import find_difference, learn_checksums
-    from ..arguments import CommandError
-    from ..blender import open_scene
-    from ..labels import LabelsWork
-    from ..render_pieces import RenderWork
-    from ..scan import ScanWork
+    from ..pieces.inputs import find_difference, learn_checksums
+    from .arguments import CommandError
+    from .blender import open_scene
+    from .frames import RenderWork
+    from .labels import LabelsWork
+    from .scan import scan_work
 
     if perfect_bvh.__version__ != job["version"]:
         raise CommandError(f"it has version {perfect_bvh.__version__} of Perfect BVH, not {job['version']}")
     arguments = argparse.Namespace(**{name: _tuple(value) for name, value in job["arguments"].items()})
     scene = open_scene(Path(arguments.file), arguments)
     learn_checksums(job["checksums"])
-    made = {"scan": ScanWork, "labels": LabelsWork, "render": RenderWork}[arguments.command]
-    work: PieceWork = made(scene, stop, arguments)
+    jobs: dict[str, Job] = {"scan": scan_work, "labels": LabelsWork, "render": RenderWork}
+    work = jobs[arguments.command](scene, stop, arguments)
     other = find_difference(job["inputs"], work.place.inputs)
     if other is not None:
         raise CommandError(f"it differs from the run in {other}")
@@ -132,14 +134,14 @@ def _listen(requests: TextIO, inbox: queue.SimpleQueue[Request], stop: StopReque
 
 def main(folder: str) -> None:
     """Answers until nobody asks. folder: for temporary files, as the environment names it as well."""
-    from ..blender import StopRequest
+    from .blender import StopRequest
 
     requests, answers = _take_streams()
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # who asks decides what Ctrl-C means
     inbox: queue.SimpleQueue[Request] = queue.SimpleQueue()
     stop = StopRequest()
     threading.Thread(target=_listen, args=(requests, inbox, stop, folder), daemon=True).start()
-    bench = Bench(stop)
+    bench = Workbench(stop)
     while True:
         try:
             request = inbox.get(timeout=IDLE_SECONDS)
