@@ -19,7 +19,7 @@ def record(name: str) -> Items:
     return recorder.items
 
 
-@pytest.mark.parametrize("name", ["moved", "lazy"])
+@pytest.mark.parametrize("name", ["moved", "spatial"])
 def test_the_same_answers_have_the_same_fingerprints(name: str) -> None:
     first = record(name)
     assert first == record(name)

@@ -18,7 +18,6 @@ ICONS = {
     "replaced": "MESH_DATA",
     "added": "ADD",
     "removed": "REMOVE",
-    "deferred": "SORTTIME",
     "refitted": "MOD_SIMPLEDEFORM",
     "rotated": "FILE_REFRESH",
     "partly_rebuilt": "MOD_REMESH",

@@ -37,8 +37,6 @@ const char* action_name(MeshAction action) {
       return "partly_rebuilt";
     case MeshAction::kRebuilt:
       return "rebuilt";
-    case MeshAction::kDeferred:
-      return "deferred";
     case MeshAction::kAnimated:
       return "animated";
   }
@@ -139,12 +137,12 @@ Mesh read_mesh(const Array<T>& positions, const Array<std::int32_t>& triangles, 
 
 template <class T>
 std::int32_t add_mesh(Scene& scene, const Array<T>& positions, const Array<std::int32_t>& triangles,
-                      const py::dict& settings, const std::string& usage, bool lazy) {
+                      const py::dict& settings, const std::string& usage) {
   const BuildConfig config = parse_config(settings);
   const Usage expected = parse_usage(usage);
   Mesh mesh = read_mesh(positions, triangles, "add_mesh");
   const py::gil_scoped_release release;
-  return scene.add_mesh(std::move(mesh), config, expected, lazy);
+  return scene.add_mesh(std::move(mesh), config, expected);
 }
 
 template <class T>
@@ -219,7 +217,7 @@ void bind_instance_edits(py::class_<Scene>& scene) {
 template <class T>
 void bind_mesh_edits(py::class_<Scene>& scene) {
   scene.def("add_mesh", &add_mesh<T>, py::arg("positions").noconvert(), py::arg("triangles").noconvert(),
-            py::arg("settings"), py::arg("usage"), py::arg("lazy"));
+            py::arg("settings"), py::arg("usage"));
   scene.def("update_mesh", &update_mesh<T>, py::arg("mesh_id"), py::arg("positions").noconvert());
   scene.def("set_mesh_motion", &set_mesh_motion<T>, py::arg("mesh_id"), py::arg("positions").noconvert(),
             py::arg("steps"), py::arg("time_range"));

@@ -308,12 +308,12 @@ def test_trees_with_spatial_splits_refuse_to_move():
         scene.set_mesh_motion(mesh, np.stack([positions, positions]))
 
 
-def test_far_from_zero_and_lazy():
-    """In float64, recentred around the first step; a mesh that was added as lazy moves like any other."""
+def test_far_from_zero():
+    """In float64, recentred around the first step."""
     positions, triangles = meshes.sphere(12, 16, 1.0)
     centre = np.array([1e6, -2e6, 5e5])
     scene = perfect_bvh.Scene()
-    mesh = scene.add_mesh(positions + centre, triangles, lazy=True)
+    mesh = scene.add_mesh(positions + centre, triangles)
     scene.add_instance(mesh)
     scene.set_mesh_motion(mesh, np.stack([positions + centre, positions + centre + (4.0, 0, 0)]))
     scene.commit()

@@ -133,14 +133,13 @@ def _record_commits(recorder: Recorder, made: EngineScene) -> None:
 
 
 def _record_trees(recorder: Recorder, scene: perfect_bvh.Scene) -> None:
-    """After all queries, by which lazy meshes have got their trees."""
     statistics = plain(scene.statistics(detailed=True))
     for tree in (*statistics["meshes"], statistics["top_level"]):
         name = "top_level" if tree["mesh_id"] < 0 else f"mesh_{tree['mesh_id']}"
         bytes_taken = {key: tree.pop(key) for key in list(tree) if key.endswith("byte_count")}
         recorder.within("trees").add_all({name: tree, f"{name}_bytes": bytes_taken})
     snapshot = scene.snapshot()
-    for mesh in (None, *(tree["mesh_id"] for tree in statistics["meshes"] if tree["is_built"])):
+    for mesh in (None, *(tree["mesh_id"] for tree in statistics["meshes"])):
         boxes = snapshot.tree_boxes(mesh)
         here = recorder.within("tree_boxes").within("top_level" if mesh is None else f"mesh_{mesh}")
         here.add_all({name: getattr(boxes, name) for name in ("boxes", "levels", "leaf_sizes", "costs", "overlaps")})

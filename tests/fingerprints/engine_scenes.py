@@ -142,16 +142,6 @@ def far_away(layout: str) -> EngineScene:
     return EngineScene(scene, (scene.commit(),), centre)
 
 
-def lazy(layout: str) -> EngineScene:
-    """Meshes whose trees the first ray builds; some lie where no ray goes."""
-    scene, far = Scene(), np.eye(4)
-    far[:3, 3] = 1000.0
-    for number in range(6):
-        mesh = scene.add_mesh(*meshes.soup(300, 12 + number, 0.1), BuildConfig(layout=layout), lazy=True)
-        scene.add_instance(mesh, far if number > 3 else None)
-    return EngineScene(scene, (scene.commit(),), np.zeros(3))
-
-
 def spatial(layout: str) -> EngineScene:
     parts = (meshes.slivers(400, 18), boxes(40, 19))
     return _of_meshes(layout, *parts, builder="spatial", duplication_budget=0.5)
@@ -171,6 +161,6 @@ def quick(layout: str) -> EngineScene:
 SCENES: dict[str, Callable[[str], EngineScene]] = {
     make.__name__: make
     for make in (
-        soup, sphere, hall, slivers, coincident, instances, moved, refitted, far_away, lazy, spatial, quick,
+        soup, sphere, hall, slivers, coincident, instances, moved, refitted, far_away, spatial, quick,
     )
 }  # fmt: skip

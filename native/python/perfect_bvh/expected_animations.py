@@ -37,7 +37,7 @@ class ExpectedAnimations:
 
         It is told once, and forgotten when it was weighed, after `frames` commits, or by `replace_mesh`. Until then
         the engine holds a copy of the shapes. No query's answer changes by it, so that none is stale. The policy
-        "governed" weighs it, "animate" builds it always, others do not; a lazy mesh's first build does not either.
+        "governed" weighs it, "animate" builds it always, others do not.
 
         Raises ValueError for an unknown mesh, for curves and points, for positions of other counts or not finite, for
         other numbers of shapes and frames, and for a mesh that was added with a builder other than "auto", which

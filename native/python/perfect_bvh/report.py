@@ -5,11 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, Literal
 
-# deferred: a lazy mesh that no ray has reached: its tree is not built; `statistics()` tells when it is.
 # refitted: new boxes, the same tree. rotated, partly_rebuilt: refitted, then restructured where motion had degraded
 # it.
 # kept: nothing was done, though a new tree was weighed. animated: one tree was built for all frames of an animation.
-MeshAction = Literal["built", "refitted", "rotated", "partly_rebuilt", "rebuilt", "animated", "deferred", "kept"]
+MeshAction = Literal["built", "refitted", "rotated", "partly_rebuilt", "rebuilt", "animated", "kept"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -155,8 +154,6 @@ class CommitReport:
 class TreeStatistics:
     """One tree. mesh_id: -1 for the top level. builder: what made it, layout: of its leaves; both as in `BuildConfig`.
 
-    is_built: False for a lazy mesh as long as no ray has reached it; everything about its trees is then 0 or None.
-
     kind: "triangles", "curves" or "points"; of the top level "instances".
     primitive_count, vertex_count: of the mesh (of curves segments and points); of the top level, instances and 0.
     left_out_count: points, and segments of curves, that have no radius and are not among the primitives.
@@ -193,7 +190,6 @@ class TreeStatistics:
     vertex_count: int
     left_out_count: int
     user_count: int
-    is_built: bool
     is_refittable: bool
     node_count: int
     leaf_count: int

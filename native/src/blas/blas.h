@@ -20,8 +20,6 @@
 
 namespace perfect_bvh {
 
-class DeferredTree;
-
 // Immutable once a snapshot refers to it.
 struct Blas {
   explicit Blas(std::shared_ptr<const Mesh> the_mesh) : owned_mesh(std::move(the_mesh)), mesh(*owned_mesh) {}
@@ -44,8 +42,6 @@ struct Blas {
   std::shared_ptr<SpareTree> spare;  // where `wide` goes at the end; null: nowhere
   Aabb box;                          // around the triangles
   LazySupport support;               // of `wide`, made when one of many instances is turned
-  // Of a mesh that is built when the first ray reaches it, else null. There is then no tree here, only the one to come.
-  std::shared_ptr<DeferredTree> deferred;
   // Of a mesh that moves within the shutter (motion_steps.h): its trees at the steps that follow, of which no more is
   // filled in than rays need; and all of its steps as kernels see them.
   std::vector<std::shared_ptr<Blas>> later;

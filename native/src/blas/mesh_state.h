@@ -32,7 +32,6 @@ struct ExpectedAnimation {
 struct MeshState {
   BuildConfig config;
   Usage usage = Usage::kStatic;
-  bool is_lazy = false;
   std::shared_ptr<const Blas> blas;                 // committed; null before the first commit
   std::shared_ptr<const Mesh> edited;               // waiting; null if nothing is
   bool same_topology = false;                       // of `edited` and `blas`

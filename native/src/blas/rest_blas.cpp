@@ -10,8 +10,7 @@ namespace perfect_bvh {
 
 bool needs_decision(const MeshState& state, const CommitOptions& options) noexcept {
   if (!is_resting(state)) return true;
-  return options.policy == Policy::kGoverned && state.blas && !state.blas->deferred &&
-         is_degraded(state.history, options.calibration);
+  return options.policy == Policy::kGoverned && is_degraded(state.history, options.calibration);
 }
 
 bool keeps_at_rest(const ChangedMesh& resting, const CommitOptions& options, BlasResult& result) {

@@ -3,13 +3,12 @@
 #include <array>
 #include <limits>
 
-#include "blas/deferred_tree.h"
 #include "math/turn_ray.h"
 #include "mesh/round_mesh.h"
 #include "query/round_list.h"
 #include "query/trace.h"
 #include "query/tree_boxes.h"
-#include "tlas/lazy_trees.h"
+#include "tlas/trace_view.h"
 #include "traverse/default_floating_point.h"
 #include "wide/wide_boxes.h"
 
@@ -255,7 +254,7 @@ class Walker {
       --slot().top;
       return;
     }
-    const Blas& blas = newest_of(*instance.blas);
+    const Blas& blas = *instance.blas;
     space_ = space_of(posed(instance, ray_.time), blas);
     waiting_[slot().top] = {bounds_of(blas.wide, blas.mesh), 0, 0};
     begin_level();
@@ -338,7 +337,7 @@ class Walker {
 
 RayWalk walk_ray(const Snapshot& snapshot, const Ray& ray, Cull cull, CancelToken& cancel) {
   RayWalk walk;
-  with_trees(snapshot, cancel, [&](const SceneView& view) {
+  with_view(snapshot, cancel, [&](const SceneView& view) {
     const DefaultFloatingPoint environment;
     walk = Walker(snapshot, view, ray, cull).walk();
   });

@@ -37,13 +37,12 @@ void check_is_free(const BuildConfig& config, std::int32_t mesh_id, const char* 
 
 }  // namespace
 
-std::int32_t Scene::add_mesh(Mesh mesh, const BuildConfig& config, Usage usage, bool is_lazy) {
+std::int32_t Scene::add_mesh(Mesh mesh, const BuildConfig& config, Usage usage) {
   const std::lock_guard lock(edit_mutex_);
   MeshSlot slot;
   slot.config = config;
   slot.config.layout = layout_over(mesh, config.layout);
   slot.usage = usage;
-  slot.is_lazy = is_lazy;
   slot.edited = std::make_shared<const Mesh>(std::move(mesh));
   meshes_.emplace(next_mesh_id_, std::move(slot));
   mark_edited();

@@ -76,8 +76,7 @@ class Scene {
   Scene& operator=(const Scene&) = delete;
 
   // Every edit checks all of its input before it changes anything; ids are never reused.
-  // is_lazy: its tree is built when the first ray reaches it.
-  std::int32_t add_mesh(Mesh mesh, const BuildConfig& config, Usage usage, bool is_lazy = false);
+  std::int32_t add_mesh(Mesh mesh, const BuildConfig& config, Usage usage);
   template <class T>
   void update_mesh(std::int32_t mesh_id, std::span<const Vec3<T>> positions,
                    ThreadPool& pool = ThreadPool::shared());  // same topology

@@ -16,7 +16,6 @@ enum class MeshAction : std::uint8_t {
   kRotated,        // refitted, then restructured by rotations
   kPartlyRebuilt,  // refitted, then rebuilt where motion had degraded it
   kRebuilt,
-  kDeferred,  // not built before a ray reaches it
   kAnimated,  // built for all frames of an animation
 };
 

@@ -18,7 +18,6 @@ struct TreeStatistics {
   std::size_t vertex_count = 0;    // of curves and points their balls
   std::size_t left_out_count = 0;  // of points and curves' segments: those without a radius
   std::size_t user_count = 0;      // instances
-  bool is_built = true;            // false while no ray has reached a lazy mesh: what follows is then of no tree
 
   // The binary tree, whether or not it is still kept; of a tree that was never binary the wide one, with its leaf
   // blocks for leaves. Details are of binary trees alone.

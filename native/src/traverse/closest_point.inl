@@ -267,11 +267,6 @@ inline PointTree tree_of(const SceneView& scene, const InstanceView& instance, f
 inline void search_instance(PointSearch& search, std::uint32_t index) noexcept {
   const InstanceView& instance = search.scene.instances[index];
   if ((instance.mask & search.query.mask) == 0) return;
-  if (instance.root == kUnbuiltRoot) {
-    report_unbuilt(search.scene, index);
-    search.top = 0;
-    return;
-  }
   double turned[12];
   const double* const place = place_of(search.scene, index, search.query.time, turned);
   const PointTree tree = tree_of(search.scene, instance, search.query.time);

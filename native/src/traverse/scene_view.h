@@ -39,7 +39,7 @@ struct alignas(64) InstanceView {
     const IndexedLeaves* indexed_leaves;  // of the compact one, and of curves and points
   };
   TreeExtent extent;
-  std::uint32_t root;  // or kUnbuiltRoot
+  std::uint32_t root;
   std::uint32_t mask;  // 0 for an instance over nothing
   std::uint16_t mirrored;
   std::uint8_t is_compact;  // its leaves are indexed
@@ -54,17 +54,6 @@ static_assert(sizeof(InstanceView) == 192);  // every ray that enters an instanc
 // Where rays may visit more bytes than this, what they visit next is fetched ahead. Measured with diffuse rays and a
 // second level cache of 2 MB: through 164 MB they are twice as fast, through 9.5 MB 1.2 times, through 3.4 MB .96.
 inline constexpr std::size_t kCachedBytes = std::size_t{8} << 20;
-
-// As an instance's root: its tree is not built yet (tlas/lazy_trees.h).
-inline constexpr std::uint32_t kUnbuiltRoot = 0xFFFFFFFFu;
-
-// Instances that rays or points reached before their tree was built. A ray that reaches one stops: that batch's
-// answers are invalid.
-struct UnbuiltInstances {
-  static constexpr std::uint32_t kMost = 64;  // more are found when the batch is traced again
-  std::uint32_t count = 0;
-  std::uint32_t rows[kMost];
-};
 
 // How kernels learn that they should stop. Asked at least every kStepsBetweenAsking steps; a step is at most
 // kMostRaysInFlight leaves or instances. After a stop, the answers of the batch mean nothing. `should_stop` may call
@@ -96,17 +85,8 @@ struct SceneView {
   bool is_mostly_still = false;  // of the instances' boxes more stand still, by their surface
   const TreeStep* top_steps = nullptr;
   StepTimes top_times;
-  UnbuiltInstances* unbuilt = nullptr;  // only where some tree may not be built
   Interruption interruption;
 };
-
-static inline void report_unbuilt(const SceneView& scene, std::uint32_t instance) noexcept {
-  UnbuiltInstances& reached = *scene.unbuilt;
-  for (std::uint32_t i = 0; i < reached.count; ++i) {
-    if (reached.rows[i] == instance) return;
-  }
-  if (reached.count < UnbuiltInstances::kMost) reached.rows[reached.count++] = instance;
-}
 
 struct RayBatch {
   const Ray* rays = nullptr;

@@ -49,7 +49,7 @@ class WorkBetweenQuestions : public testing::TestWithParam<int> {
   [[nodiscard]] static std::size_t many() { return GetParam() == 1 ? kMany : kEnough; }
 
   std::int32_t add(const MeshData& data, const BuildConfig& config, Usage usage = Usage::kStatic) {
-    const std::int32_t mesh = scene_->add_mesh(data.mesh(), config, usage, false);
+    const std::int32_t mesh = scene_->add_mesh(data.mesh(), config, usage);
     place(mesh);
     return mesh;
   }
@@ -173,7 +173,7 @@ TEST_P(WorkBetweenQuestions, IsBoundedWhereTrianglesOfACompactTreeMove) {
 
 TEST_P(WorkBetweenQuestions, IsBoundedForInstances) {
   constexpr std::size_t kCount = 600'000;
-  const std::int32_t mesh = scene_->add_mesh(soup(20, 1).mesh(), {}, Usage::kStatic, false);
+  const std::int32_t mesh = scene_->add_mesh(soup(20, 1).mesh(), {}, Usage::kStatic);
   Random random(3);
   std::vector<Affine> maps;
   std::vector<InstanceInput> inputs;
@@ -198,12 +198,8 @@ TEST_P(WorkBetweenQuestions, IsBoundedForInstances) {
   expect_bounded("refit");
 }
 
-TEST_P(WorkBetweenQuestions, IsBoundedForLazyAndBakedMeshes) {
-  const std::int32_t lazy = scene_->add_mesh(surface(kEnough).mesh(), {}, Usage::kStatic, true);
-  place(lazy);
-  static_cast<void>(commit());
-  expect_bounded("lazy");
-  const std::int32_t mesh = scene_->add_mesh(surface(kEnough).mesh(), {}, Usage::kStatic, false);
+TEST_P(WorkBetweenQuestions, IsBoundedForBakedMeshes) {
+  const std::int32_t mesh = scene_->add_mesh(surface(kEnough).mesh(), {}, Usage::kStatic);
   const InstanceInput flat{mesh, Affine{{1, 0, 0}, {0, 1, 0}, {0, 0, 0}, {0, 0, 0}}, 1u, {}};
   scene_->add_instances({&flat, 1});
   EXPECT_EQ(commit().baked_count, 1u);
