@@ -46,7 +46,8 @@ void build_blas(Blas& blas, const ChangedMesh& changed, const CommitOptions& opt
     build_wide_tree(blas, report, pool, cancel);
   }
   blas.shape = new_tree_shape();
-  const UpdateHistory last = state.has_deformed ? state.history : UpdateHistory{};
+  const bool is_of_these = state.same_topology || is_resting(state);  // and not of primitives that were replaced
+  const UpdateHistory last = state.has_deformed && is_of_these ? state.history : UpdateHistory{};
   const TraceWork work = measure_trace_work(blas.wide, blas.mesh, cancel);
   report.node_visits = work.node_visits, report.leaf_visits = work.leaf_visits;
   result.history = begin_history(last, work, result.history.sample_now, options.calibration);
