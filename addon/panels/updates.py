@@ -22,7 +22,6 @@ ICONS = {
     "rotated": "FILE_REFRESH",
     "partly_rebuilt": "MOD_REMESH",
     "rebuilt": "MOD_BUILD",
-    "animated": "RENDER_ANIMATION",
     "built": "ADD",
 }
 # Of a row: what a name has where there is a time beside it and where there is none; of the rest what a time has.

@@ -20,7 +20,6 @@ DONE: dict[State, str] = {
     "rotated": "The tree was refitted and improved by rotations",
     "partly_rebuilt": "The tree was refitted, and parts of it were rebuilt",
     "rebuilt": "The tree was rebuilt",
-    "animated": "A tree was built for all frames of an animation",
     "built": "A tree was built",
 }
 _WHY: dict[State, str] = {

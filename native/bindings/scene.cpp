@@ -37,8 +37,6 @@ const char* action_name(MeshAction action) {
       return "partly_rebuilt";
     case MeshAction::kRebuilt:
       return "rebuilt";
-    case MeshAction::kAnimated:
-      return "animated";
   }
   return "kept";
 }
@@ -49,10 +47,8 @@ Policy parse_policy(const std::string& name) {
   if (name == "rotate") return Policy::kRotate;
   if (name == "rebuild_parts") return Policy::kRebuildParts;
   if (name == "rebuild") return Policy::kRebuild;
-  if (name == "animate") return Policy::kAnimate;
-  throw InvalidArgument(
-      "Scene: policy must be 'governed', 'refit', 'rotate', 'rebuild_parts', 'rebuild' or 'animate', got '" + name +
-      "'");
+  throw InvalidArgument("Scene: policy must be 'governed', 'refit', 'rotate', 'rebuild_parts' or 'rebuild', got '" +
+                        name + "'");
 }
 
 BuilderCost parse_cost(const py::dict& numbers, const char* builder) {
@@ -196,15 +192,6 @@ void set_mesh_motion(Scene& scene, std::int32_t mesh_id, const Array<T>& positio
   scene.set_mesh_motion(mesh_id, vertices, step_times(steps, range), ThreadPool::shared());
 }
 
-// positions: all vertices in the first shape, then in the second, and so on.
-template <class T>
-void expect_animation(Scene& scene, std::int32_t mesh_id, const Array<T>& positions, std::size_t shapes,
-                      std::uint32_t frames) {
-  const auto vertices = as_vectors(positions);
-  const py::gil_scoped_release release;
-  scene.expect_animation(mesh_id, vertices, shapes, frames, ThreadPool::shared());
-}
-
 template <class T>
 void bind_instance_edits(py::class_<Scene>& scene) {
   scene.def("add_instances", &add_instances<T>, py::arg("meshes").noconvert(), py::arg("transforms").noconvert(),
@@ -221,8 +208,6 @@ void bind_mesh_edits(py::class_<Scene>& scene) {
   scene.def("update_mesh", &update_mesh<T>, py::arg("mesh_id"), py::arg("positions").noconvert());
   scene.def("set_mesh_motion", &set_mesh_motion<T>, py::arg("mesh_id"), py::arg("positions").noconvert(),
             py::arg("steps"), py::arg("time_range"));
-  scene.def("expect_animation", &expect_animation<T>, py::arg("mesh_id"), py::arg("positions").noconvert(),
-            py::arg("shapes"), py::arg("frames"));
   scene.def("replace_mesh", &replace_mesh<T>, py::arg("mesh_id"), py::arg("positions").noconvert(),
             py::arg("triangles").noconvert());
 }

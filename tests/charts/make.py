@@ -32,7 +32,6 @@ CHARTS = (
     "image_error",
     "stability",
     "policies_by_frame",
-    "whole_animations",
     "failure_zoo",
 )
 

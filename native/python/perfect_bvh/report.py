@@ -7,8 +7,8 @@ from typing import Any, Literal
 
 # refitted: new boxes, the same tree. rotated, partly_rebuilt: refitted, then restructured where motion had degraded
 # it.
-# kept: nothing was done, though a new tree was weighed. animated: one tree was built for all frames of an animation.
-MeshAction = Literal["built", "refitted", "rotated", "partly_rebuilt", "rebuilt", "animated", "kept"]
+# kept: nothing was done, though a new tree was weighed.
+MeshAction = Literal["built", "refitted", "rotated", "partly_rebuilt", "rebuilt", "kept"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -16,7 +16,7 @@ class Alternative:
     """What could have been done about a mesh, and what that was expected to cost on one thread.
 
     builder: of the tree that would be built; "" where none would. trace_milliseconds: of the rays that were expected;
-    None if their number is unknown. "animated" (`Scene.expect_animation`): both of one frame, in the mean of all.
+    None if their number is unknown.
     """
 
     action: MeshAction

@@ -15,17 +15,16 @@ from .build_config import BuildConfig, Usage, as_config, check_usage, checked_nu
 from .calibration import Calibration, current_calibration
 from .curve_chains import CurveChains
 from .curves_and_points import CurvesAndPoints
-from .expected_animations import ExpectedAnimations
 from .queries import ALL_MASK, Queries
 from .report import CommitReport
 from .snapshot import Snapshot
 
-Policy = Literal["governed", "refit", "rotate", "rebuild_parts", "rebuild", "animate"]
+Policy = Literal["governed", "refit", "rotate", "rebuild_parts", "rebuild"]
 _MOST_RAYS = 1e18
 POLICIES: tuple[str, ...] = get_args(Policy)
 
 
-class Scene(Queries, CurvesAndPoints, ExpectedAnimations):
+class Scene(Queries, CurvesAndPoints):
     """A two-level tree over instanced meshes of triangles, curves or points.
 
     Edits are collected; `commit()` builds, refits or keeps each tree as its edits need; queries then answer from
@@ -34,8 +33,7 @@ class Scene(Queries, CurvesAndPoints, ExpectedAnimations):
 
     policy: what becomes of a tree whose vertices moved. "governed": what is expected to cost least, of the update and
         of the rays together. The others are for comparisons, and hits are the same, bit by bit: "refit" (wherever a
-        tree can be refitted), "rotate" and "rebuild_parts" (refit, and then always restructure so), "rebuild", and
-        "animate" (refit, in one tree for all frames wherever `expect_animation` told of them).
+        tree can be refitted), "rotate" and "rebuild_parts" (refit, and then always restructure so) and "rebuild".
     calibration: what work costs on this machine; by default what `perfect-bvh calibrate` measured, or else what comes
         with the package. With equal calibrations, edits and expected rays the decisions are the same anywhere.
     """

@@ -1,7 +1,7 @@
 // From a mesh that is new or was edited to what rays are traced through. Where only positions changed
 // the tree is refitted and perhaps restructured (refit_blas.cpp); where they came to rest in a tree that motion
 // degraded, that is kept or rebuilt (rest_blas.cpp); otherwise, or where the governor wants another one, a tree is
-// built (build_wide_tree.cpp). Where the frames to come are known, one for all of them is weighed (animate_blas.cpp).
+// built (build_wide_tree.cpp).
 
 #include "blas/make_blas.h"
 
@@ -76,7 +76,6 @@ BlasResult make_blas(const ChangedMesh& changed, const CommitOptions& options, T
     blas->refit_plan = {};
     build_blas(*blas, changed, options, result, pool, cancel);
   }
-  animate_blas(*blas, changed, options, result, pool, cancel);
   report.cost = kWideNodeCost * report.node_visits + kWideLeafCost * report.leaf_visits;
   report.builder = builder_name(blas->config.builder);
   report.layout = layout_name(blas->config.layout);

@@ -25,9 +25,4 @@ namespace perfect_bvh {
 [[nodiscard]] bool refit_blas(Blas& blas, const ChangedMesh& changed, const CommitOptions& options, BlasResult& result,
                               ThreadPool& pool, CancelToken& cancel);
 
-// animate_blas.cpp: where the mesh's animation is known, weighs a tree for all of its frames against that of `blas`,
-// which is ready, and builds it if that pays.
-void animate_blas(Blas& blas, const ChangedMesh& changed, const CommitOptions& options, BlasResult& result,
-                  ThreadPool& pool, CancelToken& cancel);
-
 }  // namespace perfect_bvh

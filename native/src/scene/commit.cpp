@@ -127,9 +127,6 @@ void Scene::publish(std::shared_ptr<const Snapshot> snapshot, std::span<BlasResu
   for (BlasResult& result : results) {
     MeshSlot& slot = meshes_.find(result.report.mesh_id)->second;
     slot.history = result.history;
-    if (result.has_weighed_animation || (slot.animation && result.blas && --slot.animation->frame_count == 0)) {
-      slot.animation.reset();
-    }
     if (!result.blas) continue;
     slot.blas = std::move(result.blas);
     slot.spare = slot.blas->spare;

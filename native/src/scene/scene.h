@@ -94,13 +94,8 @@ class Scene {
   template <class T>
   void set_mesh_motion(std::int32_t mesh_id, std::span<const Vec3<T>> positions, const StepTimes& times,
                        ThreadPool& pool = ThreadPool::shared());
-  // Of triangles: the shapes of the frames to come, one after another, for the next commit of the mesh to weigh one
-  // tree for all of them. No answer changes by it: nothing is stale.
-  template <class T>
-  void expect_animation(std::int32_t mesh_id, std::span<const Vec3<T>> positions, std::size_t shape_count,
-                        std::uint32_t frame_count, ThreadPool& pool = ThreadPool::shared());
-  // As set_mesh_motion, of curves or points; offsets: of chains, of each step's balls; empty of points and of those
-  // that have none.
+  // The same of curves or points; offsets: of chains, of each step's balls; empty of points and of those that have
+  // none.
   template <class T>
   void set_round_motion(std::int32_t mesh_id, PrimitiveKind kind, const BallsGiven<T>& balls,
                         std::span<const std::int64_t> offsets, const StepTimes& times,

@@ -16,14 +16,12 @@ enum class MeshAction : std::uint8_t {
   kRotated,        // refitted, then restructured by rotations
   kPartlyRebuilt,  // refitted, then rebuilt where motion had degraded it
   kRebuilt,
-  kAnimated,  // built for all frames of an animation
 };
 
 // What could have been done about a mesh, and what that was expected to cost on one thread.
 struct AlternativeReport {
   MeshAction action = MeshAction::kKept;
   std::string builder;  // empty where nothing would be built
-  // Of a tree for all frames of an animation: of one of them, in the mean.
   double update_milliseconds = 0;
   std::optional<double> trace_milliseconds;  // of the expected rays; unknown without
 };
