@@ -28,7 +28,7 @@ def test_the_same_answers_have_the_same_fingerprints(name: str) -> None:
 
 def test_every_scene_has_something_to_hit() -> None:
     for name, make in SCENES.items():
-        made = make("default")
+        made = make()
         hits = made.scene.cast_rays(
             made.centre + (0.02, 0.03, 2.0), [(0.0, 0.01 * row, -1.0) for row in range(-99, 99)]
         )

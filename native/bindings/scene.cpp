@@ -101,7 +101,7 @@ py::list to_list(const std::vector<MeshReport>& reports) {
         py::arg("mesh_id") = mesh.mesh_id, py::arg("usage") = mesh.usage, py::arg("action") = action_name(mesh.action),
         py::arg("reason") = mesh.reason, py::arg("alternatives") = to_list(mesh.alternatives),
         py::arg("expected_rays") = mesh.expected_rays, py::arg("node_visits") = mesh.node_visits,
-        py::arg("leaf_visits") = mesh.leaf_visits, py::arg("builder") = mesh.builder, py::arg("layout") = mesh.layout,
+        py::arg("leaf_visits") = mesh.leaf_visits, py::arg("builder") = mesh.builder,
         py::arg("milliseconds") = mesh.milliseconds, py::arg("build_milliseconds") = mesh.build_milliseconds,
         py::arg("optimize_milliseconds") = mesh.optimize_milliseconds,
         py::arg("refit_milliseconds") = mesh.refit_milliseconds,

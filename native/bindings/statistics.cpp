@@ -14,7 +14,6 @@ py::dict to_dict(const TreeStatistics& tree) {
   py::dict row;
   row["mesh_id"] = tree.mesh_id;
   row["builder"] = tree.builder;
-  row["layout"] = tree.layout;
   row["kind"] = tree.kind;
   row["primitive_count"] = tree.primitive_count;
   row["vertex_count"] = tree.vertex_count;

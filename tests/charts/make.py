@@ -26,7 +26,6 @@ from stress import zoo_table
 CHARTS = (
     "build_and_speed",
     "break_even",
-    "memory_and_speed",
     "predicted_cost",
     "wrong_answers",
     "image_error",

@@ -34,7 +34,6 @@ WHOLE: dict[str, str] = {
 OF_MESHES: dict[str, str] = {
     "builders": "build.py --default-meshes --trees auto median sweep binned spatial fast --threads 1 --rounds 3 "
     "--size 320x200 --ray-limit 5000 --seconds 6",
-    "layouts": "layouts.py --rounds 3 --size 320x200",
 }
 NATIVE = (*OF_MESHES, "accuracy")  # which run native programs, and refuse to on a busy machine
 

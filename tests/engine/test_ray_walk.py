@@ -91,11 +91,10 @@ def test_it_ends_where_cast_rays_does(isa: str, cull: str) -> None:
     assert seen == {int(event) for event in WalkEvent}
 
 
-@pytest.mark.parametrize("layout", ["default", "compact"])
 @pytest.mark.parametrize("builder", BUILDERS)
-def test_every_builder_and_layout(builder: Any, layout: Any) -> None:
+def test_every_builder(builder: Any) -> None:
     budget = {"duplication_budget": 4.0} if builder == "spatial" else {}
-    scene = crowd(BuildConfig(builder=builder, layout=layout, **budget))
+    scene = crowd(BuildConfig(builder=builder, **budget))
     for walk in check(scene, *meshes.random_rays(60, 7)):
         check_order(walk)
 

@@ -15,7 +15,6 @@ from fingerprints.digests import Recorder, check_equal
 from fingerprints.engine_scenes import SCENES, EngineScene
 from oracles import meshes
 
-LAYOUTS = ("default", "compact")
 COUNTERS = ("nodes_visited", "primitives_tested")
 # All that `Hits` names, and for `list_intersections` all but the counters, which belong to rays.
 HIT_FIELDS = (
@@ -28,15 +27,14 @@ UNSTEADY = ("scene_id", "milliseconds")
 
 
 def record_engine(recorder: Recorder, names: Iterable[str] = tuple(SCENES), ray_count: int = 1500) -> None:
-    """All scenes of these names in both layouts, with the instruction set that is active."""
+    """All scenes of these names, with the instruction set that is active."""
     for name in names:
-        for layout in LAYOUTS:
-            made = SCENES[name](layout)
-            here = recorder.within(name).within(layout)
-            _record_commits(here.within("commits"), made)
-            _record_rays(here, made, ray_count)
-            _record_points(here.within("compute_closest_points"), made, ray_count)
-            _record_trees(here, made.scene)
+        made = SCENES[name]()
+        here = recorder.within(name)
+        _record_commits(here.within("commits"), made)
+        _record_rays(here, made, ray_count)
+        _record_points(here.within("compute_closest_points"), made, ray_count)
+        _record_trees(here, made.scene)
 
 
 def plain(value: Any) -> Any:

@@ -26,11 +26,11 @@ class EngineScene:
     centre: Points
 
 
-def _of_meshes(layout: str, *parts: meshes.Mesh, builder: str = "auto", **settings: object) -> EngineScene:
+def _of_meshes(*parts: meshes.Mesh, builder: str = "auto", **settings: object) -> EngineScene:
     """Each mesh once, where it is."""
     scene = Scene()
     for positions, triangles in parts:
-        config = BuildConfig(builder=builder, layout=layout, **settings)
+        config = BuildConfig(builder=builder, **settings)
         scene.add_instance(scene.add_mesh(positions.astype(np.float32), triangles, config))
     return EngineScene(scene, (scene.commit(),), np.zeros(3))
 
@@ -50,36 +50,36 @@ def boxes(count: int, seed: int) -> meshes.Mesh:
     return np.concatenate([positions, floor]), np.concatenate([triangles, ground]).astype(np.int32)
 
 
-def soup(layout: str) -> EngineScene:
-    return _of_meshes(layout, meshes.soup(2500, 1, 0.1))
+def soup() -> EngineScene:
+    return _of_meshes(meshes.soup(2500, 1, 0.1))
 
 
-def sphere(layout: str) -> EngineScene:
-    return _of_meshes(layout, meshes.sphere(32, 48))
+def sphere() -> EngineScene:
+    return _of_meshes(meshes.sphere(32, 48))
 
 
-def hall(layout: str) -> EngineScene:
-    return _of_meshes(layout, boxes(150, 2))
+def hall() -> EngineScene:
+    return _of_meshes(boxes(150, 2))
 
 
-def slivers(layout: str) -> EngineScene:
-    return _of_meshes(layout, meshes.slivers(1500, 3))
+def slivers() -> EngineScene:
+    return _of_meshes(meshes.slivers(1500, 3))
 
 
-def coincident(layout: str) -> EngineScene:
+def coincident() -> EngineScene:
     """Hits at equal t, within a mesh, between meshes and between instances."""
     positions, triangles = meshes.grid(12)
     twice = positions, np.concatenate([triangles, triangles[::-1]])
-    made = _of_meshes(layout, twice, meshes.grid(7), meshes.sphere(8, 12, 0.5), meshes.sphere(8, 12, 0.5))
+    made = _of_meshes(twice, meshes.grid(7), meshes.sphere(8, 12, 0.5), meshes.sphere(8, 12, 0.5))
     made.scene.add_instance(0, order=-1)
     return EngineScene(made.scene, (*made.reports, made.scene.commit()), made.centre)
 
 
-def instances(layout: str) -> EngineScene:
+def instances() -> EngineScene:
     """Mirrored, sheared, singular, masked; a few of them on top of one another."""
     random, scene = np.random.default_rng(4), Scene()
     parts = (meshes.sphere(10, 16), meshes.soup(200, 5, 0.2), boxes(12, 6))
-    ids = [scene.add_mesh(at.astype(np.float32), rows, BuildConfig(layout=layout)) for at, rows in parts]
+    ids = [scene.add_mesh(at.astype(np.float32), rows) for at, rows in parts]
     transforms = np.zeros((80, 3, 4))
     transforms[:, :, :3] = random.normal(0.0, 0.15, (80, 3, 3))
     transforms[:, :, 3] = random.uniform(-1.0, 1.0, (80, 3))
@@ -92,13 +92,12 @@ def instances(layout: str) -> EngineScene:
     return EngineScene(scene, (scene.commit(),), np.zeros(3))
 
 
-def moved(layout: str) -> EngineScene:
+def moved() -> EngineScene:
     """Meshes refitted, restructured or rebuilt, transforms, masks, meshes and instances changed, over four commits."""
     random, scene = np.random.default_rng(7), Scene()
     positions, triangles = meshes.sphere(24, 32)
-    config = BuildConfig(layout=layout)
-    ball, cloud = scene.add_mesh(positions, triangles, config), scene.add_mesh(*meshes.soup(600, 8, 0.05), config)
-    other = scene.add_mesh(*meshes.grid(9), config)
+    ball, cloud = scene.add_mesh(positions, triangles), scene.add_mesh(*meshes.soup(600, 8, 0.05))
+    other = scene.add_mesh(*meshes.grid(9))
     placed = np.repeat(np.diag((0.5, 0.5, 0.5, 1.0))[None], 6, axis=0)
     placed[:, :3, 3] = random.uniform(-1.0, 1.0, (6, 3))
     ids = scene.add_instances([ball, ball, cloud, cloud, other, other], placed)
@@ -117,11 +116,11 @@ def moved(layout: str) -> EngineScene:
     return EngineScene(scene, tuple(reports), np.zeros(3))
 
 
-def refitted(layout: str) -> EngineScene:
+def refitted() -> EngineScene:
     """A tree that follows its vertices for four commits and is never rebuilt."""
     scene = Scene(policy="refit")
     positions, triangles = meshes.soup(1500, 9, 0.05)
-    mesh = scene.add_mesh(positions, triangles, BuildConfig(layout=layout), usage="deforming")
+    mesh = scene.add_mesh(positions, triangles, usage="deforming")
     scene.add_instance(mesh)
     reports = [scene.commit()]
     for step in range(1, 5):
@@ -130,35 +129,33 @@ def refitted(layout: str) -> EngineScene:
     return EngineScene(scene, tuple(reports), np.zeros(3))
 
 
-def far_away(layout: str) -> EngineScene:
+def far_away() -> EngineScene:
     """In double, where a float has a resolution of half a unit."""
     centre = np.array([8.0e6, -3.0e6, 5.0e5])
     scene = Scene()
     for positions, triangles in (meshes.sphere(20, 24, 0.7), boxes(40, 10)):
-        scene.add_instance(scene.add_mesh(positions + centre, triangles, BuildConfig(layout=layout)))
-    near, place = scene.add_mesh(*meshes.soup(150, 11, 0.1), BuildConfig(layout=layout)), np.eye(4)
+        scene.add_instance(scene.add_mesh(positions + centre, triangles))
+    near, place = scene.add_mesh(*meshes.soup(150, 11, 0.1)), np.eye(4)
     place[:3, 3] = centre
     scene.add_instance(near, place)
     return EngineScene(scene, (scene.commit(),), centre)
 
 
-def spatial(layout: str) -> EngineScene:
+def spatial() -> EngineScene:
     parts = (meshes.slivers(400, 18), boxes(40, 19))
-    return _of_meshes(layout, *parts, builder="spatial", duplication_budget=0.5)
+    return _of_meshes(*parts, builder="spatial", duplication_budget=0.5)
 
 
-def quick(layout: str) -> EngineScene:
+def quick() -> EngineScene:
     """The builder for meshes of a changing topology, through one change of it; one mesh improved by reinsertion."""
-    made = _of_meshes(layout, meshes.soup(1200, 20, 0.1), boxes(30, 21), builder="fast", optimize=3)
+    made = _of_meshes(meshes.soup(1200, 20, 0.1), boxes(30, 21), builder="fast", optimize=3)
     scene = made.scene
-    scene.add_instance(
-        scene.add_mesh(*meshes.soup(700, 22, 0.1), BuildConfig(layout=layout, max_leaf_size=4), usage="changing")
-    )
+    scene.add_instance(scene.add_mesh(*meshes.soup(700, 22, 0.1), BuildConfig(max_leaf_size=4), usage="changing"))
     scene.replace_mesh(0, *meshes.soup(900, 23, 0.1))
     return EngineScene(scene, (*made.reports, scene.commit()), made.centre)
 
 
-SCENES: dict[str, Callable[[str], EngineScene]] = {
+SCENES: dict[str, Callable[[], EngineScene]] = {
     make.__name__: make
     for make in (
         soup, sphere, hall, slivers, coincident, instances, moved, refitted, far_away, spatial, quick,

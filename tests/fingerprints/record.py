@@ -5,7 +5,7 @@
     python tests/fingerprints/record.py --compare before.json after.json
 
 The first two are run with the package of before and of after the change; each takes about a minute of one core and
-writes a sha256 for each named item: every query on twelve generated scenes in both layouts, and for each file in
+writes a sha256 for each named item: every query on eleven generated scenes, and for each file in
 blend_scenes its sync reports, images, lookups, scans and renders through Blender and the command line. The engine's
 items are made with every instruction set that the machine has, and must agree. Only what users' scripts can reach is
 called, so that one program fits both packages. Items with `/visits/` in their names count nodes and triangles that rays

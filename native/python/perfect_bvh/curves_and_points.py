@@ -42,7 +42,7 @@ class CurvesAndPoints:
         centers: (N, 3) float; float64 keeps its detail however far from zero it lies.
         radii: (N,) float, or one number for all, not negative. Points of radius 0 are left out: no hit has their
             number, and `statistics()` counts them.
-        build, usage: see `Scene.add_mesh`. The layout of leaves is "compact", whichever is asked for.
+        build, usage: see `Scene.add_mesh`.
 
         Raises ValueError for numbers that are not finite or above 1e18, negative radii and wrong shapes.
         """
@@ -86,8 +86,7 @@ class CurvesAndPoints:
             width, as those of a tube. Bends are filled, but a curve's own ends are cut off straight, also where a
             cyclic one returns. In an instance strips face the ray as it is mapped into the mesh's space. Closest
             points are those of the round curve.
-        build, usage: see `Scene.add_mesh`. Leaves of the default layout hold segments' axes in whole steps, by
-            which kernels tell which to look at; those of the compact one numbers alone: a third fewer bytes.
+        build, usage: see `Scene.add_mesh`.
 
         Raises ValueError for numbers that are not finite or above 1e18, negative radii, offsets that descend, do not
         add up or leave a curve less points than its kind takes, wrong shapes, and more than 2**30 balls.

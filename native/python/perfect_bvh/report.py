@@ -33,8 +33,7 @@ class MeshReport:
     where there was no choice. expected_rays: how many were expected to meet the mesh's box, None if unknown.
     node_visits, leaf_visits: what a random ray that meets the box is expected to visit of the tree that is traced now.
 
-    builder: what made the tree (now, or before it was refitted; or will make it), layout: of its leaves; both as in
-    `BuildConfig`.
+    builder: what made the tree (now, or before it was refitted; or will make it), as in `BuildConfig`.
     milliseconds: of one mesh, on however many threads; then of its stages, 0 for those that did not run: building the
     binary tree, improving it by reinsertion, collapsing it into the wide tree that rays are traced through; or
     refitting that (also where it was then found too slow to trace) and restructuring it by rotations or by rebuilding
@@ -55,7 +54,6 @@ class MeshReport:
     node_visits: float
     leaf_visits: float
     builder: str
-    layout: str
     milliseconds: float
     build_milliseconds: float
     optimize_milliseconds: float
@@ -152,7 +150,7 @@ class CommitReport:
 
 @dataclass(frozen=True, slots=True)
 class TreeStatistics:
-    """One tree. mesh_id: -1 for the top level. builder: what made it, layout: of its leaves; both as in `BuildConfig`.
+    """One tree. mesh_id: -1 for the top level. builder: what made it, as in `BuildConfig`.
 
     kind: "triangles", "curves" or "points"; of the top level "instances".
     primitive_count, vertex_count: of the mesh (of curves segments and points); of the top level, instances and 0.
@@ -184,7 +182,6 @@ class TreeStatistics:
 
     mesh_id: int
     builder: str
-    layout: str
     kind: str
     primitive_count: int
     vertex_count: int

@@ -78,10 +78,9 @@ BlasResult make_blas(const ChangedMesh& changed, const CommitOptions& options, T
   }
   report.cost = kWideNodeCost * report.node_visits + kWideLeafCost * report.leaf_visits;
   report.builder = builder_name(blas->config.builder);
-  report.layout = layout_name(blas->config.layout);
   report.kind = kind_name(blas->mesh.kind);
   report.triangle_count = blas->mesh.primitive_count();
-  blas->indexed_leaves = view_leaves(blas->wide, blas->mesh);
+  blas->round_leaves = view_leaves(blas->wide, blas->mesh);
   add_motion_steps(*blas, pool, cancel);
   report.byte_count = byte_count(*blas);
   report.milliseconds = watch.milliseconds();

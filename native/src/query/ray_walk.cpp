@@ -152,19 +152,11 @@ class Walker {
       return visit_moving_leaf(instance, row);
     }
     if (slot().blocks != nullptr) return test_triangles(slot().blocks[row]);
-    if (instance.is_round != 0) return test_round(instance, *instance.indexed_leaves, row);
-    GatheredLeaf leaf;
-    gather_leaf(leaf, *instance.indexed_leaves, row);
-    test_triangles(leaf);
+    test_round(instance, *instance.round_leaves, row);
   }
 
   void visit_moving_leaf(const InstanceView& instance, std::uint32_t row) {
     if (instance.is_round != 0) return test_round(instance, moving_leaves(slot().step, slot().moment), row);
-    if (slot().blocks == nullptr) {
-      GatheredLeaf leaf;
-      gather_moving_leaf(leaf, slot().step, slot().moment, row);
-      return test_triangles(leaf);
-    }
     if (!slot().moment.is_between()) return test_triangles(slot().blocks[row]);
     test_triangles(MovingBlock(slot().step, slot().moment, row, slot().span_slack));
   }
@@ -195,7 +187,7 @@ class Walker {
   }
 
   // Curves or points; t is where the ray goes in, or if that is hidden out.
-  void test_round(const InstanceView& instance, const IndexedLeaves& leaves, std::uint32_t row) {
+  void test_round(const InstanceView& instance, const RoundLeaves& leaves, std::uint32_t row) {
     const Waiting here = waiting_[slot().top];
     note(WalkEvent::kEnterLeaf, here);
     const RoundList& list = leaves.round;

@@ -48,7 +48,6 @@ TreeStatistics describe_mesh(std::int32_t mesh_id, const Blas& blas, const Stati
   TreeStatistics row = describe(was_binary ? blas.quality : measure_wide_quality(blas.wide, blas.mesh), options);
   row.mesh_id = mesh_id;
   row.builder = builder_name(blas.config.builder);
-  row.layout = layout_name(blas.config.layout);
   row.kind = kind_name(blas.mesh.kind);
   row.primitive_count = blas.mesh.primitive_count();
   row.vertex_count = blas.mesh.vertex_count();
@@ -63,7 +62,6 @@ TreeStatistics describe_mesh(std::int32_t mesh_id, const Blas& blas, const Stati
 TreeStatistics describe_top_level(const Snapshot& snapshot, const StatisticsOptions& options) {
   TreeStatistics row = describe(measure_quality(snapshot.tlas), options);
   row.builder = snapshot.top_level_builder;
-  row.layout = layout_name(snapshot.top_level.layout);
   row.kind = "instances";
   row.primitive_count = snapshot.instances.size();
   row.user_count = 1;

@@ -5,7 +5,6 @@
 #include "blas/moved_balls.h"
 #include "core/errors.h"
 #include "scene/scene.h"
-#include "wide/leaf_block.h"
 
 namespace perfect_bvh {
 namespace {
@@ -35,7 +34,6 @@ std::int32_t Scene::add_mesh(Mesh mesh, const BuildConfig& config, Usage usage) 
   const std::lock_guard lock(edit_mutex_);
   MeshSlot slot;
   slot.config = config;
-  slot.config.layout = layout_over(mesh, config.layout);
   slot.usage = usage;
   slot.edited = std::make_shared<const Mesh>(std::move(mesh));
   meshes_.emplace(next_mesh_id_, std::move(slot));

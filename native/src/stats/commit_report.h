@@ -36,7 +36,6 @@ struct MeshReport {
   std::optional<double> expected_rays;          // of the mesh; unknown unless told
   double node_visits = 0, leaf_visits = 0;      // expected of such a ray in the tree that is traced now
   std::string builder;                          // that made the tree, now or before a refit; or will make it
-  std::string layout;                           // of the tree's leaves
   double milliseconds = 0;                      // of all stages; those that follow are 0 where a stage did not run
   double build_milliseconds = 0;
   double optimize_milliseconds = 0;

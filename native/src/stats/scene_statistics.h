@@ -12,7 +12,6 @@ namespace perfect_bvh {
 struct TreeStatistics {
   std::int32_t mesh_id = -1;  // -1 for the top level
   std::string builder;        // as in BuildConfig; of the top level see TopLevelReport
-  std::string layout;         // as in BuildConfig; of the top level always "default"
   std::string kind;           // "triangles", "curves" or "points"; of the top level "instances"
   std::size_t primitive_count = 0;
   std::size_t vertex_count = 0;    // of curves and points their balls

@@ -108,7 +108,7 @@ std::shared_ptr<const Blas> bake_instance(Instance& instance, Placing& placing, 
   baked->config = config;
   MeshReport unread;
   build_wide_tree(*baked, unread, pool, cancel);
-  baked->indexed_leaves = view_leaves(baked->wide, baked->mesh);
+  baked->round_leaves = view_leaves(baked->wide, baked->mesh);
   add_motion_steps(*baked, pool, cancel);
   const bool usable = place_instance(instance, placing, *baked, Affine{});
   // Baked positions are in world winding already.

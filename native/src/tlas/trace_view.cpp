@@ -48,9 +48,8 @@ InstanceView view_of(const Instance& instance, const Affine& world_to_object) {
   }
   view.nodes = tree.nodes.data();
   view.is_round = instance.blas->mesh.is_round() ? 1 : 0;
-  view.is_compact = tree.layout == TreeLayout::kCompact || view.is_round != 0 ? 1 : 0;
-  if (view.is_compact != 0) {
-    view.indexed_leaves = &instance.blas->indexed_leaves;
+  if (view.is_round != 0) {
+    view.round_leaves = &instance.blas->round_leaves;
   } else {
     view.blocks = tree.blocks.data();
   }

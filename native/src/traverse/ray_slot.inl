@@ -11,7 +11,7 @@ struct alignas(64) Slot {
 
   TriangleState triangle;
   const WideNode* nodes;
-  const LeafBlock* blocks;  // null: the tree is a compact one
+  const LeafBlock* blocks;  // null: the tree is over curves or points
   std::uint32_t ray;        // row in the batch
   std::uint32_t instance;   // being traversed; row in the scene
 
@@ -56,9 +56,9 @@ inline void set_limit(Slot& slot) noexcept {
   set_depths(slot.triangle, slot.box.t_min, slot.box.t_limit);
 }
 
-// Null: the leaves are indexed.
+// Null: it is over curves or points.
 inline const LeafBlock* blocks_of(const InstanceView& instance) noexcept {
-  return instance.is_compact != 0 ? nullptr : instance.blocks;
+  return instance.is_round != 0 ? nullptr : instance.blocks;
 }
 
 // No hit yet.

@@ -14,19 +14,15 @@
 
 namespace perfect_bvh {
 
-// The leaves of a compact tree, or of one over curves or points, and where what they name is: in the mesh, in its own
-// scale. A mesh's positions are readable for kReadableBehind bytes past the last.
-struct IndexedLeaves {
-  const IndexedLeaf* rows = nullptr;
-  const CurveLeaf* curves = nullptr;  // instead of the rows, if not null
-  const Vec3<std::uint32_t>* triangles = nullptr;
-  const Vec3f* positions = nullptr;
-  float scale = 1.0f;  // of the tree as stored
+// The leaves of a tree over curves or points, and where what they name is: in the mesh, in its own scale.
+struct RoundLeaves {
+  const PointLeaf* points = nullptr;
+  const CurveLeaf* curves = nullptr;  // instead of points, if not null
   RoundList round;
 
-  // Of curves or points: the eight places of a leaf.
-  [[nodiscard]] const std::uint32_t* round_primitives(std::uint32_t row) const noexcept {
-    return curves != nullptr ? curves[row].primitives : rows[row].primitives;
+  // The eight places of a leaf.
+  [[nodiscard]] const std::uint32_t* primitives(std::uint32_t row) const noexcept {
+    return curves != nullptr ? curves[row].primitives : points[row].primitives;
   }
 };
 
@@ -35,15 +31,14 @@ struct alignas(64) InstanceView {
   alignas(32) double world_to_local[4][4];
   const WideNode* nodes;
   union {
-    const LeafBlock* blocks;              // of the default layout
-    const IndexedLeaves* indexed_leaves;  // of the compact one, and of curves and points
+    const LeafBlock* blocks;          // of triangles
+    const RoundLeaves* round_leaves;  // of curves and points
   };
   TreeExtent extent;
   std::uint32_t root;
   std::uint32_t mask;  // 0 for an instance over nothing
   std::uint16_t mirrored;
-  std::uint8_t is_compact;  // its leaves are indexed
-  std::uint8_t is_round;    // and hold curves or points
+  std::uint16_t is_round;  // it is over curves or points
   std::int32_t id;
   std::int64_t order;
   float scale;           // of the tree as stored
