@@ -18,10 +18,9 @@ import json, sys
 words = sys.argv[1:]
 counts = [int.from_bytes(open(words[-1], "rb").read(12)[i : i + 4], "little") for i in (0, 4, 8)]
 primitives = counts[0] - counts[1]
-others = ["embree flat", "embree cubic", "ours ribbon", "ours compact"]
+others = ["embree flat", "embree cubic", "ours ribbon"]
 names = ["embree round", "tubes", "ours"] + (others if counts[1] else [])
-speeds = {{"embree round": 2.0, "tubes": 1.0, "ours": 3.0, "embree flat": 2.5, "embree cubic": 1.5, "ours ribbon": 3.5,
-          "ours compact": 2.0}}
+speeds = {{"embree round": 2.0, "tubes": 1.0, "ours": 3.0, "embree flat": 2.5, "embree cubic": 1.5, "ours ribbon": 3.5}}
 rays = [
     {{"rays": kind, "competitor": name, "ray_count": 10, "mrays_per_second": speeds[name],
       "different_from_first": 1, "byte_count": 50 * primitives}}

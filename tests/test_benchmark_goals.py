@@ -34,7 +34,7 @@ def test_a_loaded_machine_is_refused_unless_noise_is_wanted(monkeypatch: pytest.
     assert machine.require_quiet(is_noisy=False) == 1.2
 
 
-@pytest.mark.parametrize("script", ["build", "trace", "refit", "layouts", "accuracy", "goals"])
+@pytest.mark.parametrize("script", ["build", "trace", "refit", "accuracy", "goals"])
 def test_every_native_race_asks_for_the_load(script: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     with_load(monkeypatch, 3.0)
     out = tmp_path / "out.json"
@@ -139,8 +139,8 @@ def results_of_figures() -> dict[str, list[dict[str, Any]]]:
         for name, commit in {"embree": 7.0, "array": 1.0, "ours": 3.0}.items()
     ]
     refits = [
-        {"mesh": "small", "method": method, "layout": layout, "ns_per_triangle": nanoseconds}
-        for method, layout, nanoseconds in (("refit", "default", 8.0), ("embree refit", None, 32.0))
+        {"mesh": "small", "method": method, "ns_per_triangle": nanoseconds}
+        for method, nanoseconds in (("refit", 8.0), ("embree refit", 32.0))
     ]
     one_thread = {"t, triangle": 3.0, "embreex, triangle": 1.5, "default fields": 2.0, "embreex, all fields": 2.0}
     python = [{"mesh": "small", "rays": "diffuse", "one_thread": one_thread, "wall": {"1": 1.0, "2": 1.9}}]

@@ -22,7 +22,7 @@ from benchmarks.rays import Rays
 from oracles import meshes
 from oracles.brute_force import WorldTriangles, judge
 
-TREES = ["auto", "compact", "median", "sweep", "binned", "binned+optimize", "spatial", "fast", "changing"]
+TREES = ["auto", "median", "sweep", "binned", "binned+optimize", "spatial", "fast", "changing"]
 
 
 @pytest.fixture

@@ -23,7 +23,6 @@ from charts.layout import WIDTH, lay_out
 from charts.scales import Scale
 
 FILES = sorted(DATA.glob("*.json"))
-UNPRUNED = {"animation", "layouts"}
 
 
 @pytest.mark.parametrize("name", make.CHARTS)
@@ -93,7 +92,7 @@ def test_figures_say_where_they_were_measured_and_not_when(path: Path):
     assert re.search(r"\d{4}-\d{2}-\d{2}", text) is None
 
 
-@pytest.mark.parametrize("path", [path for path in FILES if path.stem not in UNPRUNED], ids=lambda path: path.stem)
+@pytest.mark.parametrize("path", FILES, ids=lambda path: path.stem)
 def test_figures_are_those_that_are_drawn_one_row_a_line(path: Path, tmp_path: Path):
     figures = load(path.stem)
     kept = drawn(path.stem, {**figures, "besides": [1.0]})

@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable
 from typing import Any
 
-from ..statistics.words import memory, number
+from ..statistics.words import number
 
 Figures = dict[str, Any]
 FIXED_POLICIES = ("refit", "rebuild")
@@ -24,7 +24,6 @@ def advice(figures: Figures) -> dict[str, str]:
     makers: dict[str, tuple[str, Callable[[Figures], str]]] = {
         "builders": ("builders", _builders),
         "total_time": ("builders", _total_time),
-        "layouts": ("layouts", _layouts),
         "answers": ("answers", _answers),
         "frames": ("frames", _frames),
         "decay": ("frames", _decay),
@@ -94,15 +93,6 @@ def _reliably_best(figures: Figures, rows: dict[str, Figures], rays: float) -> s
     is_noticeable = total_ms(figures, rows["auto"], rays) > NOTICEABLE * total_ms(figures, rows[best], rays)
     is_reliable = total_ms(figures, rows["auto"], rays, "low") > total_ms(figures, rows[best], rays, "high")
     return best if is_noticeable and is_reliable else "auto"
-
-
-def _layouts(figures: Figures) -> str:
-    rows = {row["name"]: row for row in figures["layouts"]}
-    saved = 1.0 - rows["compact"]["byte_count"] / rows["default"]["byte_count"]
-    slower = rows["compact"]["trace_ms"]["typical"] / rows["default"]["trace_ms"]["typical"] - 1.0
-    cost = f"make rays {100 * slower:.0f} % slower" if slower >= 0.01 else "make rays no slower"
-    sizes = " become ".join(memory(rows[name]["byte_count"]) for name in ("default", "compact"))
-    return f"BuildConfig(layout='compact') would take {100 * saved:.0f} % less memory and {cost}: {sizes}."
 
 
 def _answers(figures: Figures) -> str:

@@ -24,7 +24,6 @@ INCHES, DOTS = (8.0, 4.4), 200  # of one chart, and of an inch
 INK, DIM, GRID = "#1A1A1A", "#555555", "#E6E6E6"
 # Okabe and Ito's colours, which people with any kind of colour blindness can tell apart.
 COLORS = {"fast": "#56B4E9", "auto": "#0072B2", "sweep": "#CC79A7", "spatial": "#009E73"}
-LAYOUT_COLORS = {"default": "#0072B2", "compact": "#D55E00"}
 POLICY_COLORS = {"refit": "#E69F00", "rebuild": "#D55E00", "governed": "#0072B2"}
 ACTIONS = dict(zip(RESTRUCTURED, "sD^", strict=True))
 BUILT_AS = {"binned": "auto"}  # what the planner calls the builder that "auto" names
@@ -120,14 +119,6 @@ def _total_time(axes: Axes, figures: Figures) -> None:
     _name_ends(axes, ends)
 
 
-def _layouts(axes: Axes, figures: Figures) -> None:
-    for row in figures["layouts"]:
-        _point(axes, figures, row, row["byte_count"] / 2**20, LAYOUT_COLORS[row["name"]])
-    axes.set(xlabel="MiB of geometry and trees", ylabel="million bounced rays a second")
-    axes.margins(0.25)
-    axes.set_xlim(left=0.0)
-
-
 def _frames(axes: Axes, figures: Figures) -> None:
     _by_frame(axes, figures["frames"], frame_ms, "milliseconds: update and a million rays")
 
@@ -162,7 +153,6 @@ BETTER = "Up and to the left is better. Bars: quartiles."
 PARTS: dict[str, tuple[Callable[[Axes, Figures], None], str]] = {
     "builders": (_builders, BETTER),
     "total_time": (_total_time, "1 is the least time for so many rays."),
-    "layouts": (_layouts, BETTER),
     "frames": (_frames, "In the first frame all trees are built."),
     "decay": (_decay, "What trees cost that are only refitted, rebuilt or governed; counted, not timed."),
 }

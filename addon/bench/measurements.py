@@ -29,7 +29,7 @@ POLICIES = ("refit", "rebuild", "governed")
 RAY_COUNTS = tuple(10**power for power in range(4, 11))
 MOST_ROUNDS, MOST_FRAMES = 7, 48
 # Of all the time, until when each part may start something new.
-PARTS = {"builders": 0.4, "layouts": 0.55, "answers": 0.7, "planner": 0.78, "frames": 0.97}
+PARTS = {"builders": 0.5, "answers": 0.65, "planner": 0.75, "frames": 0.97}
 STEP_SECONDS = 0.05  # of work that takes longer than a step
 NANOSECONDS_PER_CHECK = 8.0  # of a ray with a triangle in an audit, with room to spare
 
@@ -59,7 +59,6 @@ class SceneBench:
         self._rays = bounced_rays(self._subject.record, first)
         self.figures["rays"] = len(self._rays[0])
         yield from self._builders()
-        yield from self._layouts()
         yield from self._answers(first)
         yield from self._planner()
         yield from self._frames()
@@ -80,24 +79,6 @@ class SceneBench:
                 rows[name].trace += [self._cast(scene) for _ in range(2)]
                 rows[name].byte_count = scene.statistics().byte_count
                 self.figures["builders"] = [{"name": key, **row.as_json()} for key, row in rows.items() if row.build]
-
-    def _layouts(self) -> Generator[Step, None, None]:
-        scenes, rows = {}, {layout: _Row() for layout in ("default", "compact")}
-        for layout, row in rows.items():
-            if self._is_over("layouts"):
-                return
-            yield self._share(), f"layout {layout}"
-            scenes[layout] = make_scene(self._subject.record, BuildConfig(layout=layout))  # type: ignore[arg-type]
-            milliseconds = yield from self._commit(scenes[layout], f"layout {layout}")
-            row.build.append(milliseconds)
-            row.byte_count = scenes[layout].statistics().byte_count
-        for _ in range(MOST_ROUNDS):
-            for layout, row in rows.items():
-                row.trace.append(self._cast(scenes[layout]))
-            self.figures["layouts"] = [{"name": key, **row.as_json()} for key, row in rows.items()]
-            yield self._share(), "layouts"
-            if self._is_over("layouts"):
-                return
 
     def _answers(self, scene: perfect_bvh.Scene) -> Generator[Step, None, None]:
         """How many answers of a random share are wrong."""

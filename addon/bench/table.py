@@ -1,4 +1,4 @@
-"""What was measured, as the rows of a table: of each builder, layout and policy what it costs and what it gains."""
+"""What was measured, as the rows of a table: of each builder and policy what it costs and what it gains."""
 
 from __future__ import annotations
 
@@ -7,14 +7,13 @@ from dataclasses import dataclass
 from itertools import groupby
 from typing import Any
 
-from ..statistics.words import duration, number, rate
+from ..statistics.words import duration, rate
 from .advice import rays_per_second
 
 Figures = dict[str, Any]
 DIGITS = 3  # rows are compared with one another
 HEADINGS = {  # of what the rows of each part cost and gain
     "Builder": ("Build", "Rays"),
-    "Layout": ("Memory", "Rays"),
     "Policy": ("Update", "Rays"),
     "Answers": ("Checked", "Wrong"),
 }
@@ -22,7 +21,7 @@ HEADINGS = {  # of what the rows of each part cost and gain
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """part: "Builder", "Layout", "Policy" or "Answers". cost, gain: numbers with their units, ready to be read."""
+    """part: "Builder", "Policy" or "Answers". cost, gain: numbers with their units, ready to be read."""
 
     part: str
     name: str
@@ -32,7 +31,7 @@ class Row:
 
 def table(figures: Figures) -> tuple[Row, ...]:
     """Of what has been measured so far: rows of one part stand together."""
-    return (*_builders(figures), *_layouts(figures), *_policies(figures), *_answers(figures))
+    return (*_builders(figures), *_policies(figures), *_answers(figures))
 
 
 def format_table(rows: Sequence[Row]) -> str:
@@ -48,12 +47,6 @@ def _builders(figures: Figures) -> Iterator[Row]:
         yield Row(
             "Builder", row["name"], duration(row["build_ms"]["typical"], DIGITS), _speed(rays_per_second(figures, row))
         )
-
-
-def _layouts(figures: Figures) -> Iterator[Row]:
-    for row in figures.get("layouts", ()):
-        memory = f"{number(row['byte_count'] / 2**20, DIGITS)} MiB"
-        yield Row("Layout", row["name"], memory, _speed(rays_per_second(figures, row)))
 
 
 def _policies(figures: Figures) -> Iterator[Row]:

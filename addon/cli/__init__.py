@@ -253,7 +253,7 @@ def _add_bench(commands: argparse._SubParsersAction) -> None:
     parser = commands.add_parser(
         "bench",
         help="measure a scene, as a table and charts",
-        description="Measure for about a minute what builders, layouts and, over an animation, policies "
+        description="Measure for about a minute what builders and, over an animation, policies "
         "cost and gain on this scene; print a table with advice and write all figures as JSON, and a chart of each "
         "where matplotlib is installed. "
         "Ctrl-C ends it with what has been measured so far.",

@@ -1,4 +1,4 @@
-"""`perfect-bvh bench`: what builders, layouts and policies cost and gain on a scene, as a table and charts."""
+"""`perfect-bvh bench`: what builders and policies cost and gain on a scene, as a table and charts."""
 
 from __future__ import annotations
 

@@ -29,7 +29,7 @@ class PERFECT_BVH_OT_bench(Ticking, bpy.types.Operator):
     bl_idname = "perfect_bvh.bench"
     bl_label = "Bench This Scene"
     bl_description = (
-        "Measure what builders, layouts and policies cost and gain on this scene, and show it as a table. "
+        "Measure what builders and policies cost and gain on this scene, and show it as a table. "
         "Where matplotlib is installed, the Image Editor shows charts of it too"
     )
     bl_options: ClassVar = {"REGISTER"}

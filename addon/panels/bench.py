@@ -18,7 +18,7 @@ class PERFECT_BVH_PT_bench(SidebarPanel, bpy.types.Panel):
     bl_label = "Bench"
 
     def draw(self, context: bpy.types.Context) -> None:
-        text = "Measures builders, layouts and policies on this scene for about a minute"
+        text = "Measures builders and policies on this scene for about a minute"
         draw_lines(context, self.layout, text)
         self.layout.operator("perfect_bvh.bench", icon="TIME")
         draw_messages_of(context, self.layout, "Bench This Scene")

@@ -18,12 +18,10 @@ ICONS = {
     "replaced": "MESH_DATA",
     "added": "ADD",
     "removed": "REMOVE",
-    "deferred": "SORTTIME",
     "refitted": "MOD_SIMPLEDEFORM",
     "rotated": "FILE_REFRESH",
     "partly_rebuilt": "MOD_REMESH",
     "rebuilt": "MOD_BUILD",
-    "animated": "RENDER_ANIMATION",
     "built": "ADD",
 }
 # Of a row: what a name has where there is a time beside it and where there is none; of the rest what a time has.

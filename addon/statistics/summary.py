@@ -27,7 +27,7 @@ def statistics_rows(statistics: FrameStatistics) -> list[tuple[str, str]]:
         ("Instances", f"{report.commit.instance_count:,}"),
         ("Memory", memory(report.byte_count)),
     ]
-    for action in ("built", "rebuilt", "refitted", "rotated", "partly_rebuilt", "animated"):
+    for action in ("built", "rebuilt", "refitted", "rotated", "partly_rebuilt"):
         count = sum(mesh.action == action for mesh in report.commit.meshes)
         if count:
             rows.append((action.replace("_", " ").title(), f"{count:,} of {count_meshes(report):,} trees"))

@@ -16,12 +16,10 @@ DONE: dict[State, str] = {
     "replaced": "Shows another mesh",
     "added": "Added",
     "removed": "Removed",
-    "deferred": "No tree was built yet",
     "refitted": "The tree was refitted",
     "rotated": "The tree was refitted and improved by rotations",
     "partly_rebuilt": "The tree was refitted, and parts of it were rebuilt",
     "rebuilt": "The tree was rebuilt",
-    "animated": "A tree was built for all frames of an animation",
     "built": "A tree was built",
 }
 _WHY: dict[State, str] = {
@@ -41,7 +39,6 @@ _ADVICE: dict[State, str] = {
     "replaced": f"{sentence(NOTHING)}: objects share the tree of one mesh",
     "added": f"{sentence(NOTHING)}: objects share the tree of one mesh",
     "removed": sentence(NOTHING),
-    "deferred": f"{sentence(NOTHING)}: the tree is built when the first ray comes near",
     "unseen": "To have it in the image, show it and let its Ray Visibility have some kind of ray see it",
 }
 

@@ -28,20 +28,18 @@ State = Literal[
     "replaced",
     "added",
     "removed",
-    "deferred",
     "refitted",
     "rotated",
     "partly_rebuilt",
     "rebuilt",
-    "animated",
     "built",
 ]
 # What happens to objects, and then to the trees of their meshes, which tells more.
 STATES: tuple[State, ...] = (
     *("kept", "unseen", "masked", "moved", "recounted", "replaced", "added", "removed"),
-    *("deferred", "refitted", "rotated", "partly_rebuilt", "rebuilt", "animated", "built"),
+    *("refitted", "rotated", "partly_rebuilt", "rebuilt", "built"),
 )
-OF_TREES = frozenset(STATES[STATES.index("deferred") :])
+OF_TREES = frozenset(STATES[STATES.index("refitted") :])
 MOST_CHANGED, MOST_UNCHANGED = 200, 300
 _RANK = {state: rank for rank, state in enumerate(STATES)}
 

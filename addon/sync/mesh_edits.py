@@ -33,7 +33,7 @@ class MeshScene(Protocol):
 
 
 def add(scene: MeshScene, mesh: MeshRecord, **options: Any) -> int:
-    """The engine's id. options: `build`, `usage`, `lazy`."""
+    """The engine's id. options: `build`, `usage`."""
     if mesh.kind == "triangles":
         return scene.add_mesh(mesh.positions, mesh.triangles, **options)
     if mesh.kind == "points":

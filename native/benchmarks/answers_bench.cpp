@@ -1,5 +1,4 @@
-// answers_bench --rays RAYS.bin --answers OUT.bin --json OUT.json [--peers a,b] [--strategies a,b] [--layouts a,b]
-//   MESH.bin
+// answers_bench --rays RAYS.bin --answers OUT.bin --json OUT.json [--peers a,b] [--strategies a,b] MESH.bin
 //
 // Not for times but for truth: what every competitor answers, for a judge elsewhere. Competitors are named as by
 // trace_bench. RAYS.bin: uint32 count, uint32 1 for any hit, float32 t_max; float32 origins and directions, 3 a ray.
@@ -18,7 +17,6 @@
 #include "our_rays.h"
 #include "ray_sets.h"
 #include "traverse/dispatch.h"
-#include "tree_choice.h"
 #include "tree_scene.h"
 #include "ways.h"
 
@@ -26,7 +24,7 @@ namespace perfect_bvh::bench {
 namespace {
 
 struct Options {
-  std::vector<std::string> peers, strategies{"auto"}, layouts{"default"};
+  std::vector<std::string> peers, strategies{"auto"};
   std::string mesh, rays, answers, json;
 };
 
@@ -39,8 +37,6 @@ Options parse(int count, char** values) {
       options.peers = arguments.list();
     } else if (name == "--strategies") {
       options.strategies = arguments.list();
-    } else if (name == "--layouts") {
-      options.layouts = arguments.list();
     } else if (name == "--rays") {
       options.rays = arguments.value();
     } else if (name == "--answers") {
@@ -75,7 +71,7 @@ RaySet read_rays(const std::string& path) {
 
 RayCompetitor our_competitor(std::shared_ptr<const Snapshot> scene, const std::string& isa,
                              const std::string& strategy) {
-  const std::string name = way_name(isa, strategy, scene->blases.front()->wide.layout);
+  const std::string name = way_name(isa, strategy);
   const TraceOptions options{parse_strategy(strategy), 0};
   return {name, std::make_shared<OurRays>(std::move(scene), isa, options)};
 }
@@ -103,21 +99,14 @@ void write_answers(std::ofstream& file, const RayCompetitor& competitor, const R
 void answer(const Options& options) {
   const Mesh mesh = read_mesh(options.mesh);
   const RaySet set = read_rays(options.rays);
-  std::vector<std::shared_ptr<const Snapshot>> snapshots;
-  for (const std::string& layout : options.layouts) {
-    BuildConfig config;
-    config.layout = parse_layout(layout);
-    snapshots.push_back(committed(mesh, config));
-  }
+  const auto snapshot = committed(mesh, {});
   std::vector<RayCompetitor> competitors;
   for (const std::string& name : options.peers) {
     competitors.push_back(embree_competitor(name, std::make_shared<const EmbreePeer>(mesh, EmbreePeer::named(name))));
   }
   for (const KernelTable* table : available_kernels()) {
     for (const std::string& strategy : options.strategies) {
-      for (const auto& snapshot : snapshots) {
-        competitors.push_back(our_competitor(snapshot, table->name, strategy));
-      }
+      competitors.push_back(our_competitor(snapshot, table->name, strategy));
     }
   }
   std::ofstream file(options.answers, std::ios::binary);

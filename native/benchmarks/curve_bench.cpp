@@ -2,14 +2,13 @@
 //   --rounds N       interleaved rounds (5)               --kinds a,b  of primary,diffuse,shuffled,occlusion (all)
 //   --size WxH       of the image (640x400)               --inside     the camera stands inside the box
 //   --build-rounds N interleaved rounds of builds and of refits; 0: none (5)
-//   --peers a,b      of round, flat, cubic, tubes, ribbon, compact; ours always (all)
+//   --peers a,b      of round, flat, cubic, tubes, ribbon; ours always (all)
 //   --isa NAME       of our kernels (the best)            --visits     what our rays visit, counted in another run
 //   --json OUT.json  --noisy  measure whatever the load
 //
 // Curves or points (round_scene.h) beside Embree's round and flat linear and its cubic curves or its spheres, and
-// beside our own tessellation, our ribbons and our compact layout: rays (ray_race.h; ratios to Embree's round ones,
-// quality MEDIUM), builds, each in a process of its own, and refits in the wind, the balls' copy included, all on one
-// thread.
+// beside our own tessellation and our ribbons: rays (ray_race.h; ratios to Embree's round ones, quality MEDIUM),
+// builds, each in a process of its own, and refits in the wind, the balls' copy included, all on one thread.
 #include <algorithm>
 #include <cstdio>
 #include <memory>
@@ -31,7 +30,7 @@ namespace perfect_bvh::bench {
 namespace {
 
 struct Options : CommonOptions {
-  std::vector<std::string> kinds, peers{"round", "flat", "cubic", "tubes", "ribbon", "compact"};
+  std::vector<std::string> kinds, peers{"round", "flat", "cubic", "tubes", "ribbon"};
   int build_rounds = 5;
   std::string isa, path;
   View view = View::kOutside;
@@ -74,7 +73,7 @@ EmbreeShape shape_named(const std::string& name) {
   if (name == "round") return EmbreeShape::kRound;
   if (name == "flat") return EmbreeShape::kFlat;
   if (name == "cubic") return EmbreeShape::kCubic;
-  throw std::runtime_error("no peer is called " + name + "; there are round, flat, cubic, tubes, ribbon, compact");
+  throw std::runtime_error("no peer is called " + name + "; there are round, flat, cubic, tubes, ribbon");
 }
 
 // What is raced; points are spheres to Embree, of one kind.
@@ -89,8 +88,8 @@ struct Competitor : RayCompetitor {
   std::shared_ptr<const Snapshot> snapshot;  // of ours
 };
 
-Competitor ours(const std::string& name, const Mesh& mesh, const std::string& isa, const BuildConfig& config = {}) {
-  const auto snapshot = committed(mesh, config, Usage::kStatic);
+Competitor ours(const std::string& name, const Mesh& mesh, const std::string& isa) {
+  const auto snapshot = committed(mesh, {}, Usage::kStatic);
   const Blas& blas = *snapshot->blases.front();
   return {{name, std::make_shared<OurRays>(snapshot, isa)}, blas.wide.byte_count() + blas.mesh.byte_count(), snapshot};
 }
@@ -101,12 +100,6 @@ std::vector<Competitor> make_competitors(const RoundScene& scene, const Options&
     if (!is_raced(scene, name)) continue;
     if (name == "tubes") {
       list.push_back(ours(name, tessellated(scene), options.isa));
-      continue;
-    }
-    if (name == "compact") {
-      BuildConfig config;
-      config.layout = TreeLayout::kCompact;
-      list.push_back(ours("ours compact", scene.mesh, options.isa, config));
       continue;
     }
     if (name == "ribbon") {

@@ -30,7 +30,6 @@ EmbreePeer::Options EmbreePeer::named(const std::string& name) {
   const auto has = [&](const char* word) { return name.find(word) != std::string::npos; };
   Options options;
   options.is_robust = has("robust");
-  options.is_compact = has("compact");
   if (has("avx2")) options.device += ",isa=avx2";
   if (has("high")) options.quality = RTC_BUILD_QUALITY_HIGH;
   return options;
@@ -42,7 +41,6 @@ EmbreePeer::EmbreePeer(const Mesh& mesh, const Options& options)
   rtcSetDeviceMemoryMonitorFunction(device_, &EmbreePeer::count_bytes, this);
   int flags = RTC_SCENE_FLAG_NONE;
   if (options.is_robust) flags |= RTC_SCENE_FLAG_ROBUST;
-  if (options.is_compact) flags |= RTC_SCENE_FLAG_COMPACT;
   rtcSetSceneFlags(scene_, static_cast<RTCSceneFlags>(flags));
   rtcSetSceneBuildQuality(scene_, options.quality);
   add_mesh(device_, scene_, mesh, options.quality);

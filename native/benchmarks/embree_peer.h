@@ -27,10 +27,9 @@ class EmbreePeer {
     std::string device = "threads=2";
     RTCBuildQuality quality = RTC_BUILD_QUALITY_MEDIUM;
     bool is_robust = false;
-    bool is_compact = false;
   };
 
-  // By what a peer's name contains: avx2, robust, compact, high.
+  // By what a peer's name contains: avx2, robust, high.
   [[nodiscard]] static Options named(const std::string& name);
 
   EmbreePeer(const Mesh& mesh, const Options& options);

@@ -1,6 +1,5 @@
 // refit_bench [options] MESH.bin
 //   --threads N      of both sides, for updates (1)      --rounds N         interleaved rounds; 0: no swaying mesh (9)
-//   --layouts a,b    of our trees (default,compact)
 //   --twists a,b     radians from end to end (0.1,1.5,6.2831853)
 //   --ray-rounds N   interleaved rounds of rays; 0: no twists (5)
 //   --size WxH       of the image that primary rays make (640x400)
@@ -15,7 +14,6 @@
 #include "ray_sets.h"
 #include "sway_race.h"
 #include "traverse/dispatch.h"
-#include "tree_choice.h"
 #include "twist_race.h"
 
 namespace perfect_bvh::bench {
@@ -31,9 +29,6 @@ RefitOptions parse(int count, char** values) {
       options.threads = std::stoi(arguments.value());
     } else if (name == "--ray-rounds") {
       options.ray_rounds = std::stoi(arguments.value());
-    } else if (name == "--layouts") {
-      options.layouts.clear();
-      for (const std::string& layout : arguments.list()) options.layouts.push_back(parse_layout(layout));
     } else if (name == "--twists") {
       options.twists.clear();
       for (const std::string& twist : arguments.list()) options.twists.push_back(std::stof(twist));

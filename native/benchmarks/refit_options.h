@@ -5,7 +5,6 @@
 #include <vector>
 
 #include "arguments.h"
-#include "builders/build_config.h"
 
 namespace perfect_bvh::bench {
 
@@ -13,7 +12,6 @@ struct RefitOptions : CommonOptions {
   RefitOptions() { rounds = 9; }
 
   int threads = 1, ray_rounds = 5;
-  std::vector<TreeLayout> layouts{TreeLayout::kDefault, TreeLayout::kCompact};
   std::vector<float> twists{0.1f, 1.5f, 6.2831853f};
   std::string mesh;
 };

@@ -17,7 +17,7 @@ namespace perfect_bvh::bench {
 namespace {
 
 struct Competitor {
-  std::string method, layout;                                  // no layout: Embree's
+  std::string method;
   std::function<double(const Positions&)> move;                // seconds
   std::function<void()> start_count = [] {};                   // once the rounds that count begin
   std::function<void(JsonObject&)> tell = [](JsonObject&) {};  // more of what happened in them
@@ -25,7 +25,7 @@ struct Competitor {
 };
 
 // The tree alone, into memory that a tree of the same shape leaves, as a scene does it in the long run.
-Competitor our_refit(const Mesh& mesh, TreeLayout layout, int thread_count) {
+Competitor our_refit(const Mesh& mesh, int thread_count) {
   struct State {
     Mesh mesh;
     ThreadPool pool;
@@ -35,10 +35,8 @@ Competitor our_refit(const Mesh& mesh, TreeLayout layout, int thread_count) {
   };
   const std::shared_ptr<State> state(new State{mesh, ThreadPool(thread_count), {}, {}, 0});
   CancelToken cancel;
-  BuildConfig config;
-  config.layout = layout;
-  const Bvh2 tree = build_tree(mesh, choose_builder(config, Usage::kDeforming), state->pool, cancel);
-  for (WideBvh& wide : state->trees) wide = collapse_mesh(tree, mesh, layout, state->pool, cancel);
+  const Bvh2 tree = build_tree(mesh, choose_builder({}, Usage::kDeforming), state->pool, cancel);
+  for (WideBvh& wide : state->trees) wide = collapse_mesh(tree, mesh, state->pool, cancel);
   complete_plan(state->plan, state->trees[0], mesh, state->pool, cancel);
   const auto move = [state, thread_count](const Positions& positions) {
     CancelToken token;
@@ -49,7 +47,7 @@ Competitor our_refit(const Mesh& mesh, TreeLayout layout, int thread_count) {
     static_cast<void>(refit_wide(from, state->plan, state->mesh, state->trees[state->now], true, state->pool, token));
     return seconds(thread_count) - start;
   };
-  return {"refit", layout_name(layout), move};
+  return {"refit", move};
 }
 
 const char* name_of(MeshAction action) {
@@ -68,7 +66,7 @@ const char* name_of(MeshAction action) {
 }
 
 // All of a commit, whatever the governor decides: the copy of the positions too.
-Competitor our_commit(const Mesh& mesh, TreeLayout layout, int thread_count) {
+Competitor our_commit(const Mesh& mesh, int thread_count) {
   struct State {
     ThreadPool pool;
     Scene scene;
@@ -78,9 +76,7 @@ Competitor our_commit(const Mesh& mesh, TreeLayout layout, int thread_count) {
   };
   const auto state = std::make_shared<State>(thread_count);
   CancelToken cancel;
-  BuildConfig config;
-  config.layout = layout;
-  state->mesh_id = state->scene.add_mesh(Mesh(mesh), config, Usage::kDeforming);
+  state->mesh_id = state->scene.add_mesh(Mesh(mesh), {}, Usage::kDeforming);
   state->scene.add_instances(std::vector<InstanceInput>{{state->mesh_id, Affine{}, ~0u, std::nullopt}});
   static_cast<void>(state->scene.commit(state->pool, cancel));
   const auto move = [state, thread_count](const Positions& positions) {
@@ -97,21 +93,17 @@ Competitor our_commit(const Mesh& mesh, TreeLayout layout, int thread_count) {
     for (const auto& [name, count] : state->actions) actions.add(name.c_str(), count);
     row.add_raw("actions", actions.text());
   };
-  return {"commit", layout_name(layout), move, [state] { state->actions.clear(); }, tell};
+  return {"commit", move, [state] { state->actions.clear(); }, tell};
 }
 
 Competitor embree_refit(const Mesh& mesh, int thread_count) {
   const auto peer = std::make_shared<EmbreeRefit>(mesh, thread_count);
-  return {"embree refit", "", [peer](const Positions& positions) { return peer->move(positions); }};
+  return {"embree refit", [peer](const Positions& positions) { return peer->move(positions); }};
 }
 
 std::string row_of(const Competitor& competitor) {
   const Spread spread = Spread::of(competitor.nanoseconds);
   JsonObject row;
-  if (competitor.layout.empty())
-    row.add_raw("layout", "null");
-  else
-    row.add("layout", competitor.layout);
   row.add("method", competitor.method).add("ns_per_triangle", spread.median);
   row.add("ns_low", spread.low).add("ns_high", spread.high);
   competitor.tell(row);
@@ -121,12 +113,8 @@ std::string row_of(const Competitor& competitor) {
 }  // namespace
 
 std::vector<std::string> race_sway(const Mesh& mesh, const RefitOptions& options) {
-  std::vector<Competitor> competitors;
-  for (const TreeLayout layout : options.layouts) {
-    competitors.push_back(our_refit(mesh, layout, options.threads));
-    competitors.push_back(our_commit(mesh, layout, options.threads));
-  }
-  competitors.push_back(embree_refit(mesh, options.threads));
+  std::vector<Competitor> competitors{our_refit(mesh, options.threads), our_commit(mesh, options.threads),
+                                      embree_refit(mesh, options.threads)};
   constexpr int kWarmUp = 3;  // rounds, in which memory is handed out
   for (int round = 0; round < kWarmUp + options.rounds; ++round) {
     const Positions positions = swayed(mesh.positions, round);

@@ -11,8 +11,8 @@
 
 namespace perfect_bvh::bench {
 
-// JSON objects: layout (null: Embree's), method, ns_per_triangle (the median), ns_low, ns_high; of commits also what
-// the scene did, by how often.
+// JSON objects: method, ns_per_triangle (the median), ns_low, ns_high; of commits also what the scene did, by how
+// often.
 [[nodiscard]] std::vector<std::string> race_sway(const Mesh& mesh, const RefitOptions& options);
 
 }  // namespace perfect_bvh::bench

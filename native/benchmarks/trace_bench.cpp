@@ -3,8 +3,7 @@
 //   --kinds a,b      of primary,tiled,shadow,diffuse,shuffled,occlusion (all)
 //   --isas a,b       kernels (all)                        --in-flight a,b    rays under way (0: the default)
 //   --strategies a,b of auto,packets,stream,single (auto)
-//   --layouts a,b    of default,compact (default)
-//   --peers a,b      of embree, and that with _avx2, _robust, _compact, _high, _packets in its name (embree)
+//   --peers a,b      of embree, and that with _avx2, _robust, _high, _packets in its name (embree)
 //   --size WxH       of the image (640x400)               --json OUT.json
 //   --leaks N        instead: N rays at random vertices and N at random edge points of closed, star-shaped meshes
 //                    around the origin, from inside; prints how many pass through
@@ -31,7 +30,6 @@
 #include "ray_race.h"
 #include "ray_sets.h"
 #include "traverse/dispatch.h"
-#include "tree_choice.h"
 #include "tree_scene.h"
 #include "ways.h"
 
@@ -41,7 +39,7 @@ namespace {
 struct Options : CommonOptions {
   Options() { rounds = 7; }
 
-  std::vector<std::string> kinds, isas, in_flight{"0"}, strategies{"auto"}, layouts{"default"}, peers{"embree"}, meshes;
+  std::vector<std::string> kinds, isas, in_flight{"0"}, strategies{"auto"}, peers{"embree"}, meshes;
   std::vector<std::size_t> batches{kBatch};
   std::uint32_t reinsert = 0;
   std::size_t leaks = 0;
@@ -68,8 +66,6 @@ void set(Options& options, Arguments& arguments) {
     options.in_flight = arguments.list();
   } else if (name == "--strategies") {
     options.strategies = arguments.list();
-  } else if (name == "--layouts") {
-    options.layouts = arguments.list();
   } else if (name == "--peers") {
     options.peers = arguments.list();
   } else if (name == "--reinsert") {
@@ -106,7 +102,7 @@ double bytes_a_triangle(std::size_t bytes, const Mesh& mesh) {
   return static_cast<double>(bytes) / static_cast<double>(mesh.primitive_count());
 }
 
-// Each of our trees with each instruction set and way of tracing.
+// Our tree with each instruction set and way of tracing.
 void add_ours(std::vector<Competitor>& list, const Options& options, const std::shared_ptr<const Snapshot>& scene) {
   std::vector<std::string> isas = options.isas;
   if (isas.empty()) {
@@ -119,7 +115,7 @@ void add_ours(std::vector<Competitor>& list, const Options& options, const std::
   for (const std::string& isa : isas) {
     for (const std::string& strategy : options.strategies) {
       for (const std::string& in_flight : options.in_flight) {
-        const std::string name = way_name(isa, strategy, blas.wide.layout) + (in_flight == "0" ? "" : "/" + in_flight);
+        const std::string name = way_name(isa, strategy) + (in_flight == "0" ? "" : "/" + in_flight);
         const TraceOptions way{parse_strategy(strategy), std::stoul(in_flight)};
         list.push_back({{name, std::make_shared<OurRays>(scene, isa, way)}, bytes, scene});
       }
@@ -134,18 +130,15 @@ std::vector<Competitor> make_competitors(const Options& options, const Mesh& mes
     list.push_back({embree_competitor(name, peer), bytes_a_triangle(peer->byte_count(), mesh), nullptr});
     std::printf("  %s: %.1f bytes a triangle with the mesh\n", name.c_str(), list.back().bytes_a_triangle);
   }
-  for (const std::string& layout : options.layouts) {
-    BuildConfig config;
-    config.layout = parse_layout(layout);
-    config.optimize_passes = options.reinsert;
-    const auto scene = committed(mesh, config, Usage::kStatic, options.expected_rays);
-    add_ours(list, options, scene);
-    const WideBvh& wide = scene->blases.front()->wide;
-    std::printf("  %s: %zu nodes, %zu leaves (%.2f triangles), depth %u, %.1f bytes a triangle with the mesh\n",
-                layout.c_str(), wide.nodes.size(), wide.leaf_count(),
-                static_cast<double>(mesh.primitive_count()) / static_cast<double>(wide.leaf_count()), wide.depth,
-                list.back().bytes_a_triangle);
-  }
+  BuildConfig config;
+  config.optimize_passes = options.reinsert;
+  const auto scene = committed(mesh, config, Usage::kStatic, options.expected_rays);
+  add_ours(list, options, scene);
+  const WideBvh& wide = scene->blases.front()->wide;
+  std::printf("  ours: %zu nodes, %zu leaves (%.2f triangles), depth %u, %.1f bytes a triangle with the mesh\n",
+              wide.nodes.size(), wide.leaf_count(),
+              static_cast<double>(mesh.primitive_count()) / static_cast<double>(wide.leaf_count()), wide.depth,
+              list.back().bytes_a_triangle);
   return list;
 }
 

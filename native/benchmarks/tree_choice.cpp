@@ -10,9 +10,7 @@ namespace {
 
 void set(BuildConfig& config, const std::string& setting, const std::string& value) {
   const auto whole = [&] { return static_cast<std::uint32_t>(std::stoul(value)); };
-  if (setting == "layout") {
-    config.layout = parse_layout(value);
-  } else if (setting == "optimize") {
+  if (setting == "optimize") {
     config.optimize_passes = whole();
   } else if (setting == "bins") {
     config.bins = whole();
@@ -39,13 +37,6 @@ Usage parse_usage(const std::string& name) {
 }
 
 }  // namespace
-
-TreeLayout parse_layout(const std::string& name) {
-  for (const TreeLayout layout : {TreeLayout::kDefault, TreeLayout::kCompact}) {
-    if (name == layout_name(layout)) return layout;
-  }
-  throw std::runtime_error("no layout is called " + name);
-}
 
 TreeChoice parse_tree(const std::string& text) {
   const std::size_t colon = text.rfind(':');

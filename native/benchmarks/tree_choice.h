@@ -18,7 +18,4 @@ struct TreeChoice {
 // as meshes are added with. Throws std::runtime_error.
 [[nodiscard]] TreeChoice parse_tree(const std::string& text);
 
-// As users write it. Throws std::runtime_error.
-[[nodiscard]] TreeLayout parse_layout(const std::string& name);
-
 }  // namespace perfect_bvh::bench

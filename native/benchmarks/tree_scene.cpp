@@ -18,7 +18,7 @@ std::shared_ptr<const Snapshot> snapshot_over(std::shared_ptr<const Mesh> mesh, 
   CancelToken cancel;
   auto blas = std::make_shared<Blas>(std::move(mesh));
   blas->wide = std::move(wide);
-  blas->indexed_leaves = view_leaves(blas->wide, blas->mesh);
+  blas->round_leaves = view_leaves(blas->wide, blas->mesh);
   blas->box = mesh_bounds_of(blas->wide, blas->mesh);
   auto snapshot = std::make_shared<Snapshot>();
   snapshot->blases.push_back(blas);

@@ -28,7 +28,8 @@ namespace {
 
 // A way of bringing the tree of the mesh at rest to the mesh of now, done.
 struct Update {
-  std::string method, layout;  // no layout: Embree's
+  std::string method;
+  bool is_ours = true;
   double ns_per_triangle = 0;
   std::optional<double> cost;
   RayCompetitor traced;
@@ -40,21 +41,19 @@ class Twist {
   Twist(const Mesh& rest, std::shared_ptr<const Mesh> mesh, const RefitOptions& options)
       : rest_(rest), mesh_(std::move(mesh)), threads_(options.threads), pool_(options.threads) {}
 
-  // Of one layout: first the new tree.
-  void add_ours(TreeLayout layout) {
-    BuildConfig config;
-    config.layout = layout;
-    config = choose_builder(config, Usage::kDeforming);
+  // First the new tree.
+  void add_ours() {
+    const BuildConfig config = choose_builder({}, Usage::kDeforming);
     rebuilt_ = updates_.size();
-    add("rebuild", layout, {}, [&](WideBvh& wide, WideCosts& costs) {
-      wide = collapse_mesh(build_tree(*mesh_, config, pool_, cancel_), *mesh_, layout, pool_, cancel_);
+    add("rebuild", {}, [&](WideBvh& wide, WideCosts& costs) {
+      wide = collapse_mesh(build_tree(*mesh_, config, pool_, cancel_), *mesh_, pool_, cancel_);
       costs = measure_wide_costs(wide, pool_, cancel_);
     });
-    add("fast rebuild", layout, {}, [&](WideBvh& wide, WideCosts& costs) {
-      wide = build_fast_wide(*mesh_, layout, pool_, cancel_);
+    add("fast rebuild", {}, [&](WideBvh& wide, WideCosts& costs) {
+      wide = build_fast_wide(*mesh_, pool_, cancel_);
       costs = measure_wide_costs(wide, pool_, cancel_);
     });
-    const WideBvh still = collapse_mesh(build_tree(rest_, config, pool_, cancel_), rest_, layout, pool_, cancel_);
+    const WideBvh still = collapse_mesh(build_tree(rest_, config, pool_, cancel_), rest_, pool_, cancel_);
     const WideCosts fresh = measure_wide_costs(still, pool_, cancel_);
     RefitPlan plan;
     complete_plan(plan, still, rest_, pool_, cancel_);
@@ -69,13 +68,13 @@ class Twist {
         costs = rebuild_parts(wide, compared, parts, config, pool_, cancel_);
       };
     };
-    add("refit", layout, still, refit);
-    add("rotations", layout, still, [&](WideBvh& wide, WideCosts& costs) {
+    add("refit", still, refit);
+    add("rotations", still, [&](WideBvh& wide, WideCosts& costs) {
       refit(wide, costs);
       static_cast<void>(rotate_wide(wide, costs, pool_, cancel_));
     });
-    add("partial rebuild", layout, still, rebuild_degraded(1.1));
-    add("rebuild over its leaves", layout, still, rebuild_degraded(0.0));
+    add("partial rebuild", still, rebuild_degraded(1.1));
+    add("rebuild over its leaves", still, rebuild_degraded(0.0));
   }
 
   void add_embree() {
@@ -85,14 +84,14 @@ class Twist {
     EmbreePeer::Options options;
     options.device = "threads=" + std::to_string(threads_);
     const auto rebuilt = std::make_shared<const EmbreePeer>(*mesh_, options);
-    updates_.push_back({"embree rebuild", "", built, {}, embree_competitor("embree rebuild", rebuilt), rebuilt_});
+    updates_.push_back({"embree rebuild", false, built, {}, embree_competitor("embree rebuild", rebuilt), rebuilt_});
     const auto refitted = std::make_shared<EmbreeRefit>(rest_, threads_);
     const double moved = ns_per_triangle([&] {
       static_cast<void>(refitted->move(rest_.positions));
       return refitted->move(mesh_->positions);
     });
     const RayCompetitor traced{"embree refit", std::make_shared<EmbreeRays>(refitted, refitted->scene())};
-    updates_.push_back({"embree refit", "", moved, {}, traced, rebuilt_});
+    updates_.push_back({"embree refit", false, moved, {}, traced, rebuilt_});
   }
 
   [[nodiscard]] const std::vector<Update>& updates() const noexcept { return updates_; }
@@ -100,8 +99,7 @@ class Twist {
 
  private:
   // make(wide, costs) finds a copy of `still` in `wide`.
-  void add(const std::string& method, TreeLayout layout, const WideBvh& still,
-           const std::function<void(WideBvh&, WideCosts&)>& make) {
+  void add(const std::string& method, const WideBvh& still, const std::function<void(WideBvh&, WideCosts&)>& make) {
     WideBvh wide;
     WideCosts costs;
     const double taken = ns_per_triangle([&] {
@@ -114,7 +112,7 @@ class Twist {
     const auto snapshot = snapshot_over(mesh_, std::move(wide));
     if (!first_) first_ = snapshot;
     const RayCompetitor traced{method, std::make_shared<OurRays>(snapshot)};
-    updates_.push_back({method, layout_name(layout), taken, cost, traced, rebuilt_});
+    updates_.push_back({method, true, taken, cost, traced, rebuilt_});
   }
 
   // update() returns seconds. It is done several times, of either side: the middle one counts.
@@ -168,10 +166,6 @@ void trace_set(const RaySet& set, const Twist& twist, int rounds, std::vector<Tr
 
 std::string row_of(const Update& update, const Traced& traced, const Traced& rebuilt, float radians) {
   JsonObject row;
-  if (update.layout.empty())
-    row.add_raw("layout", "null");
-  else
-    row.add("layout", update.layout);
   row.add("twist", static_cast<double>(radians)).add("method", update.method);
   row.add("ns_per_triangle", update.ns_per_triangle).add("cost", update.cost);
   row.add("rays_per_second_ratio", rebuilt.seconds / traced.seconds);
@@ -180,7 +174,7 @@ std::string row_of(const Update& update, const Traced& traced, const Traced& reb
     row.add((kind + "_ratio").c_str(), rate / rebuilt.mrays_per_second[i].second);
   }
   row.add("judged", traced.judged).add("wrong", traced.wrong);
-  if (!update.layout.empty()) row.add("different", traced.different);
+  if (update.is_ours) row.add("different", traced.different);
   return row.text();
 }
 
@@ -189,7 +183,7 @@ std::string row_of(const Update& update, const Traced& traced, const Traced& reb
 std::vector<std::string> race_twist(const Mesh& rest, float radians, const RefitOptions& options) {
   const auto mesh = std::make_shared<const Mesh>(with(rest, twisted(rest.positions, radians)));
   Twist twist(rest, mesh, options);
-  for (const TreeLayout layout : options.layouts) twist.add_ours(layout);
+  twist.add_ours();
   twist.add_embree();
   const std::vector<Update>& updates = twist.updates();
   std::vector<Traced> traced(updates.size());

@@ -10,7 +10,7 @@
 
 namespace perfect_bvh::bench {
 
-// JSON objects: layout (null: Embree's), twist (radians), method, ns_per_triangle, cost (as the governor sees it);
+// JSON objects: twist (radians), method, ns_per_triangle, cost (as the governor sees it);
 // primary_ratio and diffuse_ratio, the rays per second over those through a new tree of the same side, and
 // rays_per_second_ratio, of both kinds together; wrong of `judged` answers; of ours also `different`, of all rays those
 // not answered as a new tree does, bit by bit.

@@ -4,7 +4,6 @@
 #include <stdexcept>
 #include <string>
 
-#include "builders/build_config.h"
 #include "traverse/strategy.h"
 
 namespace perfect_bvh::bench {
@@ -17,9 +16,7 @@ inline Strategy parse_strategy(const std::string& name) {
   throw std::runtime_error("no strategy is called " + name + "; there are auto, packets, stream, single");
 }
 
-// "avx2/auto", and what is not the default after it.
-inline std::string way_name(const std::string& isa, const std::string& strategy, TreeLayout layout) {
-  return isa + "/" + strategy + (layout == TreeLayout::kCompact ? "/compact" : "");
-}
+// "avx2/auto".
+inline std::string way_name(const std::string& isa, const std::string& strategy) { return isa + "/" + strategy; }
 
 }  // namespace perfect_bvh::bench

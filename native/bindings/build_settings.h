@@ -13,16 +13,9 @@ namespace perfect_bvh::bindings {
 
 namespace py = pybind11;
 
-inline TreeLayout parse_layout(const std::string& name) {
-  if (name == "default") return TreeLayout::kDefault;
-  if (name == "compact") return TreeLayout::kCompact;
-  throw InvalidArgument("BuildConfig: unknown layout '" + name + "'");
-}
-
 inline BuildConfig parse_config(const py::dict& settings) {
   BuildConfig config;
   config.builder = find_builder(settings["builder"].cast<std::string>());
-  config.layout = parse_layout(settings["layout"].cast<std::string>());
   config.optimize_passes = settings["optimize"].cast<std::uint32_t>();
   config.optimize_milliseconds = settings["optimize_milliseconds"].cast<double>();
   config.bins = settings["bins"].cast<std::uint32_t>();

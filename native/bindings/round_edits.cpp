@@ -21,25 +21,25 @@ CurveShape shape_of(bool is_ribbon) noexcept { return is_ribbon ? CurveShape::kR
 
 template <class T>
 std::int32_t add_points(Scene& scene, const Array<T>& centres, const Array<T>& radii, const py::dict& settings,
-                        const std::string& usage, bool lazy) {
+                        const std::string& usage) {
   const BuildConfig config = parse_config(settings);
   const Usage expected = parse_usage(usage);
   const auto balls = as_balls(centres, radii);
   const py::gil_scoped_release release;
-  return scene.add_mesh(make_points(balls, "add_points"), config, expected, lazy);
+  return scene.add_mesh(make_points(balls, "add_points"), config, expected);
 }
 
 template <class T>
 std::int32_t add_curves(Scene& scene, const Array<T>& points, const Array<T>& radii, const Array<std::int64_t>& offsets,
                         const Array<std::uint8_t>& cyclic, bool is_ribbon, const py::dict& settings,
-                        const std::string& usage, bool lazy) {
+                        const std::string& usage) {
   const BuildConfig config = parse_config(settings);
   const Usage expected = parse_usage(usage);
   const auto balls = as_balls(points, radii);
   const auto starts = as_span(offsets);
   const auto closed = as_span(cyclic);
   const py::gil_scoped_release release;
-  return scene.add_mesh(make_curves(balls, starts, shape_of(is_ribbon), "add_curves", closed), config, expected, lazy);
+  return scene.add_mesh(make_curves(balls, starts, shape_of(is_ribbon), "add_curves", closed), config, expected);
 }
 
 template <class T>
@@ -89,10 +89,10 @@ void set_motion(Scene& scene, std::int32_t mesh_id, const Array<T>& centres, con
 template <class T>
 void bind_edits_of(py::class_<Scene>& scene) {
   scene.def("add_points", &add_points<T>, py::arg("centers").noconvert(), py::arg("radii").noconvert(),
-            py::arg("settings"), py::arg("usage"), py::arg("lazy"));
+            py::arg("settings"), py::arg("usage"));
   scene.def("add_curves", &add_curves<T>, py::arg("points").noconvert(), py::arg("radii").noconvert(),
             py::arg("curve_offsets").noconvert(), py::arg("cyclic").noconvert(), py::arg("is_ribbon"),
-            py::arg("settings"), py::arg("usage"), py::arg("lazy"));
+            py::arg("settings"), py::arg("usage"));
   scene.def("update_points", &update_balls<T, PrimitiveKind::kPoints>, py::arg("mesh_id"),
             py::arg("centers").noconvert(), py::arg("radii").noconvert());
   scene.def("update_curves", &update_balls<T, PrimitiveKind::kCurves>, py::arg("mesh_id"),

@@ -37,10 +37,6 @@ const char* action_name(MeshAction action) {
       return "partly_rebuilt";
     case MeshAction::kRebuilt:
       return "rebuilt";
-    case MeshAction::kDeferred:
-      return "deferred";
-    case MeshAction::kAnimated:
-      return "animated";
   }
   return "kept";
 }
@@ -51,10 +47,8 @@ Policy parse_policy(const std::string& name) {
   if (name == "rotate") return Policy::kRotate;
   if (name == "rebuild_parts") return Policy::kRebuildParts;
   if (name == "rebuild") return Policy::kRebuild;
-  if (name == "animate") return Policy::kAnimate;
-  throw InvalidArgument(
-      "Scene: policy must be 'governed', 'refit', 'rotate', 'rebuild_parts', 'rebuild' or 'animate', got '" + name +
-      "'");
+  throw InvalidArgument("Scene: policy must be 'governed', 'refit', 'rotate', 'rebuild_parts' or 'rebuild', got '" +
+                        name + "'");
 }
 
 BuilderCost parse_cost(const py::dict& numbers, const char* builder) {
@@ -107,7 +101,7 @@ py::list to_list(const std::vector<MeshReport>& reports) {
         py::arg("mesh_id") = mesh.mesh_id, py::arg("usage") = mesh.usage, py::arg("action") = action_name(mesh.action),
         py::arg("reason") = mesh.reason, py::arg("alternatives") = to_list(mesh.alternatives),
         py::arg("expected_rays") = mesh.expected_rays, py::arg("node_visits") = mesh.node_visits,
-        py::arg("leaf_visits") = mesh.leaf_visits, py::arg("builder") = mesh.builder, py::arg("layout") = mesh.layout,
+        py::arg("leaf_visits") = mesh.leaf_visits, py::arg("builder") = mesh.builder,
         py::arg("milliseconds") = mesh.milliseconds, py::arg("build_milliseconds") = mesh.build_milliseconds,
         py::arg("optimize_milliseconds") = mesh.optimize_milliseconds,
         py::arg("refit_milliseconds") = mesh.refit_milliseconds,
@@ -139,12 +133,12 @@ Mesh read_mesh(const Array<T>& positions, const Array<std::int32_t>& triangles, 
 
 template <class T>
 std::int32_t add_mesh(Scene& scene, const Array<T>& positions, const Array<std::int32_t>& triangles,
-                      const py::dict& settings, const std::string& usage, bool lazy) {
+                      const py::dict& settings, const std::string& usage) {
   const BuildConfig config = parse_config(settings);
   const Usage expected = parse_usage(usage);
   Mesh mesh = read_mesh(positions, triangles, "add_mesh");
   const py::gil_scoped_release release;
-  return scene.add_mesh(std::move(mesh), config, expected, lazy);
+  return scene.add_mesh(std::move(mesh), config, expected);
 }
 
 template <class T>
@@ -198,15 +192,6 @@ void set_mesh_motion(Scene& scene, std::int32_t mesh_id, const Array<T>& positio
   scene.set_mesh_motion(mesh_id, vertices, step_times(steps, range), ThreadPool::shared());
 }
 
-// positions: all vertices in the first shape, then in the second, and so on.
-template <class T>
-void expect_animation(Scene& scene, std::int32_t mesh_id, const Array<T>& positions, std::size_t shapes,
-                      std::uint32_t frames) {
-  const auto vertices = as_vectors(positions);
-  const py::gil_scoped_release release;
-  scene.expect_animation(mesh_id, vertices, shapes, frames, ThreadPool::shared());
-}
-
 template <class T>
 void bind_instance_edits(py::class_<Scene>& scene) {
   scene.def("add_instances", &add_instances<T>, py::arg("meshes").noconvert(), py::arg("transforms").noconvert(),
@@ -219,12 +204,10 @@ void bind_instance_edits(py::class_<Scene>& scene) {
 template <class T>
 void bind_mesh_edits(py::class_<Scene>& scene) {
   scene.def("add_mesh", &add_mesh<T>, py::arg("positions").noconvert(), py::arg("triangles").noconvert(),
-            py::arg("settings"), py::arg("usage"), py::arg("lazy"));
+            py::arg("settings"), py::arg("usage"));
   scene.def("update_mesh", &update_mesh<T>, py::arg("mesh_id"), py::arg("positions").noconvert());
   scene.def("set_mesh_motion", &set_mesh_motion<T>, py::arg("mesh_id"), py::arg("positions").noconvert(),
             py::arg("steps"), py::arg("time_range"));
-  scene.def("expect_animation", &expect_animation<T>, py::arg("mesh_id"), py::arg("positions").noconvert(),
-            py::arg("shapes"), py::arg("frames"));
   scene.def("replace_mesh", &replace_mesh<T>, py::arg("mesh_id"), py::arg("positions").noconvert(),
             py::arg("triangles").noconvert());
 }

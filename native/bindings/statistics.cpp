@@ -14,13 +14,11 @@ py::dict to_dict(const TreeStatistics& tree) {
   py::dict row;
   row["mesh_id"] = tree.mesh_id;
   row["builder"] = tree.builder;
-  row["layout"] = tree.layout;
   row["kind"] = tree.kind;
   row["primitive_count"] = tree.primitive_count;
   row["vertex_count"] = tree.vertex_count;
   row["left_out_count"] = tree.left_out_count;
   row["user_count"] = tree.user_count;
-  row["is_built"] = tree.is_built;
   row["is_refittable"] = tree.is_refittable;
   row["node_count"] = tree.node_count;
   row["leaf_count"] = tree.leaf_count;

@@ -19,10 +19,9 @@ inline bool same_bytes(const Bvh2& a, const Bvh2& b) {
 }
 
 inline bool same_bytes(const WideBvh& a, const WideBvh& b) {
-  return a.layout == b.layout && same_bytes(a.nodes, b.nodes) && same_bytes(a.blocks, b.blocks) &&
-         same_bytes(a.curve_leaves, b.curve_leaves) && same_bytes(a.indexed_leaves, b.indexed_leaves) &&
-         a.root == b.root && a.depth == b.depth && a.scale == b.scale && a.is_empty == b.is_empty &&
-         std::memcmp(&a.extent, &b.extent, sizeof(TreeExtent)) == 0;
+  return same_bytes(a.nodes, b.nodes) && same_bytes(a.blocks, b.blocks) && same_bytes(a.curve_leaves, b.curve_leaves) &&
+         same_bytes(a.point_leaves, b.point_leaves) && a.root == b.root && a.depth == b.depth && a.scale == b.scale &&
+         a.is_empty == b.is_empty && std::memcmp(&a.extent, &b.extent, sizeof(TreeExtent)) == 0;
 }
 
 }  // namespace perfect_bvh::test

@@ -182,36 +182,20 @@ inline MeshData wide_soup(std::size_t count, std::uint32_t seed) {
   return data;
 }
 
-// Which kernels, over which leaves.
-struct KernelCase {
-  std::string isa;
-  TreeLayout layout;
-};
-
-inline std::vector<KernelCase> kernel_cases() {
-  std::vector<KernelCase> cases;
-  for (const KernelTable* table : available_kernels()) {
-    for (const TreeLayout layout : {TreeLayout::kDefault, TreeLayout::kCompact}) cases.push_back({table->name, layout});
-  }
-  return cases;
+inline std::vector<std::string> kernel_names() {
+  std::vector<std::string> names;
+  for (const KernelTable* table : available_kernels()) names.push_back(table->name);
+  return names;
 }
 
-// Every test with all kernels and layouts.
-class KernelTest : public testing::TestWithParam<KernelCase> {
+// Every test with all kernels.
+class KernelTest : public testing::TestWithParam<std::string> {
  public:
-  static std::string name_of(const testing::TestParamInfo<KernelCase>& test) {
-    return test.param.isa + "_" + layout_name(test.param.layout);
-  }
+  static std::string name_of(const testing::TestParamInfo<std::string>& test) { return test.param; }
 
  protected:
-  void SetUp() override { set_active_kernels(GetParam().isa); }
+  void SetUp() override { set_active_kernels(GetParam()); }
   void TearDown() override { set_active_kernels(""); }
-
-  static std::shared_ptr<const Snapshot> commit(const std::vector<Placed>& parts, float scale = 1.0f,
-                                                BuildConfig config = {}) {
-    config.layout = GetParam().layout;
-    return test::commit(parts, scale, config);
-  }
 };
 
 }  // namespace perfect_bvh::test

@@ -2,8 +2,6 @@
 // trying all triangles, the bytes are the same for any number of threads, and large ones take bounded time and memory.
 #include <gtest/gtest.h>
 
-#include <tuple>
-
 #include "blas/build_tree.h"
 #include "builders/builder.h"
 #include "builders/quality.h"
@@ -11,6 +9,7 @@
 #include "scene/scene.h"
 #include "tests/mesh_sets.h"
 #include "tests/reference_trace.h"
+#include "tests/round_mesh_sets.h"
 #include "tests/same_bytes.h"
 #include "tests/thread_counts.h"
 #include "tests/tree_faults.h"
@@ -43,15 +42,6 @@ std::vector<Way> ways() {
   optimized.optimize_passes = 2;
   list.push_back({"optimized", optimized});
   list.push_back({"straight_to_wide", BuildConfig{}, Usage::kChanging});
-  for (const auto& [name, kind, usage] :
-       {std::tuple{"binned_compact", BuilderKind::kBinned, Usage::kStatic},
-        std::tuple{"spatial_compact", BuilderKind::kSpatial, Usage::kStatic},
-        std::tuple{"straight_to_wide_compact", BuilderKind::kAuto, Usage::kChanging}}) {
-    BuildConfig config;
-    config.builder = kind;
-    config.layout = TreeLayout::kCompact;
-    list.push_back({name, config, usage});
-  }
   return list;
 }
 
@@ -61,10 +51,10 @@ class HardInput : public testing::TestWithParam<Way> {
   static WideBvh build(const Mesh& mesh, const Way& way, int thread_count) {
     ThreadPool pool(thread_count);
     CancelToken cancel;
-    if (way.usage == Usage::kChanging) return build_fast_wide(mesh, way.config.layout, pool, cancel);
+    if (way.usage == Usage::kChanging) return build_fast_wide(mesh, pool, cancel);
     const Bvh2 tree = build_tree(mesh, way.config, pool, cancel);
     EXPECT_EQ(find_fault(tree, mesh.primitive_count()), "");
-    return collapse_mesh(tree, mesh, way.config.layout, pool, cancel);
+    return collapse_mesh(tree, mesh, pool, cancel);
   }
   static bool is_clipped(const Way& way) { return way.config.builder == BuilderKind::kSpatial; }
 };
@@ -133,7 +123,7 @@ TEST_P(HardInput, StopsWhenAsked) {
   CancelToken cancel;
   cancel.request_stop();
   if (GetParam().usage == Usage::kChanging) {
-    EXPECT_THROW(static_cast<void>(build_fast_wide(mesh, GetParam().config.layout, pool, cancel)), Cancelled);
+    EXPECT_THROW(static_cast<void>(build_fast_wide(mesh, pool, cancel)), Cancelled);
   } else {
     EXPECT_THROW(static_cast<void>(build_tree(mesh, GetParam().config, pool, cancel)), Cancelled);
   }
@@ -151,27 +141,24 @@ TEST(FastTree, IsTheSameForEveryUsage) {
     static_cast<void>(scene.commit(pool, cancel));
     return scene.snapshot()->meshes.front().second->wide;
   };
-  for (const TreeLayout layout : {TreeLayout::kDefault, TreeLayout::kCompact}) {
-    const WideBvh expected = build_fast_wide(mesh, layout, pool, cancel);
-    BuildConfig config;
-    config.layout = layout;
-    EXPECT_TRUE(same_bytes(expected, tree_of(config, Usage::kChanging)));
-    config.builder = BuilderKind::kFast;
-    for (const Usage usage : {Usage::kStatic, Usage::kDeforming, Usage::kChanging}) {
-      EXPECT_TRUE(same_bytes(expected, tree_of(config, usage))) << usage_name(usage);
-    }
-    config.bins = 2, config.axes = 1;  // of other builders
-    EXPECT_TRUE(same_bytes(expected, tree_of(config, Usage::kStatic)));
-    config.max_leaf_size = 2;
-    EXPECT_FALSE(same_bytes(expected, tree_of(config, Usage::kChanging)));
+  const WideBvh expected = build_fast_wide(mesh, pool, cancel);
+  BuildConfig config;
+  EXPECT_TRUE(same_bytes(expected, tree_of(config, Usage::kChanging)));
+  config.builder = BuilderKind::kFast;
+  for (const Usage usage : {Usage::kStatic, Usage::kDeforming, Usage::kChanging}) {
+    EXPECT_TRUE(same_bytes(expected, tree_of(config, usage))) << usage_name(usage);
   }
+  config.bins = 2, config.axes = 1;  // of other builders
+  EXPECT_TRUE(same_bytes(expected, tree_of(config, Usage::kStatic)));
+  config.max_leaf_size = 2;
+  EXPECT_FALSE(same_bytes(expected, tree_of(config, Usage::kChanging)));
 }
 
 TEST(WideValidator, FindsFaults) {
-  const Mesh mesh = bumpy_sheet(20);
+  Mesh mesh = bumpy_sheet(20);
   ThreadPool pool(1);
   CancelToken cancel;
-  WideBvh sound = build_fast_wide(mesh, TreeLayout::kDefault, pool, cancel);
+  WideBvh sound = build_fast_wide(mesh, pool, cancel);
   const auto fault_after = [&](const auto& damage) {
     WideBvh tree = sound;
     damage(tree);
@@ -185,11 +172,12 @@ TEST(WideValidator, FindsFaults) {
   EXPECT_NE(fault_after([](WideBvh& tree) { tree.blocks[0].vertices[0][0] += 0.1f; }), "");
   EXPECT_NE(fault_after([](WideBvh& tree) { tree.blocks[0].primitives[7] = 799; }), "");
   EXPECT_NE(fault_after([](WideBvh& tree) { ++tree.depth; }), "");
-  sound = build_fast_wide(mesh, TreeLayout::kCompact, pool, cancel);
+  mesh = cloud(800, 0.01f, 0.05f).points();
+  sound = build_fast_wide(mesh, pool, cancel);
   EXPECT_EQ(fault_after([](WideBvh&) {}), "");
   EXPECT_NE(fault_after([](WideBvh& tree) { tree.nodes[0].planes[1][0] *= 0.5f; }), "");
-  EXPECT_NE(fault_after([](WideBvh& tree) { tree.indexed_leaves[0].primitives[7] = 799; }), "");
-  EXPECT_NE(fault_after([](WideBvh& tree) { tree.indexed_leaves[0] = tree.indexed_leaves[1]; }), "");
+  EXPECT_NE(fault_after([](WideBvh& tree) { tree.point_leaves[0].primitives[7] = 799; }), "");
+  EXPECT_NE(fault_after([](WideBvh& tree) { tree.point_leaves[0] = tree.point_leaves[1]; }), "");
 }
 
 // Equal to the sum over a tree walked by hand: one node over leaves.
@@ -202,7 +190,7 @@ TEST(WideQuality, CountsVisitsAndTests) {
   }
   ThreadPool pool(1);
   CancelToken cancel;
-  const WideBvh tree = build_fast_wide(mesh, TreeLayout::kDefault, pool, cancel);
+  const WideBvh tree = build_fast_wide(mesh, pool, cancel);
   const TreeQuality quality = measure_wide_quality(tree, mesh);
   double tests = 0;
   for (std::uint32_t lane = 0; lane < kWideWidth; ++lane) {

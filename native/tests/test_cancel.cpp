@@ -24,16 +24,15 @@ using std::chrono::milliseconds;
 constexpr std::size_t kTriangles = 1024, kInstances = 2;
 constexpr std::size_t kLeafVisits = kInstances * kTriangles / kLeafSize;  // of a ray, at least
 
-std::shared_ptr<const Snapshot> make_snapshot(TreeLayout layout, bool is_lazy) {
+std::shared_ptr<const Snapshot> make_snapshot() {
   MeshData data;
   data.positions = {{-1, -1, 0}, {1, -1, 0}, {0, 1, 0}};
   data.triangles.assign(kTriangles, {0, 1, 2});
   Scene scene;
   BuildConfig config;
-  config.layout = layout;
   std::vector<InstanceInput> inputs;
   for (std::size_t i = 0; i < kInstances; ++i) {
-    const std::int32_t mesh = scene.add_mesh(data.mesh(), config, Usage::kStatic, is_lazy);
+    const std::int32_t mesh = scene.add_mesh(data.mesh(), config, Usage::kStatic);
     inputs.push_back({mesh, Affine{{1, 0, 0}, {0, 1, 0}, {0, 0, 1}, {0, 0, 0}}, 1u, {}});
   }
   scene.add_instances(inputs);
@@ -113,11 +112,11 @@ class Cancelling : public KernelTest {
   }
 };
 
-INSTANTIATE_TEST_SUITE_P(All, Cancelling, testing::ValuesIn(kernel_cases()), Cancelling::name_of);
+INSTANTIATE_TEST_SUITE_P(All, Cancelling, testing::ValuesIn(kernel_names()), Cancelling::name_of);
 
 TEST_P(Cancelling, IsAskedEverySoManyLeafVisits) {
   constexpr std::size_t kQuestions = 8;
-  const auto snapshot = make_snapshot(GetParam().layout, false);
+  const auto snapshot = make_snapshot();
   const std::vector<Run> all = all_queries();
   for (std::size_t i = 0; i < all.size(); ++i) {
     std::size_t asked = 0;
@@ -130,16 +129,14 @@ TEST_P(Cancelling, IsAskedEverySoManyLeafVisits) {
 }
 
 TEST_P(Cancelling, StopsAtTheQuestionThatSaysSo) {
-  for (const bool is_lazy : {false, true}) {
-    for (const Run& run : all_queries()) {
-      const auto snapshot = make_snapshot(GetParam().layout, is_lazy);
-      std::size_t asked = 0;
-      CancelToken cancel([&](float) { return ++asked < 5; }, milliseconds(0));
-      ThreadPool pool(1);
-      Query query(run.rays_for(5));
-      EXPECT_THROW(run.query(*snapshot, query, pool, cancel), Cancelled);
-      EXPECT_EQ(asked, 5u);
-    }
+  for (const Run& run : all_queries()) {
+    const auto snapshot = make_snapshot();
+    std::size_t asked = 0;
+    CancelToken cancel([&](float) { return ++asked < 5; }, milliseconds(0));
+    ThreadPool pool(1);
+    Query query(run.rays_for(5));
+    EXPECT_THROW(run.query(*snapshot, query, pool, cancel), Cancelled);
+    EXPECT_EQ(asked, 5u);
   }
 }
 
@@ -150,30 +147,28 @@ TEST_P(Cancelling, LetsTheCallbackCastRaysOfItsOwn) {
     Query expected(ray_count);
     ThreadPool pool(1);
     CancelToken never;
-    run.query(*make_snapshot(GetParam().layout, false), expected, pool, never);
-    for (const bool is_lazy : {false, true}) {
-      const auto snapshot = make_snapshot(GetParam().layout, is_lazy);
-      Query query(ray_count);
-      std::size_t asked = 0;
-      CancelToken cancel(
-          [&](float) {
-            if (++asked != 2) return true;  // the first is asked before the kernel runs
-            Query other(70);
-            casting(Strategy::kAuto).query(*snapshot, other, pool, never);
-            find_closest(*snapshot, other, pool, never);
-            return true;
-          },
-          milliseconds(0));
-      run.query(*snapshot, query, pool, cancel);
-      EXPECT_GE(asked, 2u);
-      EXPECT_EQ(query.ids, expected.ids);
-      EXPECT_EQ(query.t, expected.t);
-    }
+    const auto snapshot = make_snapshot();
+    run.query(*snapshot, expected, pool, never);
+    Query query(ray_count);
+    std::size_t asked = 0;
+    CancelToken cancel(
+        [&](float) {
+          if (++asked != 2) return true;  // the first is asked before the kernel runs
+          Query other(70);
+          casting(Strategy::kAuto).query(*snapshot, other, pool, never);
+          find_closest(*snapshot, other, pool, never);
+          return true;
+        },
+        milliseconds(0));
+    run.query(*snapshot, query, pool, cancel);
+    EXPECT_GE(asked, 2u);
+    EXPECT_EQ(query.ids, expected.ids);
+    EXPECT_EQ(query.t, expected.t);
   }
 }
 
 TEST_P(Cancelling, TellsWhatTheCallbackThrew) {
-  const auto snapshot = make_snapshot(TreeLayout::kDefault, false);
+  const auto snapshot = make_snapshot();
   std::size_t asked = 0;
   CancelToken cancel(
       [&](float) -> bool {
@@ -208,7 +203,7 @@ void render_mode(Mode mode, const Snapshot& snapshot, CancelToken& cancel) {
 }
 
 TEST(CancellingRender, IsAskedEverySoManyLeafVisitsInEachMode) {
-  const auto snapshot = make_snapshot(TreeLayout::kDefault, false);
+  const auto snapshot = make_snapshot();
   constexpr std::size_t kVisits = kPixels * kPixels * kLeafVisits;  // of camera rays alone
   for (const Mode mode : kModes) {
     std::size_t asked = 0;
@@ -219,7 +214,7 @@ TEST(CancellingRender, IsAskedEverySoManyLeafVisitsInEachMode) {
 }
 
 TEST(CancellingRender, StopsAtTheQuestionThatSaysSo) {
-  const auto snapshot = make_snapshot(TreeLayout::kDefault, false);
+  const auto snapshot = make_snapshot();
   for (const Mode mode : kModes) {
     std::size_t asked = 0;
     CancelToken cancel([&](float) { return ++asked < 5; }, milliseconds(0));
@@ -229,7 +224,7 @@ TEST(CancellingRender, StopsAtTheQuestionThatSaysSo) {
 }
 
 TEST(CancellingAudit, IsAskedEverySoManyTests) {
-  const auto snapshot = make_snapshot(TreeLayout::kDefault, false);
+  const auto snapshot = make_snapshot();
   Query query(2048);
   std::vector<std::uint8_t> unclear(query.count);
   const AuditedAnswers answers{query.uvs.data(), query.ids.data(), query.ids.data()};

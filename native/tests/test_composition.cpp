@@ -57,7 +57,7 @@ void expect_right_hits(const Mesh& mesh, const Bvh2& tree) {
   CancelToken cancel;
   auto blas = std::make_shared<Blas>(std::make_shared<const Mesh>(mesh));
   blas->box = tree.bounds();
-  blas->wide = collapse_mesh(tree, mesh, TreeLayout::kDefault, pool, cancel);
+  blas->wide = collapse_mesh(tree, mesh, pool, cancel);
   Snapshot snapshot;
   snapshot.blases.push_back(blas);
   Instance& instance = snapshot.instances.emplace_back();

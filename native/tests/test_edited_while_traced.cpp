@@ -97,8 +97,7 @@ class EditedScene {
   void add() {
     Mesh mesh = triangle_soup(300 + random_() % 300, 0.2f, ++soup_seed_);
     const Affine transform = placed(random_);
-    const bool is_lazy = random_() % 4 == 0;
-    const auto id = scene.add_mesh(Mesh(mesh), {}, is_lazy ? Usage::kStatic : Usage::kDeforming, is_lazy);
+    const auto id = scene.add_mesh(Mesh(mesh), {}, random_() % 4 == 0 ? Usage::kStatic : Usage::kDeforming);
     const auto instance = scene.add_instances(std::vector<InstanceInput>{{id, transform, 1, {}}});
     parts_.push_back({id, instance, std::move(mesh), transform});
   }

@@ -135,42 +135,6 @@ TEST_P(Memory, RunsOutDuringAQuery) {
   for (std::size_t i = 0; i < t.size(); ++i) EXPECT_EQ(t[i], expected[i].t);
 }
 
-// The trees that the query is the first to need: whatever failed is built by the next.
-TEST_P(Memory, RunsOutDuringALazyBuild) {
-  ThreadPool pool(2);
-  const std::vector<Ray> rays = random_rays(100, 5);
-  const auto commit_both = [&](bool is_lazy) {
-    Scene scene;
-    for (const BuilderKind builder : {BuilderKind::kBinned, BuilderKind::kSpatial}) {
-      BuildConfig config;
-      config.builder = builder;
-      const std::int32_t mesh = scene.add_mesh(soup(60, 1).mesh(), config, Usage::kStatic, is_lazy);
-      scene.add_instances(std::vector<InstanceInput>{{mesh, Affine{}, ~0u, {}}});
-    }
-    CancelToken cancel;
-    scene.commit(pool, cancel);
-    return scene.snapshot();
-  };
-  std::vector<Hit> expected(rays.size()), hits(rays.size());
-  trace_closest(*commit_both(false), rays, expected);
-  int failures = 0;
-  for (long allowed = 0;; ++allowed) {
-    const auto snapshot = commit_both(true);
-    MemoryRunsOut fault(allowed, GetParam());
-    try {
-      trace_closest(*snapshot, rays, hits);
-      if (!fault.end()) break;
-    } catch (const std::bad_alloc&) {
-      fault.end();
-      ++failures;
-    }
-    trace_closest(*snapshot, rays, hits);
-    ASSERT_TRUE(are_equal(hits, expected)) << allowed;
-  }
-  EXPECT_GT(failures, 20);
-  EXPECT_TRUE(are_equal(hits, expected));
-}
-
 std::int32_t add_large(Scene& scene, std::uint32_t seed) {
   const auto id = scene.add_mesh(soup(20'000, seed).mesh(), {}, Usage::kStatic);
   scene.add_instances(std::vector<InstanceInput>{{id, Affine{}, 1, {}}});

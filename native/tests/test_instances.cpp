@@ -108,8 +108,7 @@ TEST(InstanceBounds, HoldEveryVertexAndAreClose) {
   for (const double reach : {1e-18, 1e-6, 1.0, 3e5, 1e17}) {
     const Mesh mesh = soup(300, 2, reach);
     const Bvh2 tree = build_tree(mesh, {}, pool, cancel);
-    const TreeLayout layout = reach > 1e4 ? TreeLayout::kCompact : TreeLayout::kDefault;
-    const SupportTable support(collapse_mesh(tree, mesh, layout, pool, cancel), mesh);
+    const SupportTable support(collapse_mesh(tree, mesh, pool, cancel), mesh);
     double exact = 0, by_root = 0, by_support = 0, by_vertices = 0;
     constexpr int kRounds = 200;
     for (int round = 0; round < kRounds; ++round) {
@@ -134,12 +133,10 @@ TEST(InstanceBounds, HoldEveryVertexAndAreClose) {
 TEST(InstanceBounds, OfTheTableAreExactAlongTheAxes) {
   ThreadPool pool(1);
   CancelToken cancel;
-  for (const auto& [count, layout] :
-       {std::pair{1u, TreeLayout::kDefault}, std::pair{1u, TreeLayout::kCompact}, std::pair{2u, TreeLayout::kDefault},
-        std::pair{300u, TreeLayout::kDefault}, std::pair{300u, TreeLayout::kCompact}}) {
+  for (const std::size_t count : {1u, 2u, 300u}) {
     const Mesh mesh = soup(count, 7);
     const Bvh2 tree = build_tree(mesh, {}, pool, cancel);
-    const SupportTable support(collapse_mesh(tree, mesh, layout, pool, cancel), mesh);
+    const SupportTable support(collapse_mesh(tree, mesh, pool, cancel), mesh);
     const Aabb box = tree.bounds();
     for (const double size : {1.0, -1.0, 1e-30, 1e18}) {
       for (int axis = 0; axis < 3; ++axis) {
@@ -164,7 +161,7 @@ TEST(InstanceBounds, LookCloserOnlyWhereTheMeshIsTurned) {
   Blas blas(std::make_shared<const Mesh>(soup(300, 7)));
   const Bvh2 tree = build_tree(blas.mesh, {}, pool, cancel);
   blas.box = tree.bounds();
-  blas.wide = collapse_mesh(tree, blas.mesh, TreeLayout::kDefault, pool, cancel);
+  blas.wide = collapse_mesh(tree, blas.mesh, pool, cancel);
   const Affine kept{{0, -2, 0}, {0, 0, 3}, {1, 0, 0}, {5, 6, 7}}, turned{{1, -2, 0}, {2, 1, 0}, {0, 0, 1}, {5, 6, 7}};
   ASSERT_TRUE(keeps_axes(kept));
   ASSERT_FALSE(keeps_axes(turned));
@@ -201,7 +198,7 @@ TEST(InstanceBounds, OfThreeRowsAtOnceAreThoseOfEach) {
   std::mt19937 random(3);
   const Mesh mesh = soup(300, 7);
   const Bvh2 tree = build_tree(mesh, {}, pool, cancel);
-  const SupportTable support(collapse_mesh(tree, mesh, TreeLayout::kDefault, pool, cancel), mesh);
+  const SupportTable support(collapse_mesh(tree, mesh, pool, cancel), mesh);
   for (int round = 0; round < 3000; ++round) {
     Affine map = random_map(random, std::exp2(round % 180 - 90), 1.0);
     if (round % 7 == 0) map.x = {0, 0, 0};  // rows along the faces' edges

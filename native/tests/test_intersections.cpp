@@ -76,7 +76,7 @@ class Intersections : public KernelTest {
   }
 };
 
-INSTANTIATE_TEST_SUITE_P(All, Intersections, testing::ValuesIn(kernel_cases()), Intersections::name_of);
+INSTANTIATE_TEST_SUITE_P(All, Intersections, testing::ValuesIn(kernel_names()), Intersections::name_of);
 
 TEST_P(Intersections, MatchTheReferenceOnSingleMeshes) {
   expect_reference(*commit({{soup(300, 1), {Affine{}}}}), random_rays(600, 10));

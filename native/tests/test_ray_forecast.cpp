@@ -44,9 +44,8 @@ class Forecast : public testing::Test {
  protected:
   static constexpr std::size_t kTriangles = 600;
 
-  std::int32_t add(const Mesh& data, Usage usage = Usage::kStatic, const BuildConfig& config = {},
-                   bool is_lazy = false) {
-    const std::int32_t mesh_id = scene_.add_mesh(Mesh(data), config, usage, is_lazy);
+  std::int32_t add(const Mesh& data, Usage usage = Usage::kStatic, const BuildConfig& config = {}) {
+    const std::int32_t mesh_id = scene_.add_mesh(Mesh(data), config, usage);
     const InstanceInput instance{mesh_id, {}, ~0u, std::nullopt};
     static_cast<void>(scene_.add_instances({&instance, 1}));
     return mesh_id;
@@ -198,15 +197,6 @@ TEST_F(Forecast, AFixedPolicyReplacesNoTree) {
   static_cast<void>(commit());
   EXPECT_TRUE(commit(1e15, Policy::kRefit).meshes.empty());
   EXPECT_EQ(commit(1e15).meshes.size(), 1u);
-}
-
-TEST_F(Forecast, ALazyTreeIsReplacedOnceItIsThere) {
-  add(crossed_, Usage::kStatic, {}, true);
-  static_cast<void>(commit());
-  EXPECT_TRUE(commit(1e15).meshes.empty()) << "no ray has reached it";
-  cast(1000);
-  static_cast<void>(commit());
-  EXPECT_EQ(builder(), "spatial");
 }
 
 // Shares are kept while nothing is edited, and no longer.

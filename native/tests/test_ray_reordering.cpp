@@ -135,7 +135,7 @@ std::vector<Ray> hard_rays(Vec3d eye, bool mixed) {
 }
 
 class ReorderedRays : public KernelTest {};
-INSTANTIATE_TEST_SUITE_P(All, ReorderedRays, testing::ValuesIn(kernel_cases()), KernelTest::name_of);
+INSTANTIATE_TEST_SUITE_P(All, ReorderedRays, testing::ValuesIn(kernel_names()), KernelTest::name_of);
 
 TEST_P(ReorderedRays, HitTheSame) {
   const auto snapshot = commit({{soup(60, 1), many_places(6, 2)}, {box_of_grids(3), many_places(3, 3)}});

@@ -29,13 +29,7 @@ BuildConfig config_of(BuilderKind kind) {
 
 class RoundTrees : public testing::TestWithParam<BuilderKind> {};
 
-// Of points there are leaves of numbers alone.
-TreeLayout layout_for(const Mesh& mesh, TreeLayout asked) {
-  return mesh.kind == PrimitiveKind::kPoints ? TreeLayout::kCompact : asked;
-}
-constexpr TreeLayout kLayouts[] = {TreeLayout::kDefault, TreeLayout::kCompact};
-
-TEST_P(RoundTrees, AreSoundInBothLayouts) {
+TEST_P(RoundTrees, AreSound) {
   for (const NamedRound& input : round_meshes()) {
     ThreadPool pool(2), alone(1);
     CancelToken cancel;
@@ -43,12 +37,9 @@ TEST_P(RoundTrees, AreSoundInBothLayouts) {
     const Bvh2 tree = build_tree(input.mesh, config, pool, cancel);
     EXPECT_EQ(find_fault(tree, input.mesh.primitive_count()), "") << input.name;
     EXPECT_TRUE(same_bytes(tree, build_tree(input.mesh, config, alone, cancel))) << input.name;
-    for (const TreeLayout layout : kLayouts) {
-      const WideBvh wide = collapse_mesh(tree, input.mesh, layout, pool, cancel);
-      EXPECT_EQ(wide.layout, layout_for(input.mesh, layout));
-      EXPECT_EQ(find_wide_fault(wide, input.mesh, tree.refittable), "") << input.name;
-      EXPECT_TRUE(same_bytes(wide, collapse_mesh(tree, input.mesh, layout, alone, cancel)));
-    }
+    const WideBvh wide = collapse_mesh(tree, input.mesh, pool, cancel);
+    EXPECT_EQ(find_wide_fault(wide, input.mesh, tree.refittable), "") << input.name;
+    EXPECT_TRUE(same_bytes(wide, collapse_mesh(tree, input.mesh, alone, cancel)));
   }
 }
 
@@ -85,13 +76,10 @@ TEST(RoundWideTrees, AreSoundStraightFromTheCurve) {
   for (const NamedRound& input : round_meshes()) {
     ThreadPool pool(2), alone(1);
     CancelToken cancel;
-    for (const TreeLayout layout : kLayouts) {
-      const WideBvh wide = build_fast_wide(input.mesh, layout, pool, cancel);
-      EXPECT_EQ(wide.layout, layout_for(input.mesh, layout));
-      EXPECT_EQ(find_wide_fault(wide, input.mesh, true), "") << input.name;
-      EXPECT_TRUE(same_bytes(wide, build_fast_wide(input.mesh, layout, alone, cancel))) << input.name;
-      expect_tight(wide, input.mesh, input.name);
-    }
+    const WideBvh wide = build_fast_wide(input.mesh, pool, cancel);
+    EXPECT_EQ(find_wide_fault(wide, input.mesh, true), "") << input.name;
+    EXPECT_TRUE(same_bytes(wide, build_fast_wide(input.mesh, alone, cancel))) << input.name;
+    expect_tight(wide, input.mesh, input.name);
   }
 }
 
@@ -102,7 +90,7 @@ TEST(RoundWideTrees, AreCutWhereThatPays) {
   const Mesh sticks = fur(20000, 1, 0.002f, 1.0f).curves();
   const auto cost = [&](BuilderKind kind) {
     const Bvh2 tree = build_tree(sticks, config_of(kind), pool, cancel);
-    const WideBvh wide = collapse_mesh(tree, sticks, TreeLayout::kDefault, pool, cancel);
+    const WideBvh wide = collapse_mesh(tree, sticks, pool, cancel);
     const TraceWork work = measure_trace_work(wide, sticks, cancel);
     return kWideNodeCost * work.node_visits + kWideLeafCost * work.leaf_visits;
   };
@@ -116,23 +104,18 @@ TEST(RoundWideTrees, TakeFewBytes) {
   CancelToken cancel;
   const Mesh mesh = fur(4000, 8, 0.002f, 0.3f).curves();
   const Bvh2 tree = build_tree(mesh, config_of(BuilderKind::kBinned), pool, cancel);
-  const auto bytes_each = [&](TreeLayout layout) {
-    const std::size_t bytes = mesh.byte_count() + collapse_mesh(tree, mesh, layout, pool, cancel).byte_count();
-    return static_cast<double>(bytes) / static_cast<double>(mesh.primitive_count());
-  };
-  EXPECT_LE(bytes_each(TreeLayout::kCompact), 40.0);
-  EXPECT_LE(bytes_each(TreeLayout::kDefault), 64.0);
+  const std::size_t bytes = mesh.byte_count() + collapse_mesh(tree, mesh, pool, cancel).byte_count();
+  EXPECT_LE(static_cast<double>(bytes) / static_cast<double>(mesh.primitive_count()), 64.0);
 }
 
 TEST(RoundRefit, FollowsEveryMotion) {
   for (const NamedRound& input : round_meshes()) {
-    for (const auto& [is_fast, layout] : {std::pair{false, TreeLayout::kDefault}, std::pair{true, TreeLayout::kDefault},
-                                          std::pair{false, TreeLayout::kCompact}}) {
+    for (const bool is_fast : {false, true}) {
       ThreadPool pool(2);
       CancelToken cancel;
       const Bvh2 binary = build_tree(input.mesh, config_of(BuilderKind::kBinned), pool, cancel);
-      const WideBvh tree = is_fast ? build_fast_wide(input.mesh, layout, pool, cancel)
-                                   : collapse_mesh(binary, input.mesh, layout, pool, cancel);
+      const WideBvh tree =
+          is_fast ? build_fast_wide(input.mesh, pool, cancel) : collapse_mesh(binary, input.mesh, pool, cancel);
       for (const Motion& motion : motions()) {
         Positions centres;
         for (const Ball& ball : input.mesh.balls) centres.push_back(ball.centre);
@@ -179,7 +162,7 @@ TEST(RoundBounds, AreCloseAroundTurnedInstances) {
   for (const NamedRound& input : round_meshes()) {
     if (input.mesh.primitive_count() == 0 || input.name == "tiny" || input.name == "far away") continue;
     const Bvh2 tree = build_tree(input.mesh, config_of(BuilderKind::kBinned), pool, cancel);
-    const WideBvh wide = collapse_mesh(tree, input.mesh, TreeLayout::kDefault, pool, cancel);
+    const WideBvh wide = collapse_mesh(tree, input.mesh, pool, cancel);
     const SupportTable support(wide, input.mesh);
     const Aabb box = tree.bounds();
     for (int round = 0; round < 50; ++round) {
@@ -220,7 +203,6 @@ TEST_F(RoundScene, RefitsWhatMovesAndSaysSo) {
     const InstanceInput instance{mesh_id, Affine{}, ~0u, {}};
     static_cast<void>(scene_.add_instances({&instance, 1}));
     const CommitReport built = commit();
-    EXPECT_EQ(built.meshes[0].layout, "default");
     EXPECT_EQ(built.meshes[0].triangle_count, 2400u);
     for (int frame = 0; frame < 5; ++frame) {
       for (Vec3f& centre : input.centres) centre.x += 0.02f * centre.z * centre.z;

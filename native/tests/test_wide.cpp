@@ -57,10 +57,10 @@ Bvh2 build(const Mesh& mesh, std::uint32_t max_leaf_size) {
   return build_bvh2(prims, config, pool, cancel);
 }
 
-WideBvh collapse(const Bvh2& tree, const Mesh& mesh, int thread_count = 1, TreeLayout layout = TreeLayout::kDefault) {
+WideBvh collapse(const Bvh2& tree, const Mesh& mesh, int thread_count = 1) {
   ThreadPool pool(thread_count);
   CancelToken cancel;
-  return collapse_mesh(tree, mesh, layout, pool, cancel);
+  return collapse_mesh(tree, mesh, pool, cancel);
 }
 
 class Checker {
@@ -115,9 +115,8 @@ class Checker {
   }
 
   void check_leaf(std::uint32_t row, const Aabb& box) {
-    const bool is_compact = wide_.layout == TreeLayout::kCompact;
-    const std::uint32_t* const primitives =
-        is_compact ? wide_.indexed_leaves[row].primitives : wide_.blocks[row].primitives;
+    const LeafBlock& block = wide_.blocks[row];
+    const std::uint32_t* const primitives = block.primitives;
     for (int lane = 0; lane < 8; ++lane) {
       if (lane == 0 || primitives[lane] != primitives[lane - 1]) seen_triangles.insert(primitives[lane]);
       ASSERT_TRUE(lane == 0 || primitives[lane] >= primitives[lane - 1]);
@@ -126,8 +125,6 @@ class Checker {
       for (int corner = 0; corner < 3; ++corner) {
         const Vec3f expected = mesh_.positions[vertices[corner]] * wide_.scale;
         EXPECT_TRUE(box.contains({expected, expected}));
-        if (is_compact) continue;
-        const LeafBlock& block = wide_.blocks[row];
         const std::uint32_t place = block.corners[lane] >> (4 * corner) & 7;
         EXPECT_EQ((Vec3f{block.vertices[0][place], block.vertices[1][place], block.vertices[2][place]}), expected);
       }
@@ -155,18 +152,14 @@ TEST_P(Wide, HoldsEveryTriangleOnceInsideItsBoxes) {
   for (const NamedMesh& input : inputs()) {
     SCOPED_TRACE(input.name);
     const Bvh2 tree = build(input.mesh, GetParam());
-    for (const TreeLayout layout : {TreeLayout::kDefault, TreeLayout::kCompact}) {
-      expect_sound(collapse(tree, input.mesh, 1, layout), tree, input.mesh);
-    }
+    expect_sound(collapse(tree, input.mesh), tree, input.mesh);
   }
 }
 
-Bvh2 build_filled(const Mesh& mesh, int thread_count = 1, TreeLayout layout = TreeLayout::kDefault) {
+Bvh2 build_filled(const Mesh& mesh, int thread_count = 1) {
   ThreadPool pool(thread_count);
   CancelToken cancel;
-  BuildConfig config;
-  config.layout = layout;
-  config = choose_builder(config, Usage::kStatic);
+  const BuildConfig config = choose_builder({}, Usage::kStatic);
   EXPECT_TRUE(config.fills_leaves);
   return build_tree(mesh, config, pool, cancel);
 }
@@ -182,15 +175,10 @@ std::vector<std::uint32_t> primitives_below(const Bvh2& tree, std::uint32_t inde
   return left;
 }
 
-class FilledLeaves : public testing::TestWithParam<TreeLayout> {};
-INSTANTIATE_TEST_SUITE_P(Layouts, FilledLeaves, testing::Values(TreeLayout::kDefault, TreeLayout::kCompact),
-                         [](const auto& test) { return layout_name(test.param); });
-
-TEST_P(FilledLeaves, HoldWhatFitsAndNoNodeAboveThemWould) {
-  const bool is_compact = GetParam() == TreeLayout::kCompact;
+TEST(FilledLeaves, HoldWhatFitsAndNoNodeAboveThemWould) {
   for (const NamedMesh& input : inputs()) {
     SCOPED_TRACE(input.name);
-    const Bvh2 tree = build_filled(input.mesh, 1, GetParam());
+    const Bvh2 tree = build_filled(input.mesh);
     EXPECT_EQ(find_fault(tree, input.mesh.primitive_count()), "");
     EXPECT_TRUE(tree.has_full_leaves);
     for (std::uint32_t i = 0; i < tree.nodes.size(); ++i) {
@@ -201,26 +189,25 @@ TEST_P(FilledLeaves, HoldWhatFitsAndNoNodeAboveThemWould) {
         const TriangleIndices corners = input.mesh.triangles[primitive];
         vertices.insert({corners.x, corners.y, corners.z});
       }
-      EXPECT_EQ(tree.nodes[i].is_leaf(), primitives.size() <= 8 && (is_compact || vertices.size() <= 8))
-          << "node " << i;
+      EXPECT_EQ(tree.nodes[i].is_leaf(), primitives.size() <= 8 && vertices.size() <= 8) << "node " << i;
     }
-    expect_sound(collapse(tree, input.mesh, 1, GetParam()), tree, input.mesh);
+    expect_sound(collapse(tree, input.mesh), tree, input.mesh);
   }
 }
 
-TEST_P(FilledLeaves, AreTheSameForAnyNumberOfThreads) {
+TEST(FilledLeaves, AreTheSameForAnyNumberOfThreads) {
   const Mesh mesh = bumpy_sheet(180);
-  const Bvh2 one = build_filled(mesh, 1, GetParam());
+  const Bvh2 one = build_filled(mesh);
   for (const int thread_count : thread_counts()) {
-    const Bvh2 more = build_filled(mesh, thread_count, GetParam());
+    const Bvh2 more = build_filled(mesh, thread_count);
     EXPECT_TRUE(same_bytes(one, more));
   }
 }
 
-TEST_P(FilledLeaves, AreFullerThanThoseByCost) {
+TEST(FilledLeaves, AreFullerThanThoseByCost) {
   const Mesh mesh = bumpy_sheet(100);
-  const WideBvh filled = collapse(build_filled(mesh, 1, GetParam()), mesh, 1, GetParam());
-  EXPECT_LE(filled.leaf_count(), collapse(build(mesh, 8), mesh, 1, GetParam()).leaf_count());
+  const WideBvh filled = collapse(build_filled(mesh), mesh);
+  EXPECT_LE(filled.leaf_count(), collapse(build(mesh, 8), mesh).leaf_count());
   EXPECT_GT(static_cast<double>(mesh.primitive_count()) / static_cast<double>(filled.leaf_count()), 5.0);
 }
 
@@ -239,11 +226,9 @@ TEST(FillingLeaves, IsNotForThoseWhoSetCosts) {
 TEST(WideBvh, IsTheSameForAnyNumberOfThreads) {
   for (const Mesh& mesh : {bumpy_sheet(150), triangle_soup(40000, 0.02f), nested(30000)}) {
     const Bvh2 tree = build(mesh, 4);
-    for (const TreeLayout layout : {TreeLayout::kDefault, TreeLayout::kCompact}) {
-      const WideBvh one = collapse(tree, mesh, 1, layout);
-      for (const int thread_count : thread_counts()) {
-        EXPECT_TRUE(same_bytes(one, collapse(tree, mesh, thread_count, layout)));
-      }
+    const WideBvh one = collapse(tree, mesh);
+    for (const int thread_count : thread_counts()) {
+      EXPECT_TRUE(same_bytes(one, collapse(tree, mesh, thread_count)));
     }
   }
 }
@@ -252,18 +237,16 @@ TEST(WideBvh, IsTheSameForAnyNumberOfThreads) {
 TEST(WideBvh, CountsItsWork) {
   const Mesh mesh = bumpy_sheet(200);
   const Bvh2 tree = build(mesh, 2);
-  for (const TreeLayout layout : {TreeLayout::kDefault, TreeLayout::kCompact}) {
-    for (const int thread_count : {1, 3}) {
-      ThreadPool pool(thread_count);
-      CancelToken cancel;
-      cancel.expect(2 * mesh.primitive_count());
-      (void)collapse_mesh(tree, mesh, layout, pool, cancel);
-      EXPECT_GT(cancel.fraction(), 0.49f);
-      EXPECT_LE(cancel.fraction(), 0.5f);
-      cancel.expect(4 * mesh.primitive_count());
-      (void)build_fast_wide(mesh, layout, pool, cancel);
-      EXPECT_EQ(cancel.fraction(), 0.5f);
-    }
+  for (const int thread_count : {1, 3}) {
+    ThreadPool pool(thread_count);
+    CancelToken cancel;
+    cancel.expect(2 * mesh.primitive_count());
+    (void)collapse_mesh(tree, mesh, pool, cancel);
+    EXPECT_GT(cancel.fraction(), 0.49f);
+    EXPECT_LE(cancel.fraction(), 0.5f);
+    cancel.expect(4 * mesh.primitive_count());
+    (void)build_fast_wide(mesh, pool, cancel);
+    EXPECT_EQ(cancel.fraction(), 0.5f);
   }
 }
 
@@ -336,26 +319,6 @@ TEST(WideBvh, FillsItsLeavesOnSurfaces) {
   const Mesh mesh = bumpy_sheet(100);
   const WideBvh wide = collapse(build(mesh, 2), mesh);
   EXPECT_LT(static_cast<double>(wide.byte_count()) / static_cast<double>(mesh.primitive_count()), 60.0);
-}
-
-// With positions and indices, whatever made the tree.
-TEST(WideBvh, TakesAtMost36BytesATriangleIfCompact) {
-  const Mesh mesh = bumpy_sheet(150);
-  ThreadPool pool(1);
-  CancelToken cancel;
-  const auto expect_small = [&](const WideBvh& wide, const char* how) {
-    const auto bytes = static_cast<double>(wide.byte_count() + mesh.byte_count());
-    EXPECT_LE(bytes / static_cast<double>(mesh.primitive_count()), 36.0) << how;
-  };
-  BuildConfig config;
-  config.layout = TreeLayout::kCompact;
-  for (const BuilderKind builder :
-       {BuilderKind::kAuto, BuilderKind::kMedian, BuilderKind::kSweep, BuilderKind::kBinned, BuilderKind::kFast}) {
-    config.builder = builder;
-    const Bvh2 tree = build_tree(mesh, choose_builder(config, Usage::kStatic), pool, cancel);
-    expect_small(collapse(tree, mesh, 1, TreeLayout::kCompact), builder_name(builder));
-  }
-  expect_small(build_fast_wide(mesh, TreeLayout::kCompact, pool, cancel), "straight to wide");
 }
 
 TEST(WideBvh, IsEmptyOverNothing) {

@@ -164,7 +164,7 @@ TEST(WideRefit, RefusesTreesWithSpatialSplits) {
   BuildConfig config;
   config.builder = BuilderKind::kSpatial;
   const Mesh mesh = sticks(300);
-  const WideBvh tree = collapse_mesh(build_tree(mesh, config, pool, cancel), mesh, config.layout, pool, cancel);
+  const WideBvh tree = collapse_mesh(build_tree(mesh, config, pool, cancel), mesh, pool, cancel);
   WideBvh result;
   EXPECT_FALSE(is_refittable(tree));
   EXPECT_THROW(static_cast<void>(refit_wide(tree, {}, mesh, result, false, pool, cancel)), InvalidArgument);

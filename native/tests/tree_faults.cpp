@@ -194,7 +194,7 @@ class WideValidator {
     const std::uint32_t vertices[3] = {corners.x, corners.y, corners.z};
     for (std::uint32_t corner = 0; corner < 3; ++corner) {
       const Vec3f vertex = mesh_.positions[vertices[corner]] * tree_.scale;
-      if (tree_.layout == TreeLayout::kDefault && !(stored_corner(leaf, lane, corner) == vertex)) return false;
+      if (!(stored_corner(leaf, lane, corner) == vertex)) return false;
       has_corner_outside_ |= !box.contains({vertex, vertex});
     }
     return true;

@@ -32,19 +32,15 @@ inline std::vector<Way> ways() {
     list.push_back({builder_name(kind), config});
   }
   list.push_back({"straight_to_wide", BuildConfig{}, Usage::kChanging});
-  BuildConfig compact;
-  compact.layout = TreeLayout::kCompact;
-  list.push_back({"compact", compact});
-  list.push_back({"compact_straight_to_wide", compact, Usage::kChanging});
   return list;
 }
 
 inline WideBvh build(const Mesh& mesh, const Way& way) {
   ThreadPool pool(1);
   CancelToken cancel;
-  if (way.usage == Usage::kChanging) return build_fast_wide(mesh, way.config.layout, pool, cancel);
+  if (way.usage == Usage::kChanging) return build_fast_wide(mesh, pool, cancel);
   const Bvh2 tree = build_tree(mesh, choose_builder(way.config, way.usage), pool, cancel);
-  return collapse_mesh(tree, mesh, way.config.layout, pool, cancel);
+  return collapse_mesh(tree, mesh, pool, cancel);
 }
 
 inline RefitPlan plan_of(const WideBvh& tree, const Mesh& mesh) {

@@ -3,7 +3,7 @@
     python tests/benchmarks/curves.py --json curves.json
 
 A lawn, fur, long hair and a scan, made from seeds (`generated_curves.py`; `--detail` makes them smaller). For each:
-rays through ours in both layouts, our ribbons, Embree's round linear, flat linear and round cubic curves (points:
+rays through ours, our ribbons, Embree's round linear, flat linear and round cubic curves (points:
 spheres), and our trees over the same as tubes of six sides (points: octahedra); how soon rays can be cast; bytes a
 segment; updates in the wind. All on one thread, from C++: embreex has no curves for Python. Ribbons, the flat and the
 cubic ones are other surfaces, for comparison.
@@ -74,7 +74,6 @@ def judge(rows: list[Row]) -> list[Row]:
     rays = {(row["name"], kind): ratio for row in rows for kind, ratio in ray_ratios(row, "ours", PEER).items()}
     tubes = {(row["name"], kind): ratio for row in rows for kind, ratio in ray_ratios(row, "ours", "tubes").items()}
     size = {(row["name"],): bytes_each(row, "ours") or 0.0 for row in rows}
-    compact = {where: bytes_each(row, "ours compact") or size[where] for row in rows for where in [(row["name"],)]}
     soon = {(row["name"],): 1.0 / time_ratio(row, "builds", "ready_ms", PEER) for row in rows}
     refits = {(row["name"],): time_ratio(row, "refits", "ns_a_primitive", PEER) for row in rows}
     return [
@@ -82,7 +81,6 @@ def judge(rows: list[Row]) -> list[Row]:
         _goal("rays / Embree's round curves and spheres, least", *_least(rays, 1.0)),
         _goal("rays / tubes of six sides, geometric mean", _mean(tubes), 2.0, f"of {len(tubes)}"),
         _goal("bytes a segment or point, most", *_most(size, 40.0), is_most=True),
-        _goal("bytes a segment or point, compact, most", *_most(compact, 40.0), is_most=True),
         _goal("ready / Embree MEDIUM, least", *_least(soon, 1.0)),
         _goal("refit, of Embree's time, most", *_most(refits, 0.5), is_most=True),
     ]
@@ -119,7 +117,7 @@ def describe(rows: list[Row]) -> str:
             by = {ray["competitor"]: ray for ray in of_kind}
             if not by:
                 continue
-            names = (PEER, "embree flat", "ours ribbon", "embree cubic", "tubes", "ours compact", "ours")
+            names = (PEER, "embree flat", "ours ribbon", "embree cubic", "tubes", "ours")
             cells: list[Cell] = [by[name]["mrays_per_second"] if name in by else None for name in names]
             ratio = by["ours"]["mrays_per_second"] / by[PEER]["mrays_per_second"]
             visited = [by["ours"].get("nodes_visited"), by["ours"].get("primitives_tested")]
@@ -129,7 +127,7 @@ def describe(rows: list[Row]) -> str:
     for row in rows:
         builds = {one["competitor"]: one["ready_ms"]["median"] for one in row["builds"]}
         refits = {one["competitor"]: one["ns_a_primitive"]["median"] for one in row["refits"]}
-        sizes = [bytes_each(row, name) for name in (PEER, "tubes", "ours compact", "ours")]
+        sizes = [bytes_each(row, name) for name in (PEER, "tubes", "ours")]
         cells = [builds[PEER], builds["tubes"], builds["ours"], refits[PEER], refits["ours"], *sizes]
         others.append([f"{row['name']}, {row['primitive_count']:,}", *cells])
     heads = (
@@ -139,14 +137,13 @@ def describe(rows: list[Row]) -> str:
         "ours ribbon",
         "cubic",
         "tubes",
-        "compact",
         "ours",
         "ours / round",
         "differ, ppm",
         "nodes",
         "tests",
     )
-    rest = ("ready, ms", PEER, "tubes", "ours", "refit, ns: round", "ours", "bytes: round", "tubes", "compact", "ours")
+    rest = ("ready, ms", PEER, "tubes", "ours", "refit, ns: round", "ours", "bytes: round", "tubes", "ours")
     return f"{format_table(heads, speeds)}\n\n{format_table(rest, others)}"
 
 

@@ -86,9 +86,9 @@ def to_the_best_peer(ratios: Mapping[tuple[str, int], float]) -> dict[int, float
 
 def refit_shares(rows: Sequence[Row]) -> Ratios:
     """By mesh: our refit's time as a share of Embree's. Less is better."""
-    times = {(row["mesh"], row["method"], row["layout"]): row["ns_per_triangle"] for row in rows}
+    times = {(row["mesh"], row["method"]): row["ns_per_triangle"] for row in rows}
     names = dict.fromkeys(row["mesh"] for row in rows)
-    return {(name,): times[name, "refit", "default"] / times[name, "embree refit", None] for name in names}
+    return {(name,): times[name, "refit"] / times[name, "embree refit"] for name in names}
 
 
 def python_ratios(rows: Sequence[Row], ours: str) -> Ratios:

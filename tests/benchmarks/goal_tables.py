@@ -108,9 +108,7 @@ def _instances(rows: Sequence[Row]) -> Iterator[str]:
 
 
 def _refits(rows: Sequence[Row]) -> Iterator[str]:
-    times = {
-        (row["mesh"], " ".join(filter(None, (row["method"], row["layout"])))): row["ns_per_triangle"] for row in rows
-    }
+    times = {(row["mesh"], row["method"]): row["ns_per_triangle"] for row in rows}
     yield from _by_mesh("Following a swaying mesh, ns a triangle", times)
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -17,11 +17,11 @@ PROGRAM = "answers_bench"
 
 
 def ask(
-    native: NativePrograms, mesh: BenchMesh, rays: Rays, peers: Sequence[str], ways: Mapping[str, Sequence[str]]
+    native: NativePrograms, mesh: BenchMesh, rays: Rays, peers: Sequence[str], strategies: Sequence[str]
 ) -> dict[str, Answers]:
     """By competitor, named as by trace_bench. Where any hit was asked for, primitive_ids is 0 where there is one.
 
-    ways: in which ours trace, values by option: "strategies", "layouts".
+    strategies: in which ours trace.
     """
     with tempfile.TemporaryDirectory() as folder:
         rays_file, answers_file = Path(folder) / "rays.bin", Path(folder) / "answers.bin"
@@ -29,9 +29,7 @@ def ask(
         columns = (rays.origins.astype("<f4"), rays.directions.astype("<f4"))
         rays_file.write_bytes(b"".join([header, *(column.tobytes() for column in columns)]))
         words = ["--rays", str(rays_file), "--answers", str(answers_file)]
-        words += ["--peers", ",".join(peers)]
-        for option, values in ways.items():
-            words += [f"--{option}", ",".join(values)]
+        words += ["--peers", ",".join(peers), "--strategies", ",".join(strategies)]
         names = native.run(PROGRAM, mesh, words, is_timed=False)
         data: npt.NDArray[np.float32] = np.fromfile(answers_file, "<f4").reshape(len(names), 2, len(rays))
     ids = np.ascontiguousarray(data[:, 1]).view("<i4").astype(np.int64)

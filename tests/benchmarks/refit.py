@@ -7,11 +7,11 @@ then the mesh twisted about its longest axis by 0.1, 1.5 and 2 pi radians: what 
 the rays per second through what it leaves, as a share of those through a new tree of the same side. Whatever
 is compared is measured in turn in one run, on one thread.
 
-The JSON holds `rows`, all with the keys mesh, triangle_count, layout ("default", "compact"; null: Embree's), isa,
-threads, twist (radians; null: the swaying mesh), method and ns_per_triangle. Rows of the swaying mesh have ns_low and
-ns_high, those of commits `actions` (what the scene did, by how often). Rows of twists have rays_per_second_ratio (of
-all rays), primary_ratio, diffuse_ratio, and wrong of `judged` answers, by the double-precision judge; ours have
-`different` too: of all rays those not answered, bit by bit, as a new tree does.
+The JSON holds `rows`, all with the keys mesh, triangle_count, isa, threads, twist (radians; null: the swaying mesh),
+method and ns_per_triangle. Rows of the swaying mesh have ns_low and ns_high, those of commits `actions` (what the scene
+did, by how often). Rows of twists have rays_per_second_ratio (of all rays), primary_ratio, diffuse_ratio, and wrong of
+`judged` answers, by the double-precision judge; ours have `different` too: of all rays those not answered, bit by bit,
+as a new tree does.
 """
 
 from __future__ import annotations
@@ -36,14 +36,13 @@ def main() -> None:
     """Measure, print the tables, write the JSON."""
     parser = options.parser(__doc__ or "")
     options.add_meshes(parser)
-    parser.add_argument("--layouts", default="default,compact", metavar="A,B", help="of our trees")
     parser.add_argument("--twists", default="0.1,1.5,6.2831853", metavar="A,B", help="radians")
     chosen = options.parse(parser)
     native = NativePrograms(chosen.native)
     if not native.has(PROGRAM):
         raise SystemExit(native.why_not(PROGRAM))
     words = ["--rounds", str(chosen.rounds), "--ray-rounds", str(chosen.rounds), "--size", chosen.size]
-    words += ["--layouts", chosen.layouts, "--twists", chosen.twists]
+    words += ["--twists", chosen.twists]
     rows: list[Row] = []
     for mesh in options.meshes_of(chosen):
         new = rows_of(mesh.name, native.run(PROGRAM, mesh, words))
@@ -63,15 +62,15 @@ def describe(mesh: str, rows: Sequence[Row]) -> str:
     sway = [row for row in rows if row["twist"] is None]
     peer = next(row["ns_per_triangle"] for row in sway if row["method"] == PEER)
     refits: list[tuple[Cell, ...]] = [
-        (row["method"], row["layout"], row["ns_per_triangle"], row["ns_per_triangle"] / peer) for row in sway
+        (row["method"], row["ns_per_triangle"], row["ns_per_triangle"] / peer) for row in sway
     ]
-    keys = ("method", "layout", "twist", "ns_per_triangle", "primary_ratio", "diffuse_ratio", "wrong", "judged")
+    keys = ("method", "twist", "ns_per_triangle", "primary_ratio", "diffuse_ratio", "wrong", "judged")
     twists = [tuple(row[key] for key in keys) for row in rows if row["twist"] is not None]
-    heads = ("update after a twist", "layout", "radians", "ns/triangle", "primary", "diffuse", "wrong", "of")
+    heads = ("update after a twist", "radians", "ns/triangle", "primary", "diffuse", "wrong", "of")
     return "\n\n".join(
         (
             f"{mesh}: {rows[0]['triangle_count']:,} triangles",
-            format_table(("following a swaying mesh", "layout", "ns/triangle", "of Embree's refit"), refits),
+            format_table(("following a swaying mesh", "ns/triangle", "of Embree's refit"), refits),
             format_table(heads, twists),
         )
     )

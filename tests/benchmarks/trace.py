@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from itertools import chain
 from pathlib import Path
 from typing import Any
@@ -28,7 +28,6 @@ from benchmarks.native_answers import ask
 from benchmarks.peers import Answers, Peer
 from benchmarks.rays import Rays, make_rays
 from benchmarks.trace_tables import describe_mesh
-from perfect_bvh.build_config import LAYOUTS
 from tqdm import tqdm
 
 EMBREE = ("embree", "embree_avx2", "embree_robust", "embree_avx2_robust", "embree_packets")
@@ -44,7 +43,6 @@ def main() -> None:
     add("--sample", type=int, default=500, metavar="N", help="rays of each kind whose answers are judged")
     counts = [1000, 10_000, 100_000, 1_000_000]
     add("--instances", type=int, nargs="*", default=counts, metavar="N", help="of the first mesh; no number: none")
-    add("--layouts", nargs="+", choices=LAYOUTS, default=["default"], help="of our native trees")
     chosen = options.parse(parser)
     meshes = options.meshes_of(chosen)
     native, left_out = NativePrograms(chosen.native), list[str]()
@@ -75,9 +73,7 @@ def measure(
     result: dict[str, Any] = {"name": mesh.name, "triangle_count": len(mesh.triangles), "native": [], "instances": []}
     rounds = ["--rounds", str(chosen.rounds)]
     if native.has("trace_bench"):
-        peer_names = ["--peers", ",".join(embree_of(chosen))]
-        for option, values in ways_of(chosen).items():
-            peer_names += [f"--{option}", ",".join(values)]
+        peer_names = ["--peers", ",".join(EMBREE), "--strategies", ",".join(STRATEGIES)]
         inside = ["--inside"] if mesh.is_inside else []
         result["native"] = native.run("trace_bench", mesh, [*rounds, *peer_names, "--size", chosen.size, *inside])
     else:
@@ -93,16 +89,6 @@ def measure(
         result["from_python"].append(row)
         bar.update()
     return result
-
-
-def embree_of(chosen: argparse.Namespace) -> list[str]:
-    """Embree's variants to compare with, its compact one where ours is asked for."""
-    return [*EMBREE, *(["embree_compact"] if "compact" in chosen.layouts else [])]
-
-
-def ways_of(chosen: argparse.Namespace) -> dict[str, Sequence[str]]:
-    """In which ways our native kernels trace, by option of the programs."""
-    return {"strategies": STRATEGIES, "layouts": chosen.layouts}
 
 
 def _one_mesh(
@@ -122,7 +108,7 @@ def _one_mesh(
     judge = Judge(mesh)
     for rays in make_rays(mesh, *options.size_of(chosen)):
         sample = pick_sample(rays, chosen.sample)
-        natively = ask(native, mesh, sample, embree_of(chosen), ways_of(chosen)) if native.has("answers_bench") else {}
+        natively = ask(native, mesh, sample, EMBREE, STRATEGIES) if native.has("answers_bench") else {}
         yield _race(tracers, rays, judge, natively, chosen)
 
 

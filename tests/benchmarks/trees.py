@@ -10,7 +10,6 @@ from perfect_bvh import BuildConfig
 # Fast as a user asks for it: by name for a mesh that stays as it is, or by saying that the mesh changes.
 TREES: dict[str, dict[str, Any]] = {
     "auto": {},
-    "compact": {"layout": "compact"},
     "median": {"builder": "median"},
     "sweep": {"builder": "sweep"},
     "binned": {"builder": "binned"},

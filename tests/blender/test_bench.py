@@ -26,7 +26,7 @@ from perfect_bvh_addon.bench.results import HOW_TO_GET_CHARTS, forget, last_resu
 from perfect_bvh_addon.bench.table import Row, format_table, table
 from perfect_bvh_addon.operators.bench import PERFECT_BVH_OT_bench
 
-PARTS = {"builders", "total_time", "layouts", "answers", "frames", "decay"}
+PARTS = {"builders", "total_time", "answers", "frames", "decay"}
 WITH_CHARTS = PARTS - {"answers"}
 needs_matplotlib = pytest.mark.skipif(find_spec("matplotlib") is None, reason="matplotlib is not installed")
 
@@ -87,8 +87,7 @@ def test_every_part_is_measured_and_written(moving_ball: bpy.types.Scene, tmp_pa
     assert written["advice"] == results.advice
     assert all(sentence.endswith(".") for sentence in results.advice.values())
     builders = [(row["name"], "Builder") for row in figures["builders"]]
-    others = [("default", "Layout"), ("compact", "Layout")]
-    others += [(policy, "Policy") for policy in ("refit", "rebuild", "governed")]
+    others = [(policy, "Policy") for policy in ("refit", "rebuild", "governed")]
     assert [(row.name, row.part) for row in results.table] == [*builders, *others, ("audited", "Answers")]
 
 
@@ -104,7 +103,7 @@ def test_charts_are_drawn_where_matplotlib_is(moving_ball: bpy.types.Scene, tmp_
         assert np.array(image.pixels).reshape(-1, 4)[:, :3].std() > 0.02  # there is something on the paper
     assert results.overview is not None
     image = load_image(results.overview)
-    assert image.size[0] == 1600 and image.size[1] > 3500
+    assert image.size[0] == 1600 and image.size[1] > 2800
 
 
 @needs_matplotlib
@@ -137,19 +136,17 @@ def test_the_table_can_be_read() -> None:
     ]
     policies = [{"refit": {"update_ms": ms, "trace_ms": 100.0}} for ms in (500.0, 1.0, 3.0)]
     frames = [{"frame": i, "rays": 1_000_000, "policies": each} for i, each in enumerate(policies)]
-    layouts = [{"name": "default", "trace_ms": spread(100.0), "byte_count": 3 << 20}]
     answers = {"checked": 12345, "wrong": 0}
-    rows = table({"rays": 100_000, "builders": builders, "layouts": layouts, "frames": frames, "answers": answers})
+    rows = table({"rays": 100_000, "builders": builders, "frames": frames, "answers": answers})
     assert rows == (
         Row("Builder", "fast", "0.12 ms", "5.00 M rays/s"),
         Row("Builder", "auto", "12.3 s", "2,000 M rays/s"),
-        Row("Layout", "default", "3.00 MiB", "1.00 M rays/s"),
         Row("Policy", "refit", "2.00 ms", "10.0 M rays/s"),
         Row("Answers", "audited", "12,345", "0"),
     )
     lines = format_table(rows).splitlines()
     assert len({len(line) for line in lines}) == 1
-    assert [line.split()[0] for line in lines if not line.startswith(" ")] == ["Builder", "Layout", "Policy", "Answers"]
+    assert [line.split()[0] for line in lines if not line.startswith(" ")] == ["Builder", "Policy", "Answers"]
     assert table({"rays": 1}) == () and format_table(()) == ""
 
 
@@ -196,7 +193,7 @@ def begin(steps: Iterator[tuple[float, str]], part: str) -> None:
     assert any(what == part for _, what in steps)
 
 
-PARTS_THAT_BUILD = ("rays", "builder spatial", "layout compact", "planner", "frame 1")
+PARTS_THAT_BUILD = ("rays", "builder spatial", "planner", "frame 1")
 
 
 @pytest.mark.parametrize("part", PARTS_THAT_BUILD)

@@ -30,7 +30,7 @@ def test_the_table_of_a_bench_shows_with_its_advice_on_its_scene_only(tmp_path: 
     assert "spatial" not in drawn(panels.bench.PERFECT_BVH_PT_bench)
     rows = (
         Row("Builder", "spatial", "12.3 ms", "4.56 M rays/s"),
-        Row("Layout", "compact", "1.00 MiB", "1.00 M rays/s"),
+        Row("Policy", "refit", "1.00 ms", "1.00 M rays/s"),
     )
     results = Results(
         tmp_path / "bench.json", rows, {"builders": "Leave it.", "total_time": "Leave it."}, {}, None, False
@@ -39,7 +39,7 @@ def test_the_table_of_a_bench_shows_with_its_advice_on_its_scene_only(tmp_path: 
     texts = drawn(panels.bench.PERFECT_BVH_PT_bench)
     start = texts.index("Builder")
     assert texts[start : start + 6] == ["Builder", "Build", "Rays", "spatial", "12.3 ms", "4.56 M rays/s"]
-    assert texts[start + 6 :] == ["Layout", "Memory", "Rays", "compact", "1.00 MiB", "1.00 M rays/s", "Leave it."]
+    assert texts[start + 6 :] == ["Policy", "Update", "Rays", "refit", "1.00 ms", "1.00 M rays/s", "Leave it."]
     forget()
     assert "spatial" not in drawn(panels.bench.PERFECT_BVH_PT_bench)
 

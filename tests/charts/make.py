@@ -26,13 +26,11 @@ from stress import zoo_table
 CHARTS = (
     "build_and_speed",
     "break_even",
-    "memory_and_speed",
     "predicted_cost",
     "wrong_answers",
     "image_error",
     "stability",
     "policies_by_frame",
-    "whole_animations",
     "failure_zoo",
 )
 

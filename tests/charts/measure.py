@@ -32,13 +32,11 @@ WHOLE: dict[str, str] = {
     "image_error": "image_error.py --size 480 --most 32 --seeds 1 --converged 1024",
     "stability": "stability.py",
     "policies": "sync.py --policies --rounds 3 --frames 24",
-    "animation": "animation.py --rounds 2",
     "accuracy": "accuracy.py --rounds 3 --size 160x120 --ray-limit 5000",
 }
 OF_MESHES: dict[str, str] = {
     "builders": "build.py --default-meshes --trees auto median sweep binned spatial fast --threads 1 --rounds 3 "
     "--size 320x200 --ray-limit 5000 --seconds 6",
-    "layouts": "layouts.py --rounds 3 --size 320x200",
 }
 NATIVE = (*OF_MESHES, "accuracy")  # which run native programs, and refuse to on a busy machine
 

@@ -91,45 +91,6 @@ def break_even(figures: Figures) -> str:
     )
 
 
-def memory_and_speed(figures: Figures) -> str:
-    rows = {mesh["name"]: named(mesh["layouts"]) for mesh in figures["meshes"]}
-    memory = [each["compact"]["bytes_per_triangle"] / each["default"]["bytes_per_triangle"] for each in rows.values()]
-
-    def share(name: str, other: str, kind: str) -> dict[str, float]:
-        return {
-            mesh: each[name]["rays"][kind]["median"] / each[other]["rays"][kind]["median"]
-            for mesh, each in rows.items()
-        }
-
-    primary, diffuse = share("compact", "default", "primary"), share("compact", "default", "diffuse")
-    worst = min(diffuse, key=lambda mesh: diffuse[mesh])
-    behind = sorted(
-        {
-            mesh
-            for kind in ("primary", "diffuse")
-            for mesh, each in share("compact", "embree", kind).items()
-            if each < 1.0
-        }
-    )
-    lost = sorted(
-        {mesh for kind in ("primary", "diffuse") for mesh, each in share("default", "embree", kind).items() if each < 1}
-    )
-    own = min(
-        *share("compact", "embree_compact", "primary").values(), *share("compact", "embree_compact", "diffuse").values()
-    )
-    return (
-        f"The compact layout takes {percent(min(memory))} to {percent(max(memory))} of the default's memory. "
-        f"**Unflattering:** its primary rays reach {percent(min(primary.values()))} to "
-        f"{percent(max(primary.values()))} of "
-        f"the default's speed, its diffuse ones {percent(min(diffuse.values()))} to "
-        f"{percent(max(diffuse.values()))}, least "
-        f"on {worst}. With it some rays are slower than in Embree's default scenes on {listed(behind)}; than in "
-        f"Embree's "
-        f"compact scenes they are {'never slower' if own >= 1.0 else f'at worst {own:.2f} times as fast'}. Our default "
-        f"layout is behind Embree's default on {listed(lost)}."
-    )
-
-
 def wrong_answers(figures: Figures) -> str:
     lost: dict[str, float] = {}
     for row in figures["sweeps"]["offset"]:
@@ -229,7 +190,6 @@ def stability(figures: Figures) -> str:
 TOLD: dict[str, tuple[Callable[[Figures], str], str]] = {
     "build_and_speed": (build_and_speed, "builders"),
     "break_even": (break_even, "builders"),
-    "memory_and_speed": (memory_and_speed, "layouts"),
     "wrong_answers": (wrong_answers, "accuracy"),
     "predicted_cost": (predicted_cost, "builders"),
     "failure_zoo": (failure_zoo, "zoo"),

@@ -102,6 +102,14 @@ def test_unknown_arguments(scene):
         call()
         with pytest.raises(TypeError, match="precision"):
             call(precision="fast")
+    for add in (
+        lambda **how: scene.add_mesh(np.zeros((3, 3)), [[0, 1, 2]], **how),
+        lambda **how: scene.add_points(np.zeros((1, 3)), 1.0, **how),
+        lambda **how: scene.add_curves(np.zeros((2, 3)), 1.0, [0, 2], **how),
+    ):
+        add()
+        with pytest.raises(TypeError, match="lazy"):
+            add(lazy=True)
 
 
 def test_unknown_field(scene):

@@ -21,7 +21,6 @@ BY_COST = tuple(name for name in NAMED if name not in NAIVE)
 SETTINGS = {
     "defaults": {},
     "optimized": {"optimize": 5},
-    "compact": {"layout": "compact"},
     "few bins": {"bins": 2},
     "many bins": {"bins": 256},
     "one axis": {"axes": 1},
@@ -175,7 +174,6 @@ def test_settings_are_kept_as_plain_numbers():
     ("setting", "values", "expected"),
     [
         ("builder", ["", "sah", "Binned", None, 3], f"must be one of {', '.join(BUILDERS)}, got"),
-        ("layout", ["", "Compact", None, 2], "must be one of default, compact, got"),
         ("optimize", [-1, 1001], "must be from 0 to 1000, got"),
         ("optimize", [True, 1.0, "2", None], "must be an integer from 0 to 1000, got"),
         ("optimize_milliseconds", [-1.0, np.nan, np.inf, "5", True], "must be a number from 0 to 1e+09, got"),
@@ -192,6 +190,11 @@ def test_every_setting_is_checked(setting, values, expected):
     for value in values:
         with pytest.raises(ValueError, match=re.escape(f"BuildConfig: {setting} {expected} ")):
             BuildConfig(**{setting: value})
+
+
+def test_there_is_one_layout():
+    with pytest.raises(TypeError, match="layout"):
+        BuildConfig(layout="compact")
 
 
 def test_the_limits_themselves_are_allowed():

@@ -130,10 +130,10 @@ def test_audits_find_what_is_wrong(kind):
 def test_every_tree_gives_the_same_bits(kind):
     origins, directions = rays_at(2000)
     answers = []
-    for build in ("auto", *(BuildConfig(builder=builder) for builder in BUILDERS), BuildConfig(layout="compact")):
-        for usage, lazy in (("static", False), ("changing", True)):
+    for build in ("auto", *(BuildConfig(builder=builder) for builder in BUILDERS)):
+        for usage in ("static", "changing"):
             scene = Scene()
-            add(scene, kind, [np.eye(4), TURNED], build=build, usage=usage, lazy=lazy)
+            add(scene, kind, [np.eye(4), TURNED], build=build, usage=usage)
             scene.commit()
             answers.append(scene.cast_rays(origins, directions, fields=FIELDS))
     for other in answers[1:]:
@@ -293,7 +293,6 @@ def test_statistics_and_images_know_them():
     row, points = scene.statistics(detailed=True).meshes
     assert (points.primitive_count, points.left_out_count, row.left_out_count) == (171, 29, 0)
     assert row.primitive_count == 240 and row.epo is None
-    assert (row.layout, points.layout) == ("default", "compact")
     camera = perfect_bvh.Camera.look_at((0.0, -4.0, 1.0), (0.0, 0.0, 0.4))
     for mode in ("clay", "normal", "wireframe", "preview"):
         image = perfect_bvh.render(scene, camera, mode=mode, size=(32, 24))

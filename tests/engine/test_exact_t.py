@@ -30,7 +30,7 @@ def exact_t(corners: F64, origin: F64, direction: F64) -> Fraction:
     return _exact_t((*corners.ravel().tolist(), *origin.tolist(), *direction.tolist()))
 
 
-@functools.cache  # kernels, strategies and layouts are asked alike
+@functools.cache  # kernels and strategies are asked alike
 def _exact_t(numbers: tuple[float, ...]) -> Fraction:
     a, b, c, o, d = ([Fraction(x) for x in numbers[first : first + 3]] for first in range(0, 15, 3))
     e, f, away = ([x - y for x, y in zip(*two, strict=True)] for two in ((b, a), (c, a), (a, o)))
@@ -88,15 +88,14 @@ def check(positions, triangles, transform: F64, origins: F64, directions: F64, *
     return hits
 
 
-@pytest.mark.parametrize("layout", ["default", "compact"])
 @pytest.mark.parametrize("strategy", ["stream", "packets"])
 @pytest.mark.parametrize("side", SIDES)
 @pytest.mark.parametrize("tilt", [None, 1, 2])
-def test_on_grounds_of_any_size(side, tilt, strategy, layout):
+def test_on_grounds_of_any_size(side, tilt, strategy):
     turn = np.eye(3) if tilt is None else rotation(tilt)
     scene = perfect_bvh.Scene()
     positions, triangles = ground(side, turn)
-    scene.add_instance(scene.add_mesh(positions, triangles, perfect_bvh.BuildConfig(layout=layout)))
+    scene.add_instance(scene.add_mesh(positions, triangles))
     scene.commit()
     origins, directions = rays_above(turn)
     hits = scene.cast_rays(origins, directions, strategy=strategy)
@@ -207,15 +206,14 @@ def beside_edges_of_a_cube(offset: float, away: float) -> tuple[npt.NDArray[np.f
     return positions, origins, directions, exact_hits(positions, CUBE_TRIANGLES, origins, directions)
 
 
-@pytest.mark.parametrize("layout", ["default", "compact"])
 @pytest.mark.parametrize("strategy", ["stream", "packets"])
 @pytest.mark.parametrize("away", [1e-6, 1e-8])
 @pytest.mark.parametrize("offset", [0.0, 1e3])
-def test_beside_edges(offset, away, strategy, layout):
+def test_beside_edges(offset, away, strategy):
     """What is hit is what the ray meets, though float cannot tell, behind a silhouette too; t is that of its plane."""
     positions, origins, directions, expected = beside_edges_of_a_cube(offset, away)
     scene = perfect_bvh.Scene()
-    scene.add_instance(scene.add_mesh(positions, CUBE_TRIANGLES, perfect_bvh.BuildConfig(layout=layout)))
+    scene.add_instance(scene.add_mesh(positions, CUBE_TRIANGLES))
     scene.commit()
     assert 0.05 < np.mean([not met for met in expected]) < 0.5  # past a silhouette
     hits = scene.cast_rays(origins, directions, strategy=strategy)

@@ -207,6 +207,30 @@ def test_a_mesh_at_rest_is_built_anew_once():
     assert np.array_equal(scene.cast_rays(*rays).t_hit, fresh.cast_rays(*rays).t_hit)
 
 
+def test_what_is_known_of_a_mesh_is_not_told_of_the_one_that_replaces_it():
+    """Also where the new one moves within the shutter at once, or was never traced."""
+    positions, triangles = meshes.sphere(30, 42)
+    motion = np.stack([positions, positions * (1.0, 1.0, 2.0)])
+
+    def follow(scene, mesh):
+        scene.set_mesh_motion(mesh, motion)
+        rows = [scene.commit(1e6).meshes[0]]
+        scene.set_mesh_motion(mesh, motion * (1.0, 3.0, 1.0))
+        rows.append(scene.commit(1e6).meshes[0])
+        return rows
+
+    used, actions = play(expected_rays=1e6)
+    assert "rebuilt" in {row.action for row in actions}, "nothing was learnt of the first mesh"
+    used.replace_mesh(0, positions, triangles)
+    fresh = perfect_bvh.Scene(calibration=MACHINE)
+    mesh = fresh.add_mesh(positions, triangles, usage="deforming")
+    fresh.add_instance(mesh)
+    expected = follow(fresh, mesh)
+    assert len(expected[1].alternatives) == 4
+    for row, other in zip(follow(used, 0), expected, strict=True):
+        assert row.alternatives == other.alternatives
+
+
 def test_a_sheared_mesh_gets_a_new_tree():
     positions, triangles = meshes.sphere(60, 84)
     positions = positions * (1.0, 0.8, 3.0)

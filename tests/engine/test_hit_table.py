@@ -1,4 +1,4 @@
-"""Twelve scenes are hit everywhere alike: by all systems, processors, instruction sets, layouts and strategies."""
+"""Twelve scenes are hit everywhere alike: by all systems, processors, instruction sets and strategies."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def test_no_two_scenes_are_hit_alike() -> None:
 
 
 def test_rays_from_elsewhere_hash_otherwise() -> None:
-    made = SCENES["soup"]("default")
+    made = SCENES["soup"]()
     beside = Made(made.scene, made.centre + 0.0625)
     assert table.hashes_of(made, "auto") == table.load_record()["soup"] != table.hashes_of(beside, "auto")
 

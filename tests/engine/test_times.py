@@ -52,15 +52,14 @@ def test_a_ray_meets_the_scene_frozen_at_its_time(steps, time_range):
 
 
 @pytest.mark.parametrize("count", [1, 4, 9])
-@pytest.mark.parametrize("layout", ["default", "compact"])
-def test_a_tree_of_a_single_leaf_moves_like_any_other(layout, count):
+def test_a_tree_of_a_single_leaf_moves_like_any_other(count):
     """It has no node that could tell of the next step. 9: two leaves."""
     random = np.random.default_rng(count)
     triangles = np.arange(3 * count).reshape(-1, 3)
     shapes = random.uniform(-1.0, 1.0, (3, 3 * count, 3)).astype(np.float32)
     moving, still = perfect_bvh.Scene(), perfect_bvh.Scene()
     for scene in (moving, still):
-        mesh = scene.add_mesh(shapes[0], triangles, build=perfect_bvh.BuildConfig(layout=layout))
+        mesh = scene.add_mesh(shapes[0], triangles)
         scene.add_instance(mesh)
     moving.set_mesh_motion(0, shapes)
     moving.commit()
@@ -107,36 +106,32 @@ def answers(scene, origins, directions, times) -> list[bytes]:
     ]
 
 
-def test_same_bits_on_every_instruction_set_builder_layout_and_thread_count():
+def test_same_bits_on_every_instruction_set_builder_and_thread_count():
     origins, directions = meshes.random_rays(4_000, 2)
     times = np.random.default_rng(8).uniform(0, 1, 4_000).astype(np.float32)
     expected = None
     builders = [name for name in BUILDERS if name != "spatial"]  # whose trees cannot follow
     assert len(builders) > 4
-    layouts = ("default", "compact")
     for builder in builders:
-        for layout in layouts:
-            moving = MovingScene(3, seed=4, build=perfect_bvh.BuildConfig(builder=builder, layout=layout))
-            for isa in perfect_bvh.available_isas() if builder == "auto" else perfect_bvh.available_isas()[-1:]:
-                perfect_bvh.set_active_isa(isa)
-                found = answers(moving.scene, origins, directions, times)
-                expected = expected or found
-                assert found == expected, (builder, layout, isa)
+        moving = MovingScene(3, seed=4, build=perfect_bvh.BuildConfig(builder=builder))
+        for isa in perfect_bvh.available_isas() if builder == "auto" else perfect_bvh.available_isas()[-1:]:
+            perfect_bvh.set_active_isa(isa)
+            found = answers(moving.scene, origins, directions, times)
+            expected = expected or found
+            assert found == expected, (builder, isa)
     alone = moving.scene.cast_rays(origins, directions, times=times, threads=1, fields=FIELDS)
     assert [alone.columns[name].tobytes() for name in FIELDS] == expected[: len(FIELDS)]
 
 
-@pytest.mark.parametrize("layout", ["default", "compact"])
 @pytest.mark.parametrize("time_range", [(0.0, 1.0), (0.25, 0.75)])
-def test_a_lone_mesh_that_deforms_is_met_as_if_it_were_not_alone(layout, time_range):
+def test_a_lone_mesh_that_deforms_is_met_as_if_it_were_not_alone(time_range):
     """Rays enter it as they are, but for those from far away or along an axis; beside others, through the top level."""
     random = np.random.default_rng(27)
     positions, triangles = meshes.sphere(24, 32)
     steps = positions + random.normal(0, 0.1, (3, 1, 3)) + random.normal(0, 0.02, (3, *positions.shape))
-    build = perfect_bvh.BuildConfig(layout=layout)
     lone, beside = perfect_bvh.Scene(), perfect_bvh.Scene()
     for scene in (lone, beside):
-        scene.set_mesh_motion(mesh := scene.add_mesh(positions, triangles, build), steps, time_range)
+        scene.set_mesh_motion(mesh := scene.add_mesh(positions, triangles), steps, time_range)
         scene.add_instance(mesh)
     beside.add_instance(beside.add_mesh(positions[triangles[0]] + 50.0, [[0, 1, 2]]))
     origins, times = random.normal(0, 3, (4_000, 3)), random.random(4_000, dtype=np.float32)
@@ -162,9 +157,8 @@ def test_a_lone_mesh_that_deforms_is_met_as_if_it_were_not_alone(layout, time_ra
         assert answers(lone, origins, directions, times) == expected
 
 
-@pytest.mark.parametrize("layout", ["default", "compact"])
-def test_every_query_agrees_with_the_frozen_scene(layout):
-    moving = MovingScene(3, seed=9, build=perfect_bvh.BuildConfig(layout=layout))
+def test_every_query_agrees_with_the_frozen_scene():
+    moving = MovingScene(3, seed=9)
     still = still_copy(moving, 3, 9)
     origins, directions = meshes.random_rays(1_000, 3)
     for time in (0.0, 0.3, 0.5, 0.9, 1.0):
@@ -308,12 +302,12 @@ def test_trees_with_spatial_splits_refuse_to_move():
         scene.set_mesh_motion(mesh, np.stack([positions, positions]))
 
 
-def test_far_from_zero_and_lazy():
-    """In float64, recentred around the first step; a mesh that was added as lazy moves like any other."""
+def test_far_from_zero():
+    """In float64, recentred around the first step."""
     positions, triangles = meshes.sphere(12, 16, 1.0)
     centre = np.array([1e6, -2e6, 5e5])
     scene = perfect_bvh.Scene()
-    mesh = scene.add_mesh(positions + centre, triangles, lazy=True)
+    mesh = scene.add_mesh(positions + centre, triangles)
     scene.add_instance(mesh)
     scene.set_mesh_motion(mesh, np.stack([positions + centre, positions + centre + (4.0, 0, 0)]))
     scene.commit()
@@ -338,15 +332,14 @@ def round_scene(kind: str, steps: int, seed: int) -> tuple[perfect_bvh.Scene, in
     else:
         shape = "ribbon" if kind == "ribbon" else "round"
         sort = "catmull_rom" if kind == "catmull_rom" else "poly"
-        layout = perfect_bvh.BuildConfig(layout="compact" if kind == "compact" else "default")
-        mesh = scene.add_curves(places[0], radii[0], offsets, kind=sort, shape=shape, build=layout)
+        mesh = scene.add_curves(places[0], radii[0], offsets, kind=sort, shape=shape)
     scene.add_instance(mesh, matrix(random))
     turning = scene.add_instance(mesh, matrix(random))
     scene.set_instance_motion([turning], np.stack([matrix(random) for _ in range(steps)])[:, None])
     return scene, mesh, places, radii
 
 
-ROUND = ["points", "poly", "compact", "ribbon", "catmull_rom"]
+ROUND = ["points", "poly", "ribbon", "catmull_rom"]
 
 
 @pytest.mark.parametrize("kind", ROUND)

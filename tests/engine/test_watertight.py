@@ -6,7 +6,6 @@ import numpy as np
 import perfect_bvh
 import pytest
 from oracles import meshes
-from perfect_bvh.build_config import LAYOUTS
 
 RAYS = 300_000
 
@@ -18,10 +17,10 @@ def sphere():
     return positions.astype(np.float32), triangles
 
 
-@pytest.fixture(scope="module", params=LAYOUTS)
-def scene(sphere, request):
+@pytest.fixture(scope="module")
+def scene(sphere):
     made = perfect_bvh.Scene()
-    made.add_instance(made.add_mesh(*sphere, build=perfect_bvh.BuildConfig(layout=request.param)))
+    made.add_instance(made.add_mesh(*sphere))
     made.commit()
     return made
 

@@ -14,7 +14,6 @@ from perfect_bvh import BuildConfig, Camera, Scene, render_passes
 
 CONFIGS = {
     "auto": "auto",
-    "compact": BuildConfig(layout="compact"),
     "fast": BuildConfig(builder="fast"),
     "spatial": BuildConfig(builder="spatial"),
     "optimized": BuildConfig(builder="binned", optimize=2),

@@ -3,8 +3,8 @@
     python tests/hit_table/table.py            # compare this machine with recorded.json; exits with 1 where it differs
     python tests/hit_table/table.py --record   # write recorded.json: only where answers are meant to change
 
-Needs numpy and the engine alone, and a few seconds. Each scene is traced in both layouts, by each instruction set and
-strategy; a row is one of these, and all rows of a scene must have the scene's hashes.
+Needs numpy and the engine alone, and a few seconds. Each scene is traced by each instruction set and strategy; a row is
+one of these, and all rows of a scene must have the scene's hashes.
 """
 
 from __future__ import annotations
@@ -28,7 +28,6 @@ from hit_table.hashing import Doubles, between, mixed
 from hit_table.scenes import SCENES, Made
 
 RECORD = TESTS / "hit_table" / "recorded.json"
-LAYOUTS = ("default", "compact")
 STRATEGIES = ("auto", "packets", "stream", "single")
 FIELDS = ("t_hit", "instance_ids", "primitive_ids", "primitive_uvs")
 Hashes = dict[str, str | int]
@@ -71,14 +70,13 @@ def record() -> Record:
 
 
 def rows_of(name: str) -> Iterator[tuple[str, Hashes]]:
-    """Layout, instruction set and strategy as words, with the hashes of what they answer."""
+    """Instruction set and strategy as words, with the hashes of what they answer."""
     before = perfect_bvh.active_isa()
     try:
-        for layout in LAYOUTS:
-            made = SCENES[name](layout)
-            for isa, strategy in product(perfect_bvh.available_isas(), STRATEGIES):
-                perfect_bvh.set_active_isa(isa)
-                yield f"{layout} {isa} {strategy}", hashes_of(made, strategy)
+        made = SCENES[name]()
+        for isa, strategy in product(perfect_bvh.available_isas(), STRATEGIES):
+            perfect_bvh.set_active_isa(isa)
+            yield f"{isa} {strategy}", hashes_of(made, strategy)
     finally:
         perfect_bvh.set_active_isa(before)
 

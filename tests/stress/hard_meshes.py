@@ -9,7 +9,7 @@ import numpy as np
 import perfect_bvh
 from oracles.brute_force import WorldTriangles, certain_hits, judge
 from oracles.closest_point import distances_to_triangles
-from perfect_bvh.build_config import BUILDERS, LAYOUTS
+from perfect_bvh.build_config import BUILDERS
 
 from .bytes import Bytes, Features
 
@@ -21,15 +21,15 @@ VERTICES, TRIANGLES, RAYS = 12, 10, 40
 def trace_hard_mesh(data: bytes) -> Features:
     """One mesh, asked in every way."""
     source = Bytes(data)
-    scale, lazy = np.float32(source.pick(SCALES)), source.take(2) == 1
-    build = perfect_bvh.BuildConfig(builder=source.pick(BUILDERS), layout=source.pick(LAYOUTS))
+    scale = np.float32(source.pick(SCALES))
+    build = perfect_bvh.BuildConfig(builder=source.pick(BUILDERS))
     triangles = np.array([[source.take(VERTICES) for _ in range(3)] for _ in range(TRIANGLES)], np.int32)
     positions = scale * np.array([[source.pick(COORDINATES) for _ in range(3)] for _ in range(VERTICES)], np.float32)
     # From and to what the rest of the bytes names, and then what follows from them.
     random = np.random.default_rng(list(source.data))
     origins, targets = scale * random.choice(COORDINATES, (2, RAYS, 3))
     made = perfect_bvh.Scene()
-    ident = made.add_instance(made.add_mesh(positions, triangles, build=build, lazy=lazy))
+    ident = made.add_instance(made.add_mesh(positions, triangles, build=build))
     made.commit()
     world = WorldTriangles.of([(ident, positions, triangles, np.eye(4), 0xFFFFFFFF)])
     with np.errstate(all="ignore"):
@@ -37,7 +37,7 @@ def trace_hard_mesh(data: bytes) -> Features:
     found = made.compute_closest_points(origins)
     expected = distances_to_triangles(origins, positions[triangles]).min(axis=1)
     assert np.abs(found.distances - expected).max() <= 1e-12 * 10.0 * scale
-    return features | {("built", build.builder, build.layout, str(scale), str(lazy))}
+    return features | {("built", build.builder, str(scale))}
 
 
 def _check_rays(

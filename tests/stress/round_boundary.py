@@ -101,7 +101,7 @@ class Round:
 
     def add_points(self) -> tuple[str, tuple[Any, ...], dict[str, Any]]:
         places = self.places()
-        how = {"build": self.build(), "usage": self.source.pick(USAGES), "lazy": self.source.take(2) == 1}
+        how = {"build": self.build(), "usage": self.source.pick(USAGES)}
         return "add_points", (places, self.radii(places)), how
 
     def add_curves(self) -> tuple[str, tuple[Any, ...], dict[str, Any]]:

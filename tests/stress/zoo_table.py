@@ -19,8 +19,8 @@ Written by `python tests/stress/zoo.py --write` from figures that it measures in
 test measures every figure again. Each of the {count} cases is a small seeded scene on which a usual method fails, made
 by [`blend_scenes/makers/zoo/`](../../blend_scenes/makers/zoo/), and a file in
 [`blend_scenes/zoo/`](../../blend_scenes/zoo/), which opens on what fails and begins with what to do.
-`tests/stress/test_zoo.py` checks the answers on all of them against double precision, with every builder in every
-layout, on every instruction set, in every way of tracing.
+`tests/stress/test_zoo.py` checks the answers on all of them against double precision, with every builder, on
+every instruction set, in every way of tracing.
 
 What is lost is counted, never timed. *Times the work*: boxes and triangles that the same rays test, relative to the
 best tree known, so that 1.00 is no loss; after an edit, relative to a fresh tree of the same kind. *Wrong per million*:

@@ -110,10 +110,8 @@ def as_transforms(function: str, value: npt.ArrayLike, count: int | None = None)
 _MOST_STEPS = 255
 
 
-def as_steps(
-    function: str, name: str, value: npt.ArrayLike, width: int, counts: tuple[int, int] = (1, _MOST_STEPS)
-) -> tuple[int, npt.NDArray[Any]]:
-    """How many steps, from the fewest to the most of `counts`, and the array with those one after another.
+def as_steps(function: str, name: str, value: npt.ArrayLike, width: int) -> tuple[int, npt.NDArray[Any]]:
+    """How many steps, and the array with those one after another.
 
     width 3: (S, V, 3) positions, as rows. 4: (S, I, 4, 4) or (S, I, 3, 4) transforms, as (S * I, ...).
     """
@@ -126,9 +124,8 @@ def as_steps(
         if array.ndim != 4 or array.shape[2:] not in ((4, 4), (3, 4)):
             raise ValueError(f"{function}: {name} must have shape (S, I, 4, 4) or (S, I, 3, 4), got {array.shape}")
         flat = array.reshape(-1, *array.shape[2:])
-    fewest, most = counts
-    if not fewest <= len(array) <= most:
-        raise ValueError(f"{function}: {name} must have {fewest} to {most} steps, got {len(array)}")
+    if not 1 <= len(array) <= _MOST_STEPS:
+        raise ValueError(f"{function}: {name} must have 1 to {_MOST_STEPS} steps, got {len(array)}")
     return len(array), as_rows(function, name, flat) if width == 3 else flat
 
 

@@ -10,8 +10,6 @@ from typing import Any, Literal, get_args
 Builder = Literal["auto", "median", "sweep", "binned", "spatial", "fast"]
 BUILDERS: tuple[str, ...] = get_args(Builder)
 Usage = Literal["static", "deforming", "changing"]
-Layout = Literal["default", "compact"]
-LAYOUTS: tuple[str, ...] = get_args(Layout)
 
 # Least and greatest, both allowed. The engine checks the same ranges.
 _WHOLE_NUMBERS = {"bins": (2, 256), "max_leaf_size": (1, 255), "optimize": (0, 1000)}
@@ -23,7 +21,8 @@ _REAL_NUMBERS = {**COSTS, "duplication_budget": (0.0, 10.0)}
 class BuildConfig:
     """How a mesh's tree is built. The defaults need no thought.
 
-    Every builder's tree gives the same hits; they differ in how long they take to build and to trace.
+    Every builder's tree gives the same hits; they differ in how long they take to build and to trace. Most take 50 to
+    70 bytes a triangle, positions and indices included.
 
     builder: what divides the triangles.
         "auto": the engine's choice, by the mesh's usage: "fast" if its topology changes, else "binned", which then goes
@@ -42,13 +41,6 @@ class BuildConfig:
             (Meister and Bittner 2018). The least time of all that look at cost, for a slightly worse tree: for a
             topology that changes every frame. Slower where a pass of "optimize", leaf size or costs are asked for: it
             then goes by a binary tree, as the others do.
-    layout: what the tree that rays are traced through keeps of the triangles.
-        "default": its leaves hold their vertices, each once: the fastest, at 50 to 70 bytes a triangle, positions and
-            indices included.
-        "compact": its leaves hold triangles' numbers, and vertices are read from the mesh at each visit: at most 36
-            bytes a triangle where triangles share vertices as on closed surfaces ("spatial" adds what it duplicates),
-            for rays slower by a fifth to a third, and at less than half of the speed where trees exceed the cache by
-            far. For what would not fit into memory otherwise.
     optimize: passes of reinsertion after the build, 0 to 1000: nodes are taken out and put where they cost less
         (Bittner, Hapala and Havran 2013; Meister and Bittner 2018). Each pass looks at twice as many nodes as the one
         before; it stops by itself where nothing is left to gain. Lowers the cost of any builder's tree, most of all
@@ -68,7 +60,6 @@ class BuildConfig:
     """
 
     builder: Builder = "auto"
-    layout: Layout = "default"
     optimize: int = 0
     optimize_milliseconds: float | None = None
     bins: int = 16
@@ -81,8 +72,6 @@ class BuildConfig:
     def __post_init__(self) -> None:
         if self.builder not in BUILDERS:
             raise ValueError(f"BuildConfig: builder must be one of {', '.join(BUILDERS)}, got {self.builder!r}")
-        if self.layout not in LAYOUTS:
-            raise ValueError(f"BuildConfig: layout must be one of {', '.join(LAYOUTS)}, got {self.layout!r}")
         for name, (least, most) in _WHOLE_NUMBERS.items():
             value = self._whole_number(name, f"an integer from {least} to {most}")
             if not least <= value <= most:

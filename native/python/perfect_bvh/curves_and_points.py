@@ -14,7 +14,7 @@ from .curve_chains import CurveChains, CurveKind, CurveShape, as_radii, as_shape
 
 
 class CurvesAndPoints:
-    """Edits of a `Scene`. Ids, instances, masks, usages and lazy trees are those of meshes.
+    """Edits of a `Scene`. Ids, instances, masks and usages are those of meshes.
 
     Both are solids with a surface, but for ribbons, see `add_curves`: a ray enters and leaves them, and to the ray's
     cull an entry is a front and an exit a back; `list_intersections` has both. Rays are mapped into the mesh's own
@@ -36,21 +36,20 @@ class CurvesAndPoints:
         *,
         build: Literal["auto"] | BuildConfig = "auto",
         usage: Usage = "static",
-        lazy: bool = False,
     ) -> int:
         """Adds points, which are balls, and returns their id as a mesh. They are seen only through instances.
 
         centers: (N, 3) float; float64 keeps its detail however far from zero it lies.
         radii: (N,) float, or one number for all, not negative. Points of radius 0 are left out: no hit has their
             number, and `statistics()` counts them.
-        build, usage, lazy: see `Scene.add_mesh`. The layout of leaves is "compact", whichever is asked for.
+        build, usage: see `Scene.add_mesh`.
 
         Raises ValueError for numbers that are not finite or above 1e18, negative radii and wrong shapes.
         """
         check_usage("add_points", usage)
         rows = as_rows("add_points", "centers", centers)
         sizes = as_radii("add_points", radii, rows)
-        return self._scene.add_points(rows, sizes, as_config("add_points", build).as_settings(), usage, bool(lazy))
+        return self._scene.add_points(rows, sizes, as_config("add_points", build).as_settings(), usage)
 
     def add_curves(
         self,
@@ -65,7 +64,6 @@ class CurvesAndPoints:
         shape: CurveShape = "round",
         build: Literal["auto"] | BuildConfig = "auto",
         usage: Usage = "static",
-        lazy: bool = False,
     ) -> int:
         """Adds curves, and returns their id as a mesh. They are seen only through instances.
 
@@ -89,8 +87,7 @@ class CurvesAndPoints:
             off straight, but round where a curve begins or ends with two equal points. In an instance strips face the
             ray as it is mapped into the mesh's space, and normals are those of the tube that the transform stretches
             with them. Closest points are those of the round curve.
-        build, usage, lazy: see `Scene.add_mesh`. Leaves of the default layout hold segments' axes in whole steps, by
-            which kernels tell which to look at; those of the compact one numbers alone: a third fewer bytes.
+        build, usage: see `Scene.add_mesh`.
 
         Raises ValueError for numbers that are not finite or above 1e18, negative radii, offsets that descend, do not
         add up or leave a curve less points than its kind takes, wrong shapes, and more than 2**30 balls.
@@ -101,7 +98,7 @@ class CurvesAndPoints:
         chains, centres, sizes, offsets, closed = divide(
             "add_curves", points, radii, curve_offsets, kind, cyclic, tolerance, pieces
         )
-        mesh = self._scene.add_curves(centres, sizes, offsets, closed, is_ribbon, settings, usage, bool(lazy))
+        mesh = self._scene.add_curves(centres, sizes, offsets, closed, is_ribbon, settings, usage)
         self._keep(mesh, chains)
         return mesh
 

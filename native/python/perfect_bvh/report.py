@@ -5,11 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, Literal
 
-# deferred: a lazy mesh that no ray has reached: its tree is not built; `statistics()` tells when it is.
 # refitted: new boxes, the same tree. rotated, partly_rebuilt: refitted, then restructured where motion had degraded
 # it.
-# kept: nothing was done, though a new tree was weighed. animated: one tree was built for all frames of an animation.
-MeshAction = Literal["built", "refitted", "rotated", "partly_rebuilt", "rebuilt", "animated", "deferred", "kept"]
+# kept: nothing was done, though a new tree was weighed.
+MeshAction = Literal["built", "refitted", "rotated", "partly_rebuilt", "rebuilt", "kept"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -17,7 +16,7 @@ class Alternative:
     """What could have been done about a mesh, and what that was expected to cost on one thread.
 
     builder: of the tree that would be built; "" where none would. trace_milliseconds: of the rays that were expected;
-    None if their number is unknown. "animated" (`Scene.expect_animation`): both of one frame, in the mean of all.
+    None if their number is unknown.
     """
 
     action: MeshAction
@@ -34,8 +33,7 @@ class MeshReport:
     where there was no choice. expected_rays: how many were expected to meet the mesh's box, None if unknown.
     node_visits, leaf_visits: what a random ray that meets the box is expected to visit of the tree that is traced now.
 
-    builder: what made the tree (now, or before it was refitted; or will make it), layout: of its leaves; both as in
-    `BuildConfig`.
+    builder: what made the tree (now, or before it was refitted; or will make it), as in `BuildConfig`.
     milliseconds: of one mesh, on however many threads; then of its stages, 0 for those that did not run: building the
     binary tree, improving it by reinsertion, collapsing it into the wide tree that rays are traced through; or
     refitting that (also where it was then found too slow to trace) and restructuring it by rotations or by rebuilding
@@ -56,7 +54,6 @@ class MeshReport:
     node_visits: float
     leaf_visits: float
     builder: str
-    layout: str
     milliseconds: float
     build_milliseconds: float
     optimize_milliseconds: float
@@ -153,9 +150,7 @@ class CommitReport:
 
 @dataclass(frozen=True, slots=True)
 class TreeStatistics:
-    """One tree. mesh_id: -1 for the top level. builder: what made it, layout: of its leaves; both as in `BuildConfig`.
-
-    is_built: False for a lazy mesh as long as no ray has reached it; everything about its trees is then 0 or None.
+    """One tree. mesh_id: -1 for the top level. builder: what made it, as in `BuildConfig`.
 
     kind: "triangles", "curves" or "points"; of the top level "instances".
     primitive_count, vertex_count: of the mesh (of curves segments and points); of the top level, instances and 0.
@@ -187,13 +182,11 @@ class TreeStatistics:
 
     mesh_id: int
     builder: str
-    layout: str
     kind: str
     primitive_count: int
     vertex_count: int
     left_out_count: int
     user_count: int
-    is_built: bool
     is_refittable: bool
     node_count: int
     leaf_count: int

@@ -15,17 +15,16 @@ from .build_config import BuildConfig, Usage, as_config, check_usage, checked_nu
 from .calibration import Calibration, current_calibration
 from .curve_chains import CurveChains
 from .curves_and_points import CurvesAndPoints
-from .expected_animations import ExpectedAnimations
 from .queries import ALL_MASK, Queries
 from .report import CommitReport
 from .snapshot import Snapshot
 
-Policy = Literal["governed", "refit", "rotate", "rebuild_parts", "rebuild", "animate"]
+Policy = Literal["governed", "refit", "rotate", "rebuild_parts", "rebuild"]
 _MOST_RAYS = 1e18
 POLICIES: tuple[str, ...] = get_args(Policy)
 
 
-class Scene(Queries, CurvesAndPoints, ExpectedAnimations):
+class Scene(Queries, CurvesAndPoints):
     """A two-level tree over instanced meshes of triangles, curves or points.
 
     Edits are collected; `commit()` builds, refits or keeps each tree as its edits need; queries then answer from
@@ -34,8 +33,7 @@ class Scene(Queries, CurvesAndPoints, ExpectedAnimations):
 
     policy: what becomes of a tree whose vertices moved. "governed": what is expected to cost least, of the update and
         of the rays together. The others are for comparisons, and hits are the same, bit by bit: "refit" (wherever a
-        tree can be refitted), "rotate" and "rebuild_parts" (refit, and then always restructure so), "rebuild", and
-        "animate" (refit, in one tree for all frames wherever `expect_animation` told of them).
+        tree can be refitted), "rotate" and "rebuild_parts" (refit, and then always restructure so) and "rebuild".
     calibration: what work costs on this machine; by default what `perfect-bvh calibrate` measured, or else what comes
         with the package. With equal calibrations, edits and expected rays the decisions are the same anywhere.
     """
@@ -79,7 +77,6 @@ class Scene(Queries, CurvesAndPoints, ExpectedAnimations):
         triangles: npt.ArrayLike,
         build: Literal["auto"] | BuildConfig = "auto",
         usage: Usage = "static",
-        lazy: bool = False,
     ) -> int:
         """Adds a mesh and returns its id. It is seen only through instances.
 
@@ -88,17 +85,12 @@ class Scene(Queries, CurvesAndPoints, ExpectedAnimations):
         build: "auto" or a `BuildConfig`. usage: what will happen to the mesh: "static" (nothing, or rigid motion),
             "deforming" (its positions) or "changing" (its topology). "auto" builds a mesh of the last kind with the
             "fast" builder, others with "binned".
-        lazy: the tree is built when the first ray, or the first search for a closest point, reaches a box of one of the
-            mesh's instances, and never if none does. Answers are the same; commits are shorter, and the first query
-            that reaches the mesh takes as much longer, on all of the engine's threads, whatever its own number. If it
-            is stopped meanwhile (`progress`, Ctrl-C, memory), nothing is built, and the next query tries again. Once
-            built, the mesh is treated like any other by later commits.
 
         Raises ValueError for non-finite positions and for indices out of range.
         """
         check_usage("add_mesh", usage)
         rows, corners = as_rows("add_mesh", "positions", positions), as_triangles("add_mesh", triangles)
-        return self._scene.add_mesh(rows, corners, as_config("add_mesh", build).as_settings(), usage, bool(lazy))
+        return self._scene.add_mesh(rows, corners, as_config("add_mesh", build).as_settings(), usage)
 
     def update_mesh(self, mesh: int, positions: npt.ArrayLike) -> None:
         """Moves a mesh's vertices: (V, 3) with as many rows as before.
@@ -119,7 +111,7 @@ class Scene(Queries, CurvesAndPoints, ExpectedAnimations):
         time_range: when the first and the last step are reached; before and after, the mesh stands still.
 
         The next commit refits or rebuilds the first step's tree, as for `update_mesh`, and refits it to each of the
-        other steps; so the mesh takes as much memory at each step. It is built at once, also if it was added as lazy.
+        other steps; so the mesh takes as much memory at each step.
         Raises ValueError for positions of other counts or not finite, for a range that is not a rising pair of finite
         numbers, and for a mesh that was added with the builder "spatial", whose trees cannot follow; nothing is
         changed then.

@@ -56,8 +56,7 @@ class Snapshot(Queries):
         """What a random ray that meets the box of a mesh's tree spends there: float, the `sah` of its `tree_boxes`.
 
         One for a visited node and one for each tested triangle (MacDonald and Booth 1990), summed in another order than
-        there: the last digits may differ. The tree is gone through once, and nothing is copied. 0 for a lazy mesh that
-        no ray has reached.
+        there: the last digits may differ. The tree is gone through once, and nothing is copied.
 
         Raises ValueError for a mesh that this snapshot does not have.
         """

@@ -20,8 +20,6 @@
 
 namespace perfect_bvh {
 
-class DeferredTree;
-
 // Immutable once a snapshot refers to it.
 struct Blas {
   explicit Blas(std::shared_ptr<const Mesh> the_mesh) : owned_mesh(std::move(the_mesh)), mesh(*owned_mesh) {}
@@ -36,7 +34,7 @@ struct Blas {
   BuildConfig config;   // that the tree was built with, its builder named; refits keep it
   TreeQuality quality;  // of the binary tree that `wide` was made from; empty where there was none, or it was refitted
   WideBvh wide;         // what rays are traced through
-  IndexedLeaves indexed_leaves;  // of `wide`, in the compact layout or over curves or points
+  RoundLeaves round_leaves;  // of `wide`, over curves or points
   std::uint64_t shape = 0;
   std::shared_ptr<const WideCosts> fresh_costs;  // of each part of `wide` when it was built; null before it is refitted
   double built_sah = 0;              // of `wide` when it was built, as tree_boxes.h reckons it; 0 before it is refitted
@@ -44,20 +42,19 @@ struct Blas {
   std::shared_ptr<SpareTree> spare;  // where `wide` goes at the end; null: nowhere
   Aabb box;                          // around the triangles
   LazySupport support;               // of `wide`, made when one of many instances is turned
-  // Of a mesh that is built when the first ray reaches it, else null. There is then no tree here, only the one to come.
-  std::shared_ptr<DeferredTree> deferred;
   // Of a mesh that moves within the shutter (motion_steps.h): its trees at the steps that follow, of which no more is
   // filled in than rays need; and all of its steps as kernels see them.
   std::vector<std::shared_ptr<Blas>> later;
   std::vector<TreeStep> steps;
 };
 
-// What kernels see of the leaves of such a tree and of its mesh, which must both stay where they are.
-[[nodiscard]] inline IndexedLeaves view_leaves(const WideBvh& tree, const Mesh& mesh) noexcept {
+// What kernels see of the leaves of such a tree over curves or points and of its mesh, which must both stay where they
+// are.
+[[nodiscard]] inline RoundLeaves view_leaves(const WideBvh& tree, const Mesh& mesh) noexcept {
   RoundList round{mesh.balls.data(), mesh.segments.data(), tree.scale, mesh.shape};
   round.closed = mesh.closed.data(), round.closed_count = mesh.closed.size();
   const CurveLeaf* const curves = tree.curve_leaves.empty() ? nullptr : tree.curve_leaves.data();
-  return {tree.indexed_leaves.data(), curves, mesh.triangles.data(), mesh.positions.data(), tree.scale, round};
+  return {tree.point_leaves.data(), curves, round};
 }
 
 // Of what refits go by; 0 before the first one.

@@ -40,8 +40,8 @@ class RoundClipper final : public PrimClipper {
 
 class MeshLeafLimit final : public LeafLimit {
  public:
-  MeshLeafLimit(const Mesh& mesh, TreeLayout layout)
-      : LeafLimit(mesh.triangles.data(), mesh.is_round() ? 0 : sizeof(TriangleIndices)), room_(mesh, layout) {}
+  explicit MeshLeafLimit(const Mesh& mesh)
+      : LeafLimit(mesh.triangles.data(), mesh.is_round() ? 0 : sizeof(TriangleIndices)), room_(mesh) {}
 
   [[nodiscard]] bool fits(std::span<const std::uint32_t> prim_indices) const noexcept override {
     return room_.holds(prim_indices);
@@ -99,7 +99,7 @@ Bvh2 build_tree(const Mesh& mesh, const BuildConfig& config, ThreadPool& pool, C
   const RoundClipper round_clipper(mesh);
   const PrimClipper* clipper = &triangle_clipper;
   if (mesh.is_round()) clipper = &round_clipper;
-  const MeshLeafLimit leaf_limit(mesh, config.layout);
+  const MeshLeafLimit leaf_limit(mesh);
   return build_bvh2(prims, config, pool, cancel, clipper, &leaf_limit);
 }
 

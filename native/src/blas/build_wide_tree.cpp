@@ -29,7 +29,7 @@ void build_and_collapse(Blas& blas, MeshReport& report, ThreadPool& pool, Cancel
   blas.quality = measure_quality(tree, cancel);
   blas.box = tree.bounds();
   watch.lap_milliseconds();
-  blas.wide = collapse_mesh(tree, blas.mesh, blas.config.layout, pool, cancel);
+  blas.wide = collapse_mesh(tree, blas.mesh, pool, cancel);
   report.collapse_milliseconds = watch.lap_milliseconds();
 }
 
@@ -38,7 +38,7 @@ void build_and_collapse(Blas& blas, MeshReport& report, ThreadPool& pool, Cancel
 void build_wide_tree(Blas& blas, MeshReport& report, ThreadPool& pool, CancelToken& cancel) {
   if (!is_built_wide(blas.config)) return build_and_collapse(blas, report, pool, cancel);
   const Stopwatch watch;
-  blas.wide = build_fast_wide(blas.mesh, blas.config.layout, pool, cancel);
+  blas.wide = build_fast_wide(blas.mesh, pool, cancel);
   blas.box = mesh_bounds_of(blas.wide, blas.mesh);
   report.build_milliseconds = watch.milliseconds();
 }

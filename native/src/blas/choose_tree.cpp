@@ -47,8 +47,6 @@ bool was_budgeted(const BuildConfig& config) noexcept {
   return config.duplication_budget != BuildConfig().duplication_budget;
 }
 
-bool has_own_tree(const MeshState& state) noexcept { return state.blas && !state.blas->deferred; }
-
 }  // namespace
 
 double rays_to_come(Usage usage, double rays) noexcept {
@@ -61,7 +59,7 @@ TreeChoice choose_tree(const ChangedMesh& changed, const CommitOptions& options,
   TreeChoice choice{choose_builder(state.config, usage), {}};
   const double known = changed.rays.value_or(changed.cast_rays);
   if (!is_free(state, options) || !(changed.rays || known > 0)) return choice;
-  const bool replaces = is_resting(state) && !state.has_deformed && has_own_tree(state);
+  const bool replaces = is_resting(state) && !state.has_deformed;
   const Mesh& mesh = is_resting(state) ? state.blas->mesh : *state.edited;
   BuildQuestion question{builders_for(usage), mesh.primitive_count(), changed.served_rays + rays_to_come(usage, known),
                          0, std::nullopt};
@@ -90,7 +88,7 @@ TreeChoice choose_tree(const ChangedMesh& changed, const CommitOptions& options,
 
 double most_rays_of_tree(const MeshState& state, const CommitOptions& options) noexcept {
   constexpr double kNoMatter = std::numeric_limits<double>::infinity();
-  if (!is_resting(state) || state.has_deformed || !is_free(state, options) || !has_own_tree(state)) return kNoMatter;
+  if (!is_resting(state) || state.has_deformed || !is_free(state, options)) return kNoMatter;
   const BuilderKind held = state.blas->config.builder;
   const auto builders = builders_from(held, state.usage);
   if (builders.size() < 2) return kNoMatter;

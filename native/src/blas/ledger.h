@@ -21,8 +21,6 @@ namespace perfect_bvh {
       return MeshAction::kRebuilt;
     case UpdateAction::kKeep:
       return MeshAction::kKept;
-    case UpdateAction::kAnimate:
-      return MeshAction::kAnimated;
   }
   return MeshAction::kRebuilt;
 }
@@ -31,9 +29,8 @@ inline void note(MeshReport& report, const std::vector<Alternative>& alternative
   const bool is_first = report.action == MeshAction::kBuilt;
   for (const Alternative& alternative : alternatives) {
     AlternativeReport row;
-    const bool animates = alternative.action == UpdateAction::kAnimate;
-    row.action = is_first && !animates ? MeshAction::kBuilt : action_of(alternative.action);
-    if (alternative.action == UpdateAction::kRebuild || animates) row.builder = builder_name(alternative.builder);
+    row.action = is_first ? MeshAction::kBuilt : action_of(alternative.action);
+    if (alternative.action == UpdateAction::kRebuild) row.builder = builder_name(alternative.builder);
     row.update_milliseconds = alternative.update_nanoseconds * 1e-6;
     if (alternative.trace_nanoseconds) row.trace_milliseconds = *alternative.trace_nanoseconds * 1e-6;
     report.alternatives.push_back(std::move(row));

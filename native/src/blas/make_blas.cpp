@@ -1,7 +1,7 @@
 // From a mesh that is new or was edited to what rays are traced through. Where only positions changed
 // the tree is refitted and perhaps restructured (refit_blas.cpp); where they came to rest in a tree that motion
 // degraded, that is kept or rebuilt (rest_blas.cpp); otherwise, or where the governor wants another one, a tree is
-// built (build_wide_tree.cpp). Where the frames to come are known, one for all of them is weighed (animate_blas.cpp).
+// built (build_wide_tree.cpp).
 
 #include "blas/make_blas.h"
 
@@ -46,7 +46,8 @@ void build_blas(Blas& blas, const ChangedMesh& changed, const CommitOptions& opt
     build_wide_tree(blas, report, pool, cancel);
   }
   blas.shape = new_tree_shape();
-  const UpdateHistory last = state.has_deformed ? state.history : UpdateHistory{};
+  const bool is_of_these = state.same_topology || is_resting(state);  // and not of primitives that were replaced
+  const UpdateHistory last = state.has_deformed && is_of_these ? state.history : UpdateHistory{};
   const TraceWork work = measure_trace_work(blas.wide, blas.mesh, cancel);
   report.node_visits = work.node_visits, report.leaf_visits = work.leaf_visits;
   result.history = begin_history(last, work, result.history.sample_now, options.calibration);
@@ -75,13 +76,11 @@ BlasResult make_blas(const ChangedMesh& changed, const CommitOptions& options, T
     blas->refit_plan = {};
     build_blas(*blas, changed, options, result, pool, cancel);
   }
-  animate_blas(*blas, changed, options, result, pool, cancel);
   report.cost = kWideNodeCost * report.node_visits + kWideLeafCost * report.leaf_visits;
   report.builder = builder_name(blas->config.builder);
-  report.layout = layout_name(blas->config.layout);
   report.kind = kind_name(blas->mesh.kind);
   report.triangle_count = blas->mesh.primitive_count();
-  blas->indexed_leaves = view_leaves(blas->wide, blas->mesh);
+  blas->round_leaves = view_leaves(blas->wide, blas->mesh);
   add_motion_steps(*blas, pool, cancel);
   report.byte_count = byte_count(*blas);
   report.milliseconds = watch.milliseconds();

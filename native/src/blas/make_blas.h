@@ -1,4 +1,4 @@
-// From a mesh's state to the tree that its next snapshot is traced through: built, refitted, kept or put off.
+// From a mesh's state to the tree that its next snapshot is traced through: built, refitted or kept.
 // In: the state, which stays as it is; what the commit knows. Out: the tree and its history, with a row of the report.
 #pragma once
 
@@ -24,18 +24,5 @@ namespace perfect_bvh {
 // be refitted, or the governor wants another one.
 [[nodiscard]] bool refit_blas(Blas& blas, const ChangedMesh& changed, const CommitOptions& options, BlasResult& result,
                               ThreadPool& pool, CancelToken& cancel);
-
-// animate_blas.cpp: where the mesh's animation is known, weighs a tree for all of its frames against that of `blas`,
-// which is ready, and builds it if that pays.
-void animate_blas(Blas& blas, const ChangedMesh& changed, const CommitOptions& options, BlasResult& result,
-                  ThreadPool& pool, CancelToken& cancel);
-
-// Lazy meshes: defer_blas.cpp ---------------------------------------------------------------------------------------
-
-// Whether its tree waits for the first ray that reaches it.
-[[nodiscard]] bool is_deferred(const MeshState& state) noexcept;
-[[nodiscard]] BlasResult defer_blas(const ChangedMesh& changed, const CommitOptions& options, CancelToken& cancel);
-// Takes over a tree that a ray was the first to need; whether there was one.
-bool adopt_built_tree(MeshState& state);
 
 }  // namespace perfect_bvh

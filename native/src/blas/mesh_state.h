@@ -22,17 +22,9 @@ struct CommitOptions {
   Calibration calibration;
 };
 
-// The shapes that a mesh of triangles is to take, at equal intervals of the frames to come, the first and the last
-// among them: steps of one mesh, though not of a shutter.
-struct ExpectedAnimation {
-  std::shared_ptr<const Mesh> shapes;
-  std::uint32_t frame_count = 0;  // commits of the mesh
-};
-
 struct MeshState {
   BuildConfig config;
   Usage usage = Usage::kStatic;
-  bool is_lazy = false;
   std::shared_ptr<const Blas> blas;                 // committed; null before the first commit
   std::shared_ptr<const Mesh> edited;               // waiting; null if nothing is
   bool same_topology = false;                       // of `edited` and `blas`
@@ -40,7 +32,6 @@ struct MeshState {
   std::shared_ptr<SpareTree> spare;                 // null until the mesh is deformed
   std::shared_ptr<SparePositions> spare_positions;  // likewise
   UpdateHistory history;                            // of `blas`'s tree
-  std::optional<ExpectedAnimation> animation;       // until it is weighed, or over
   std::optional<double> air;                        // in its triangles' boxes, see measure_air(); empty: not measured
 
   // What the caller gave last, committed or not.
@@ -60,7 +51,6 @@ struct BlasResult {
   std::shared_ptr<const Blas> blas;  // null: the mesh keeps what it has
   UpdateHistory history;
   MeshReport report;
-  bool has_weighed_animation = false;
 };
 
 // The mesh did not move since the last commit.

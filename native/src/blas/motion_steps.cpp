@@ -12,8 +12,8 @@ namespace {
 TreeStep step_of(const Blas& blas) noexcept {
   TreeStep step;
   step.nodes = blas.wide.nodes.data();
-  if (blas.wide.blocks.empty()) {
-    step.indexed_leaves = &blas.indexed_leaves;
+  if (blas.mesh.is_round()) {
+    step.round_leaves = &blas.round_leaves;
   } else {
     step.blocks = blas.wide.blocks.data();
   }
@@ -84,7 +84,7 @@ void add_motion_steps(Blas& blas, ThreadPool& pool, CancelToken& cancel) {
       refit_wide(step.wide, blas.refit_plan, step.mesh, step.wide, true, pool, cancel, scale);
     step.wide.extent = tree_extent(bounds, scale);
     if (step.mesh.is_round()) widen(step.wide.extent);
-    step.indexed_leaves = view_leaves(step.wide, step.mesh);
+    step.round_leaves = view_leaves(step.wide, step.mesh);
   };
   settle(blas);
   blas.steps.push_back(step_of(blas));

@@ -10,8 +10,7 @@ namespace perfect_bvh {
 
 bool needs_decision(const MeshState& state, const CommitOptions& options) noexcept {
   if (!is_resting(state)) return true;
-  return options.policy == Policy::kGoverned && state.blas && !state.blas->deferred &&
-         is_degraded(state.history, options.calibration);
+  return options.policy == Policy::kGoverned && is_degraded(state.history, options.calibration);
 }
 
 bool keeps_at_rest(const ChangedMesh& resting, const CommitOptions& options, BlasResult& result) {
@@ -33,7 +32,6 @@ bool keeps_at_rest(const ChangedMesh& resting, const CommitOptions& options, Bla
   report.node_visits = state.history.now.node_visits, report.leaf_visits = state.history.now.leaf_visits;
   report.cost = kWideNodeCost * report.node_visits + kWideLeafCost * report.leaf_visits;
   report.builder = builder_name(blas.config.builder);
-  report.layout = layout_name(blas.config.layout);
   report.kind = kind_name(blas.mesh.kind);
   report.triangle_count = blas.mesh.primitive_count();
   report.byte_count = byte_count(blas);

@@ -83,17 +83,10 @@ class Search {
 
   void visit_leaf(std::uint32_t leaf) {
     if (mesh_.is_round()) return visit_round_leaf(primitives_of(tree_, leaf));
-    if (tree_.layout == TreeLayout::kDefault) {
-      const auto& [x, y, z] = tree_.blocks[leaf].vertices;
-      const Eight reaches = along_direction(x, y, z);
-      for (std::size_t lane = 0; lane < 8; ++lane) {
-        if (reaches[lane] > reach_) reach_ = reaches[lane], farthest_ = {{x[lane], y[lane], z[lane]}, 0.0f};
-      }
-      return;
-    }
-    for (const std::uint32_t primitive : tree_.indexed_leaves[leaf].primitives) {
-      const TriangleIndices corners = mesh_.triangles[primitive];
-      for (const std::uint32_t i : {corners.x, corners.y, corners.z}) visit_ball({mesh_.positions[i], 0.0f});
+    const auto& [x, y, z] = tree_.blocks[leaf].vertices;
+    const Eight reaches = along_direction(x, y, z);
+    for (std::size_t lane = 0; lane < 8; ++lane) {
+      if (reaches[lane] > reach_) reach_ = reaches[lane], farthest_ = {{x[lane], y[lane], z[lane]}, 0.0f};
     }
   }
 

@@ -30,17 +30,8 @@ static_assert([] {
   return kBuilders[static_cast<std::uint8_t>(kind)].name;
 }
 
-// What a leaf of the tree that rays are traced through holds: its vertices (of curves, their capsules), or only the
-// numbers of its primitives, which are then read from the mesh.
-enum class TreeLayout : std::uint8_t { kDefault, kCompact };
-
-[[nodiscard]] constexpr const char* layout_name(TreeLayout layout) noexcept {
-  return layout == TreeLayout::kCompact ? "compact" : "default";
-}
-
 struct BuildConfig {
   BuilderKind builder = BuilderKind::kAuto;
-  TreeLayout layout = TreeLayout::kDefault;
   std::uint32_t bins = 16;            // binned, spatial: intervals an axis, 2 to 256; half of them to cut space at
   std::uint32_t axes = 3;             // binned: 3 tries all axes, 1 only the longest
   std::uint32_t max_leaf_size = 8;    // a leaf never holds more

@@ -15,8 +15,6 @@ namespace perfect_bvh {
 class LinkTree {
  public:
   using Id = std::uint32_t;
-  using Enclosure = Box4;
-  using EnclosureView = Box4;
   static constexpr Id kRoot = 0;
 
   // The tree must have at least one interior node.
@@ -34,14 +32,7 @@ class LinkTree {
   }
   // Scaled by a power of two such that no area over- or underflows. The fourth lanes hold the links.
   [[nodiscard]] Box4 box(Id id) const noexcept { return Box4::load(&nodes_[id]); }
-  [[nodiscard]] EnclosureView enclosure(Id id) const noexcept { return box(id); }
   [[nodiscard]] float area(Id id) const noexcept { return half_area(box(id).extent()); }
-  [[nodiscard]] static float area_of(const Enclosure& enclosure) noexcept { return half_area(enclosure.extent()); }
-  [[nodiscard]] float joint_area(Id id, const EnclosureView& other) const noexcept {
-    Box4 both = box(id);
-    both.grow(other);
-    return half_area(both.extent());
-  }
 
   // Takes `moving` and its parent out and puts that parent in the place of `target`, with both as its children.
   // `target` is not the root, neither below `moving` nor its sibling or parent; `moving` is not the root nor its child.

@@ -79,9 +79,6 @@ class TaskGroup {
   // Helps until every task has ended, then rethrows the first exception; Cancelled only if there was no other, since
   // it only follows from what made the operation stop. `idle` runs between tasks, on this thread; it may throw.
   void wait(const std::function<void()>& idle = {});
-  // Helps, on any thread, until every task that was added has ended, but leaves their exceptions to wait(). Code that
-  // calls it keeps the group alive meanwhile.
-  void help(const std::function<void()>& idle) { pool_.help(*this, idle); }
 
  private:
   friend class ThreadPool;

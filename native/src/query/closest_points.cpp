@@ -10,7 +10,7 @@
 #include "query/ray_columns.h"
 #include "query/round_list.h"
 #include "query/trace.h"
-#include "tlas/lazy_trees.h"
+#include "tlas/trace_view.h"
 #include "traverse/dispatch.h"
 
 namespace perfect_bvh {
@@ -86,7 +86,7 @@ std::size_t compute_closest_points(const Snapshot& snapshot, const PointColumns&
         queries[i] = load_query(columns, first + i);
         invalid += is_valid(queries[i]) ? 0 : 1;
       }
-      with_trees(snapshot, cancel, [&](const SceneView& view) {
+      with_view(snapshot, cancel, [&](const SceneView& view) {
         find_closest_points(view, std::span(queries.data(), count), std::span(nearest.data(), count));
       });
       for (std::size_t i = 0; i < count; ++i) store(out, first + i, snapshot, queries[i], nearest[i]);

@@ -6,7 +6,7 @@
 
 #include "core/aligned.h"
 #include "core/errors.h"
-#include "tlas/lazy_trees.h"
+#include "tlas/trace_view.h"
 #include "traverse/dispatch.h"
 
 namespace perfect_bvh {
@@ -23,7 +23,7 @@ void for_each_ray(const Snapshot& snapshot, std::span<const Ray> rays, Cull cull
   for (std::size_t done = 0; done < rays.size();) {
     const RayBatch batch{rays.data() + done, rays.size() - done, cull};
     std::size_t finished = 0;
-    with_trees(snapshot, cancel, [&](const SceneView& view) {
+    with_view(snapshot, cancel, [&](const SceneView& view) {
       finished = find_all_hits(view, batch, {room.data(), room.size(), counts.data()});
     });
     if (finished == 0) room.resize(std::max(counts[0], kUsualHits));
@@ -82,7 +82,7 @@ std::size_t count_intersections(const Snapshot& snapshot, const RayColumns& colu
     count_rays(snapshot, rays.size());
     std::array<std::size_t, kBlockRays> found;
     bool repeats = false;
-    with_trees(snapshot, cancel, [&](const SceneView& view) {
+    with_view(snapshot, cancel, [&](const SceneView& view) {
       repeats = view.repeats_triangles;
       if (repeats) return;
       static_cast<void>(find_all_hits(view, {rays.data(), rays.size(), columns.cull}, {nullptr, 0, found.data()}));

@@ -3,13 +3,12 @@
 #include <array>
 #include <limits>
 
-#include "blas/deferred_tree.h"
 #include "math/turn_ray.h"
 #include "mesh/round_mesh.h"
 #include "query/round_list.h"
 #include "query/trace.h"
 #include "query/tree_boxes.h"
-#include "tlas/lazy_trees.h"
+#include "tlas/trace_view.h"
 #include "traverse/default_floating_point.h"
 #include "wide/wide_boxes.h"
 
@@ -153,19 +152,11 @@ class Walker {
       return visit_moving_leaf(instance, row);
     }
     if (slot().blocks != nullptr) return test_triangles(slot().blocks[row]);
-    if (instance.is_round != 0) return test_round(instance, *instance.indexed_leaves, row);
-    GatheredLeaf leaf;
-    gather_leaf(leaf, *instance.indexed_leaves, row);
-    test_triangles(leaf);
+    test_round(instance, *instance.round_leaves, row);
   }
 
   void visit_moving_leaf(const InstanceView& instance, std::uint32_t row) {
     if (instance.is_round != 0) return test_round(instance, moving_leaves(slot().step, slot().moment), row);
-    if (slot().blocks == nullptr) {
-      GatheredLeaf leaf;
-      gather_moving_leaf(leaf, slot().step, slot().moment, row);
-      return test_triangles(leaf);
-    }
     if (!slot().moment.is_between()) return test_triangles(slot().blocks[row]);
     test_triangles(MovingBlock(slot().step, slot().moment, row, slot().span_slack));
   }
@@ -196,7 +187,7 @@ class Walker {
   }
 
   // Curves or points; t is where the ray goes in, or if that is hidden out.
-  void test_round(const InstanceView& instance, const IndexedLeaves& leaves, std::uint32_t row) {
+  void test_round(const InstanceView& instance, const RoundLeaves& leaves, std::uint32_t row) {
     const Waiting here = waiting_[slot().top];
     note(WalkEvent::kEnterLeaf, here);
     const RoundList& list = leaves.round;
@@ -255,7 +246,7 @@ class Walker {
       --slot().top;
       return;
     }
-    const Blas& blas = newest_of(*instance.blas);
+    const Blas& blas = *instance.blas;
     space_ = space_of(posed(instance, ray_.time), blas);
     waiting_[slot().top] = {bounds_of(blas.wide, blas.mesh), 0, 0};
     begin_level();
@@ -338,7 +329,7 @@ class Walker {
 
 RayWalk walk_ray(const Snapshot& snapshot, const Ray& ray, Cull cull, CancelToken& cancel) {
   RayWalk walk;
-  with_trees(snapshot, cancel, [&](const SceneView& view) {
+  with_view(snapshot, cancel, [&](const SceneView& view) {
     const DefaultFloatingPoint environment;
     walk = Walker(snapshot, view, ray, cull).walk();
   });

@@ -3,7 +3,6 @@
 #include <map>
 
 #include "blas/build_tree.h"
-#include "blas/deferred_tree.h"
 #include "builders/quality.h"
 #include "mesh/round_mesh.h"
 #include "wide/wide_quality.h"
@@ -45,24 +44,10 @@ void add_bytes(TreeStatistics& row, std::size_t geometry, const Bvh2& binary, co
 }
 
 TreeStatistics describe_mesh(std::int32_t mesh_id, const Blas& blas, const StatisticsOptions& options) {
-  if (blas.deferred) {
-    TreeStatistics row;
-    row.mesh_id = mesh_id;
-    row.builder = builder_name(blas.config.builder);
-    row.layout = layout_name(blas.config.layout);
-    row.is_built = false;
-    row.kind = kind_name(blas.mesh.kind);
-    row.primitive_count = blas.mesh.primitive_count();
-    row.vertex_count = blas.mesh.vertex_count();
-    row.left_out_count = left_out_count(blas.mesh);
-    row.geometry_byte_count = row.byte_count = blas.mesh.byte_count();
-    return row;
-  }
   const bool was_binary = blas.quality.node_count > 0;
   TreeStatistics row = describe(was_binary ? blas.quality : measure_wide_quality(blas.wide, blas.mesh), options);
   row.mesh_id = mesh_id;
   row.builder = builder_name(blas.config.builder);
-  row.layout = layout_name(blas.config.layout);
   row.kind = kind_name(blas.mesh.kind);
   row.primitive_count = blas.mesh.primitive_count();
   row.vertex_count = blas.mesh.vertex_count();
@@ -77,7 +62,6 @@ TreeStatistics describe_mesh(std::int32_t mesh_id, const Blas& blas, const Stati
 TreeStatistics describe_top_level(const Snapshot& snapshot, const StatisticsOptions& options) {
   TreeStatistics row = describe(measure_quality(snapshot.tlas), options);
   row.builder = snapshot.top_level_builder;
-  row.layout = layout_name(snapshot.top_level.layout);
   row.kind = "instances";
   row.primitive_count = snapshot.instances.size();
   row.user_count = 1;
@@ -91,7 +75,7 @@ TreeStatistics describe_top_level(const Snapshot& snapshot, const StatisticsOpti
 // Builders are deterministic: built again, a tree is the one that it was.
 void add_details(TreeStatistics& row, const Blas& blas, const StatisticsOptions& options, ThreadPool& pool,
                  CancelToken& cancel) {
-  if (blas.deferred || (blas.quality.node_count == 0 && !blas.wide.is_empty)) {  // there is no binary tree to tell of
+  if (blas.quality.node_count == 0 && !blas.wide.is_empty) {  // there is no binary tree to tell of
     cancel.advance(2 * blas.mesh.primitive_count());
     return;
   }
@@ -112,19 +96,17 @@ SceneStatistics measure(const Snapshot& snapshot, const StatisticsOptions& optio
   SceneStatistics result;
   std::map<std::int32_t, std::size_t> rows;
   std::size_t primitive_count = 0;
-  std::vector<const Blas*> newest;  // rays may build more of them meanwhile
   for (const auto& [mesh_id, blas] : snapshot.meshes) {
     rows[mesh_id] = result.meshes.size();
-    newest.push_back(&newest_of(*blas));
-    result.meshes.push_back(describe_mesh(mesh_id, *newest.back(), options));
+    result.meshes.push_back(describe_mesh(mesh_id, *blas, options));
     add(result.distinct, blas->mesh);
     primitive_count += blas->mesh.primitive_count();
   }
   result.top_level = describe_top_level(snapshot, options);
   if (options.is_detailed) {
     cancel.expect(2 * primitive_count);
-    for (std::size_t i = 0; i < newest.size(); ++i) {
-      add_details(result.meshes[i], *newest[i], options, pool, cancel);
+    for (std::size_t i = 0; i < snapshot.meshes.size(); ++i) {
+      add_details(result.meshes[i], *snapshot.meshes[i].second, options, pool, cancel);
     }
     result.top_level.leaf_count_variability = measure_leaf_count_variability(snapshot.tlas, kLineCount, pool, cancel);
   }
@@ -135,10 +117,7 @@ SceneStatistics measure(const Snapshot& snapshot, const StatisticsOptions& optio
   result.instance_count = snapshot.instances.size();
   result.generation = snapshot.generation;
   result.byte_count = result.top_level.byte_count;
-  for (const auto& blas : snapshot.blases) {
-    const Blas& held = newest_of(*blas);
-    result.byte_count += byte_count(held);
-  }
+  for (const auto& blas : snapshot.blases) result.byte_count += byte_count(*blas);
   return result;
 }
 

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "tlas/lazy_trees.h"
+#include "tlas/trace_view.h"
 #include "traverse/dispatch.h"
 
 namespace perfect_bvh {
@@ -29,8 +29,8 @@ std::size_t trace_closest(const Snapshot& snapshot, CancelToken& cancel, std::sp
                           Cull cull, std::span<RayCounts> counts, Strategy strategy) {
   const RayBatch batch{rays.data(), rays.size(), cull, counts.empty() ? nullptr : counts.data(), hits.data(), nullptr};
   std::size_t in_packets = 0;
-  with_trees(snapshot, cancel,
-             [&](const SceneView& view) { in_packets = trace_closest(view, batch, TraceOptions{strategy}); });
+  with_view(snapshot, cancel,
+            [&](const SceneView& view) { in_packets = trace_closest(view, batch, TraceOptions{strategy}); });
   count_rays(snapshot, rays.size());
   return in_packets;
 }
@@ -41,8 +41,8 @@ std::size_t trace_occluded(const Snapshot& snapshot, CancelToken& cancel, std::s
   const RayBatch batch{rays.data(), rays.size(),    cull, counts.empty() ? nullptr : counts.data(),
                        nullptr,     occluded.data()};
   std::size_t in_packets = 0;
-  with_trees(snapshot, cancel,
-             [&](const SceneView& view) { in_packets = trace_any(view, batch, TraceOptions{strategy}); });
+  with_view(snapshot, cancel,
+            [&](const SceneView& view) { in_packets = trace_any(view, batch, TraceOptions{strategy}); });
   count_rays(snapshot, rays.size());
   return in_packets;
 }

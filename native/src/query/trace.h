@@ -15,8 +15,7 @@
 namespace perfect_bvh {
 
 // `counts` is empty, or has a row a ray. Both return how many rays went in packets.
-// `cancel` is asked every so many steps (see Interruption) and while a tree is built that these rays are the first to
-// reach; whatever is thrown then comes from here: Cancelled, bad_alloc.
+// `cancel` is asked every so many steps (see Interruption). Throws Cancelled.
 std::size_t trace_closest(const Snapshot& snapshot, CancelToken& cancel, std::span<const Ray> rays, std::span<Hit> hits,
                           Cull cull = Cull::kNone, std::span<RayCounts> counts = {},
                           Strategy strategy = Strategy::kAuto);

@@ -5,7 +5,6 @@
 #include <utility>
 #include <vector>
 
-#include "blas/deferred_tree.h"
 #include "core/steps.h"
 #include "wide/wide_boxes.h"
 #include "wide/wide_cost.h"
@@ -192,7 +191,7 @@ class BoxLister {
 
 const Blas& find_mesh(const Snapshot& snapshot, std::int32_t mesh_id, const char* function) {
   for (const auto& [id, blas] : snapshot.meshes) {
-    if (id == mesh_id) return newest_of(*blas);
+    if (id == mesh_id) return *blas;
   }
   throw InvalidArgument(std::string(function) + ": mesh_id " + std::to_string(mesh_id) + " is not in this snapshot");
 }

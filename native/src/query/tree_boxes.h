@@ -40,7 +40,6 @@ struct LevelRange {
 [[nodiscard]] Aabb bounds_of_top_level(const Snapshot& snapshot);
 
 // The tree of a mesh, in the space of its object as the caller gave it, or the top level (no mesh_id), in the world.
-// A lazy mesh that no ray has reached has no boxes.
 // Costs are those of a random ray through the root's box, 1 for each visited node and each tested triangle or instance:
 // over all levels they add up to the SAH of the tree that is traced. Whichever levels are listed, the whole tree is
 // gone through once. Throws InvalidArgument for an unknown mesh, Cancelled, bad_alloc.

@@ -33,10 +33,7 @@ std::vector<BlasResult> Scene::make_blases(std::span<const ChangedMesh> changed,
   cancel.expect(2 * triangle_count);  // first for a binary tree, then for a wide one
   std::vector<BlasResult> results(changed.size());
   for_chunks(pool, changed.size(), 1, cancel, [&](std::size_t begin, std::size_t end) {
-    for (std::size_t i = begin; i < end; ++i) {
-      results[i] = is_deferred(*changed[i].state) ? defer_blas(changed[i], options, cancel)
-                                                  : make_blas(changed[i], options, pool, cancel);
-    }
+    for (std::size_t i = begin; i < end; ++i) results[i] = make_blas(changed[i], options, pool, cancel);
   });
   return results;
 }
@@ -93,9 +90,6 @@ CommitReport Scene::commit(ThreadPool& pool, CancelToken& cancel, const CommitOp
     return stale_count_;
   }();
   const RayForecast rays = forecast_rays(options);
-  for (auto& [mesh_id, slot] : meshes_) {
-    if (adopt_built_tree(slot)) slot.cast_before = rays.cast_in_all;
-  }
   auto results = make_blases(find_changed(options, rays, cancel), options, pool, cancel);
   const auto made = static_cast<std::size_t>(
       std::count_if(results.begin(), results.end(), [](const BlasResult& result) { return result.blas != nullptr; }));
@@ -133,9 +127,6 @@ void Scene::publish(std::shared_ptr<const Snapshot> snapshot, std::span<BlasResu
   for (BlasResult& result : results) {
     MeshSlot& slot = meshes_.find(result.report.mesh_id)->second;
     slot.history = result.history;
-    if (result.has_weighed_animation || (slot.animation && result.blas && --slot.animation->frame_count == 0)) {
-      slot.animation.reset();
-    }
     if (!result.blas) continue;
     slot.blas = std::move(result.blas);
     slot.spare = slot.blas->spare;

@@ -5,7 +5,6 @@
 #include "blas/moved_balls.h"
 #include "core/errors.h"
 #include "scene/scene.h"
-#include "wide/leaf_block.h"
 
 namespace perfect_bvh {
 namespace {
@@ -29,21 +28,13 @@ void check_can_follow(const BuildConfig& config, std::int32_t mesh_id, const cha
                         " is built with spatial splits, whose trees cannot follow a motion; add it with build='auto'");
 }
 
-void check_is_free(const BuildConfig& config, std::int32_t mesh_id, const char* function) {
-  if (config.builder == BuilderKind::kAuto) return;
-  throw InvalidArgument(std::string(function) + ": mesh " + std::to_string(mesh_id) + " is built with '" +
-                        builder_name(config.builder) + "', which stays; add it with build='auto'");
-}
-
 }  // namespace
 
-std::int32_t Scene::add_mesh(Mesh mesh, const BuildConfig& config, Usage usage, bool is_lazy) {
+std::int32_t Scene::add_mesh(Mesh mesh, const BuildConfig& config, Usage usage) {
   const std::lock_guard lock(edit_mutex_);
   MeshSlot slot;
   slot.config = config;
-  slot.config.layout = layout_over(mesh, config.layout);
   slot.usage = usage;
-  slot.is_lazy = is_lazy;
   slot.edited = std::make_shared<const Mesh>(std::move(mesh));
   meshes_.emplace(next_mesh_id_, std::move(slot));
   mark_edited();
@@ -141,7 +132,6 @@ void Scene::move(MeshSlot& slot, const BallsGiven<T>& balls, ThreadPool& pool, c
 void Scene::replace(MeshSlot& slot, Mesh mesh) {
   slot.edited = std::make_shared<const Mesh>(std::move(mesh));
   slot.same_topology = slot.has_deformed = false;
-  slot.animation.reset();
   slot.spare_positions.reset();
   mark_edited();
 }
@@ -179,22 +169,6 @@ void Scene::replace_mesh(std::int32_t mesh_id, Mesh mesh, const char* function) 
   check_kind(slot.held(), mesh.kind, mesh_id, function);
   replace(slot, std::move(mesh));
 }
-
-template <class T>
-void Scene::expect_animation(std::int32_t mesh_id, std::span<const Vec3<T>> positions, std::size_t shape_count,
-                             std::uint32_t frame_count, ThreadPool& pool) {
-  constexpr const char* kName = "expect_animation";
-  const std::lock_guard lock(edit_mutex_);
-  MeshSlot& slot = find_mesh(mesh_id, kName);
-  check_kind(slot.held(), PrimitiveKind::kTriangles, mesh_id, kName);
-  check_can_follow(slot.config, mesh_id, kName);
-  check_is_free(slot.config, mesh_id, kName);
-  const StepTimes places{.last = static_cast<std::uint32_t>(shape_count - 1)};
-  const auto apart = std::make_shared<SparePositions>();
-  slot.animation = {move_in_steps(slot.held(), positions, places, apart, pool, kName), frame_count};
-}
-template void Scene::expect_animation(std::int32_t, std::span<const Vec3f>, std::size_t, std::uint32_t, ThreadPool&);
-template void Scene::expect_animation(std::int32_t, std::span<const Vec3d>, std::size_t, std::uint32_t, ThreadPool&);
 
 void Scene::set_usage(std::int32_t mesh_id, Usage usage) {
   const std::lock_guard lock(edit_mutex_);

@@ -76,8 +76,7 @@ class Scene {
   Scene& operator=(const Scene&) = delete;
 
   // Every edit checks all of its input before it changes anything; ids are never reused.
-  // is_lazy: its tree is built when the first ray reaches it.
-  std::int32_t add_mesh(Mesh mesh, const BuildConfig& config, Usage usage, bool is_lazy = false);
+  std::int32_t add_mesh(Mesh mesh, const BuildConfig& config, Usage usage);
   template <class T>
   void update_mesh(std::int32_t mesh_id, std::span<const Vec3<T>> positions,
                    ThreadPool& pool = ThreadPool::shared());  // same topology
@@ -95,13 +94,8 @@ class Scene {
   template <class T>
   void set_mesh_motion(std::int32_t mesh_id, std::span<const Vec3<T>> positions, const StepTimes& times,
                        ThreadPool& pool = ThreadPool::shared());
-  // Of triangles: the shapes of the frames to come, one after another, for the next commit of the mesh to weigh one
-  // tree for all of them. No answer changes by it: nothing is stale.
-  template <class T>
-  void expect_animation(std::int32_t mesh_id, std::span<const Vec3<T>> positions, std::size_t shape_count,
-                        std::uint32_t frame_count, ThreadPool& pool = ThreadPool::shared());
-  // As set_mesh_motion, of curves or points; offsets: of chains, of each step's balls; empty of points and of those
-  // that have none.
+  // The same of curves or points; offsets: of chains, of each step's balls; empty of points and of those that have
+  // none.
   template <class T>
   void set_round_motion(std::int32_t mesh_id, PrimitiveKind kind, const BallsGiven<T>& balls,
                         std::span<const std::int64_t> offsets, const StepTimes& times,

@@ -16,15 +16,12 @@ enum class MeshAction : std::uint8_t {
   kRotated,        // refitted, then restructured by rotations
   kPartlyRebuilt,  // refitted, then rebuilt where motion had degraded it
   kRebuilt,
-  kDeferred,  // not built before a ray reaches it
-  kAnimated,  // built for all frames of an animation
 };
 
 // What could have been done about a mesh, and what that was expected to cost on one thread.
 struct AlternativeReport {
   MeshAction action = MeshAction::kKept;
   std::string builder;  // empty where nothing would be built
-  // Of a tree for all frames of an animation: of one of them, in the mean.
   double update_milliseconds = 0;
   std::optional<double> trace_milliseconds;  // of the expected rays; unknown without
 };
@@ -39,7 +36,6 @@ struct MeshReport {
   std::optional<double> expected_rays;          // of the mesh; unknown unless told
   double node_visits = 0, leaf_visits = 0;      // expected of such a ray in the tree that is traced now
   std::string builder;                          // that made the tree, now or before a refit; or will make it
-  std::string layout;                           // of the tree's leaves
   double milliseconds = 0;                      // of all stages; those that follow are 0 where a stage did not run
   double build_milliseconds = 0;
   double optimize_milliseconds = 0;

@@ -12,13 +12,11 @@ namespace perfect_bvh {
 struct TreeStatistics {
   std::int32_t mesh_id = -1;  // -1 for the top level
   std::string builder;        // as in BuildConfig; of the top level see TopLevelReport
-  std::string layout;         // as in BuildConfig; of the top level always "default"
   std::string kind;           // "triangles", "curves" or "points"; of the top level "instances"
   std::size_t primitive_count = 0;
   std::size_t vertex_count = 0;    // of curves and points their balls
   std::size_t left_out_count = 0;  // of points and curves' segments: those without a radius
   std::size_t user_count = 0;      // instances
-  bool is_built = true;            // false while no ray has reached a lazy mesh: what follows is then of no tree
 
   // The binary tree, whether or not it is still kept; of a tree that was never binary the wide one, with its leaf
   // blocks for leaves. Details are of binary trees alone.

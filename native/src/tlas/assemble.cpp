@@ -6,7 +6,6 @@
 #include "core/steps.h"
 #include "core/stopwatch.h"
 #include "tlas/instance.h"
-#include "tlas/lazy_trees.h"
 #include "tlas/motions.h"
 #include "tlas/top_level.h"
 #include "tlas/trace_view.h"
@@ -177,7 +176,7 @@ TopLevelReport assemble(Snapshot& snapshot, const PlacedMeshes& meshes, std::spa
                         std::optional<double> expected_rays, ThreadPool& pool, CancelToken& cancel) {
   const Stopwatch watch;
   TopLevelReport report;
-  snapshot.blases.clear(), snapshot.meshes.clear(), snapshot.lazy_trees.reset();
+  snapshot.blases.clear(), snapshot.meshes.clear();
   snapshot.has_round_meshes = false;
   snapshot.top_steps.clear();
   hold_turns(snapshot, placements, cancel);
@@ -193,7 +192,6 @@ TopLevelReport assemble(Snapshot& snapshot, const PlacedMeshes& meshes, std::spa
   if (!report.is_refitted) build(snapshot, boxes, expected_rays, report, pool, cancel);
   add_top_steps(snapshot, step_boxes, pool, cancel);
   make_trace_view(snapshot, pool, cancel);
-  snapshot.lazy_trees = LazyTrees::of(snapshot, cancel);
   return report;
 }
 

@@ -44,7 +44,7 @@ bool round_trip_holds(const Affine& forth, const Affine& back) {
 Aabb bounds_of(const Blas& blas, const Affine& map, bool is_worth_table) {
   if (keeps_axes(map)) return transformed_bounds(blas.box, map);
   if (!is_worth_table) return transformed_bounds(blas.mesh, blas.box, map);
-  if (blas.wide.is_empty) return transformed_bounds(blas.box, map);  // no tree yet
+  if (blas.wide.is_empty) return {};
   return transformed_bounds(blas.support.of(blas.wide, blas.mesh), reach_of(blas.box), map);
 }
 
@@ -108,7 +108,7 @@ std::shared_ptr<const Blas> bake_instance(Instance& instance, Placing& placing, 
   baked->config = config;
   MeshReport unread;
   build_wide_tree(*baked, unread, pool, cancel);
-  baked->indexed_leaves = view_leaves(baked->wide, baked->mesh);
+  baked->round_leaves = view_leaves(baked->wide, baked->mesh);
   add_motion_steps(*baked, pool, cancel);
   const bool usable = place_instance(instance, placing, *baked, Affine{});
   // Baked positions are in world winding already.

@@ -17,8 +17,6 @@
 
 namespace perfect_bvh {
 
-class LazyTrees;
-
 struct Snapshot {
   std::vector<std::shared_ptr<const Blas>> blases;           // keeps alive what the instances point to
   std::vector<std::pair<std::int32_t, const Blas*>> meshes;  // by mesh id; baked copies are not among them
@@ -31,14 +29,13 @@ struct Snapshot {
   bool is_mostly_still = false;                              // of the instances' boxes more stand still, by surface
   // If any does: the top level at evenly spaced times; none where it serves all of them, around all ways.
   std::vector<WideBvh> top_steps;
-  std::vector<TreeStep> top_step_views;   // what kernels see of them, or of that one
-  SceneView view;                         // points into this snapshot
-  Aabb bounds;                            // around the meshes' own boxes, placed: whatever the trees
-  std::shared_ptr<LazyTrees> lazy_trees;  // null if every tree was built by the commit
-  const char* top_level_builder = "";     // that made `tlas`
-  bool has_round_meshes = false;          // some mesh is of curves or points
-  bool tried_clustering = false;          // when it was built
-  TopLevelCost built_cost;                // of the top level then
+  std::vector<TreeStep> top_step_views;  // what kernels see of them, or of that one
+  SceneView view;                        // points into this snapshot
+  Aabb bounds;                           // around the meshes' own boxes, placed: whatever the trees
+  const char* top_level_builder = "";    // that made `tlas`
+  bool has_round_meshes = false;         // some mesh is of curves or points
+  bool tried_clustering = false;         // when it was built
+  TopLevelCost built_cost;               // of the top level then
   std::uint64_t generation = 0;
   std::uint64_t scene_id = 0;  // which scene of the process
   // By all who trace it, where the scene's owner wants to know; null otherwise. The scene's snapshots share one.

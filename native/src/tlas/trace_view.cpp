@@ -13,19 +13,25 @@ constexpr std::uint32_t entries_for(std::uint32_t depth) { return 7 * depth + 1;
 constexpr std::uint32_t kMarks = 2;  // the end of the ray, and the way back from an instance
 
 // The scale is a power of two, so that nothing is rounded.
-void bring_to_scale(InstanceView& view, double world_scale) {
-  for (int column = 0; column < 3; ++column) {
-    for (double& entry : view.world_to_local[column]) entry /= world_scale;
-  }
-}
-
 void bring_to_scale(AlignedVector<InstanceView>& views, double world_scale, ThreadPool& pool, CancelToken& cancel) {
   if (world_scale == 1.0) return;
   constexpr std::size_t kGrain = 4096;
   const auto divide = [&](std::size_t begin, std::size_t end) {
-    for (std::size_t i = begin; i < end; ++i) bring_to_scale(views[i], world_scale);
+    for (std::size_t i = begin; i < end; ++i) {
+      for (int column = 0; column < 3; ++column) {
+        for (double& entry : views[i].world_to_local[column]) entry /= world_scale;
+      }
+    }
   };
   for_chunks(pool, views.size(), kGrain, cancel, divide);
+}
+
+// Makes room in the view for rays to go through a tree.
+void admit_tree(SceneView& view, const WideBvh& top_level, const WideBvh& tree) {
+  view.stack_entries = std::max(view.stack_entries, entries_for(top_level.depth) + entries_for(tree.depth) + kMarks);
+  view.repeats_triangles = view.repeats_triangles || tree.repeats_triangles;
+  view.tree_bytes += tree.byte_count();
+  view.exceeds_cache = view.tree_bytes > kCachedBytes;
 }
 
 }  // namespace
@@ -42,9 +48,8 @@ InstanceView view_of(const Instance& instance, const Affine& world_to_object) {
   }
   view.nodes = tree.nodes.data();
   view.is_round = instance.blas->mesh.is_round() ? 1 : 0;
-  view.is_compact = tree.layout == TreeLayout::kCompact || view.is_round != 0 ? 1 : 0;
-  if (view.is_compact != 0) {
-    view.indexed_leaves = &instance.blas->indexed_leaves;
+  if (view.is_round != 0) {
+    view.round_leaves = &instance.blas->round_leaves;
   } else {
     view.blocks = tree.blocks.data();
   }
@@ -56,26 +61,7 @@ InstanceView view_of(const Instance& instance, const Affine& world_to_object) {
   view.order = instance.order;
   view.scale = tree.scale;
   view.motion = instance.motion;
-  if (instance.blas->deferred) {
-    view.root = kUnbuiltRoot;
-    view.mask = instance.blas->mesh.primitive_count() == 0 ? 0 : instance.mask;
-  }
   return view;
-}
-
-InstanceView view_of_built(const Instance& instance, const Blas& built, float world_scale) {
-  Instance placed = instance;
-  placed.blas = &built;
-  InstanceView view = view_of(placed, inverse(instance.object_to_world));
-  bring_to_scale(view, static_cast<double>(world_scale));
-  return view;
-}
-
-void admit_tree(SceneView& view, const WideBvh& top_level, const WideBvh& tree) {
-  view.stack_entries = std::max(view.stack_entries, entries_for(top_level.depth) + entries_for(tree.depth) + kMarks);
-  view.repeats_triangles = view.repeats_triangles || tree.repeats_triangles;
-  view.tree_bytes += tree.byte_count();
-  view.exceeds_cache = view.tree_bytes > kCachedBytes;
 }
 
 void make_trace_view(Snapshot& snapshot, ThreadPool& pool, CancelToken& cancel) {

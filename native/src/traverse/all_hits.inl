@@ -34,7 +34,7 @@ PERFECT_BVH_INLINE std::size_t take_all(const Slot& slot, const RayBatch& batch,
 }
 
 // The same of curves or points: where a ray goes in (v = 0) and out (v = 1); of ribbons only where it meets them (0).
-inline std::size_t take_all_round(const Slot& slot, const InstanceView& instance, const IndexedLeaves& leaves,
+inline std::size_t take_all_round(const Slot& slot, const InstanceView& instance, const RoundLeaves& leaves,
                                   const RayBatch& batch, std::uint32_t row, FoundHit* hits, std::size_t room) noexcept {
   const RoundList& list = leaves.round;
   const RoundCandidates candidates(leaves, row, slot.local, slot.box.t_min, slot.box.t_limit, instance.extent.reach);
@@ -68,11 +68,6 @@ __attribute__((noinline)) std::size_t take_all_moving(const Slot& slot, const In
   if (instance.is_round != 0) {
     return take_all_round(slot, instance, moving_leaves(slot.step, slot.moment), batch, row, hits, room);
   }
-  if (slot.blocks == nullptr) {
-    GatheredLeaf leaf;
-    gather_moving_leaf(leaf, slot.step, slot.moment, row);
-    return take_all(slot, batch, leaf, hits, room);
-  }
   if (!slot.moment.is_between()) return take_all(slot, batch, slot.blocks[row], hits, room);
   return take_all(slot, batch, MovingBlock(slot.step, slot.moment, row, slot.span_slack), hits, room);
 }
@@ -83,10 +78,7 @@ inline std::size_t visit_whole_leaf(const Slot& slot, const SceneView& scene, co
   const InstanceView& instance = scene.instances[slot.instance];
   if (kMoves && slot.step != nullptr) return take_all_moving(slot, instance, batch, row, hits, room);
   if (slot.blocks != nullptr) return take_all(slot, batch, slot.blocks[row], hits, room);
-  if (instance.is_round != 0) return take_all_round(slot, instance, *instance.indexed_leaves, batch, row, hits, room);
-  GatheredLeaf leaf;
-  gather_leaf(leaf, *instance.indexed_leaves, row);
-  return take_all(slot, batch, leaf, hits, room);
+  return take_all_round(slot, instance, *instance.round_leaves, batch, row, hits, room);
 }
 
 // How many hits the slot's ray has; those for which there is room are written to `hits` unless it is null.

@@ -212,11 +212,11 @@ struct RoundFrame {
 };
 
 // Of curves or points. Each is solid: the point itself is the nearest if it is inside.
-__attribute__((noinline)) void visit_rounds(PointSearch& search, const RoundFrame& frame, const IndexedLeaves& leaves,
+__attribute__((noinline)) void visit_rounds(PointSearch& search, const RoundFrame& frame, const RoundLeaves& leaves,
                                             std::uint32_t index, std::uint32_t row) noexcept {
   RoundList list = leaves.round;
   list.scale = 1.0f;
-  const std::uint32_t* const primitives = leaves.round_primitives(row);
+  const std::uint32_t* const primitives = leaves.primitives(row);
   for (int lane = 0; lane < 8; ++lane) {
     if (lane > 0 && primitives[lane] == primitives[lane - 1]) continue;
     const NearestOnRound found = nearest_on_round(frame.place, ends_of(list, primitives[lane]), frame.query);
@@ -229,11 +229,6 @@ __attribute__((noinline)) void visit_moving_triangles(PointSearch& search, const
                                                       const PointTree& tree, std::uint32_t row,
                                                       std::uint32_t index) noexcept {
   const InstanceView& instance = search.scene.instances[index];
-  if (instance.is_compact != 0) {
-    GatheredLeaf leaf;
-    gather_moving_leaf(leaf, tree.step, tree.moment, row);
-    return visit_triangles(search, frame, leaf, index);
-  }
   if (!tree.moment.is_between()) return visit_triangles(search, frame, tree.step->blocks[row], index);
   visit_triangles(search, frame, MovingBlock(tree.step, tree.moment, row, span_slack(instance)), index);
 }
@@ -267,11 +262,6 @@ inline PointTree tree_of(const SceneView& scene, const InstanceView& instance, f
 inline void search_instance(PointSearch& search, std::uint32_t index) noexcept {
   const InstanceView& instance = search.scene.instances[index];
   if ((instance.mask & search.query.mask) == 0) return;
-  if (instance.root == kUnbuiltRoot) {
-    report_unbuilt(search.scene, index);
-    search.top = 0;
-    return;
-  }
   double turned[12];
   const double* const place = place_of(search.scene, index, search.query.time, turned);
   const PointTree tree = tree_of(search.scene, instance, search.query.time);
@@ -289,16 +279,12 @@ inline void search_instance(PointSearch& search, std::uint32_t index) noexcept {
       return;
     } else if (const std::uint32_t row = entry.child - kBlockChild; tree.step != nullptr && instance.is_round == 0) {
       visit_moving_triangles(search, frame, tree, row, index);
-    } else if (instance.is_compact == 0) {
+    } else if (instance.is_round == 0) {
       visit_triangles(search, frame, instance.blocks[row], index);
-    } else if (instance.is_round != 0) {
+    } else {
       const RoundFrame round(place, search.query.position);
       const bool moves = tree.step != nullptr;
-      visit_rounds(search, round, moves ? moving_leaves(tree.step, tree.moment) : *instance.indexed_leaves, index, row);
-    } else {
-      GatheredLeaf leaf;
-      gather_leaf(leaf, *instance.indexed_leaves, row);
-      visit_triangles(search, frame, leaf, index);
+      visit_rounds(search, round, moves ? moving_leaves(tree.step, tree.moment) : *instance.round_leaves, index, row);
     }
   }
 }

@@ -1,6 +1,6 @@
 // The eight triangles of a leaf against a ray: math/triangle.h, eight at a time. Every kernel's leaf visit is made of
-// these functions, so that each of them gives a triangle the same t. A `Leaf` is a LeafBlock, or the GatheredLeaf that
-// was made of an IndexedLeaf. Part of stream_kernel.inl: everything has internal linkage.
+// these functions, so that each of them gives a triangle the same t. A `Leaf` is a LeafBlock, or the MovingBlock between
+// two of them. Part of stream_kernel.inl: everything has internal linkage.
 
 // Of each lane; `lanes` has those that the ray's line passes through, or may pass through beside an edge, and whose t
 // may be in range.
@@ -40,36 +40,9 @@ PERFECT_BVH_INLINE ShearedCorners shear(const LeafBlock& block, const TriangleSt
   return shear_vertices(row, block.corners, triangle);
 }
 
-PERFECT_BVH_INLINE void shear_corner(const float (*rows)[8], const TriangleState& triangle, Float8& x, Float8& y,
-                                     Float8& z) noexcept {
-  const TriangleRay& ray = triangle.ray;
-  z = sub(load_row(rows, triangle.row[2]), broadcast(ray.origin[2]));
-  x = fnmadd(broadcast(ray.shear_x), z, sub(load_row(rows, triangle.row[0]), broadcast(ray.origin[0])));
-  y = fnmadd(broadcast(ray.shear_y), z, sub(load_row(rows, triangle.row[1]), broadcast(ray.origin[1])));
-}
-
-PERFECT_BVH_INLINE ShearedCorners shear(const GatheredLeaf& leaf, const TriangleState& triangle) noexcept {
-  ShearedCorners at;
-  shear_corner(leaf.corners[0], triangle, at.x0, at.y0, at.z0);
-  shear_corner(leaf.corners[1], triangle, at.x1, at.y1, at.z1);
-  shear_corner(leaf.corners[2], triangle, at.x2, at.y2, at.z2);
-  return at;
-}
-
-// At least the triangles' spans (math/triangle.h): of a block's together, of gathered ones each its own.
-PERFECT_BVH_INLINE float block_span(const LeafBlock& block) noexcept {
+// At least the spans (math/triangle.h) of a block's triangles.
+PERFECT_BVH_INLINE float span_bound(const LeafBlock& block) noexcept {
   return __builtin_bit_cast(float, block.corners[0]);
-}
-PERFECT_BVH_INLINE Float8 span_bounds(const LeafBlock& block) noexcept {
-  const float span = block_span(block);
-  return broadcast(span);
-}
-PERFECT_BVH_INLINE Float8 span_bounds(const GatheredLeaf& leaf) noexcept {
-  const auto extent = [&](int axis) __attribute__((always_inline)) {
-    const Float8 a = load(leaf.corners[0][axis]), b = load(leaf.corners[1][axis]), c = load(leaf.corners[2][axis]);
-    return sub(max(max(a, b), c), min(min(a, b), c));
-  };
-  return add(add(extent(0), extent(1)), extent(2));
 }
 
 template <class Leaf>
@@ -81,8 +54,9 @@ PERFECT_BVH_INLINE LeafTest test_leaf(const Leaf& leaf, const TriangleState& tri
   const Float8 least = min(min(weight0, weight1), weight2), most = max(max(weight0, weight1), weight2);
   const Float8 sum = add(add(weight0, weight1), weight2);
   const Float8 least_weight = max(least, sub(zero(), most));
+  const float span = span_bound(leaf);
   const Float8 edge_slack = broadcast(triangle.ray.edge_slack);
-  const Mask8 inside = less_equal(zero(), fmadd(add(span_bounds(leaf), edge_slack), edge_slack, least_weight));
+  const Mask8 inside = less_equal(zero(), fmadd(add(broadcast(span), edge_slack), edge_slack, least_weight));
   const Float8 nearest = min(min(z0, z1), z2), farthest = max(max(z0, z1), z2);
   const Mask8 in_range = both(less_equal(broadcast(triangle.least_depth), farthest),
                               less_equal(nearest, broadcast(triangle.largest_depth)));
@@ -101,9 +75,6 @@ struct LeafCandidates {
 inline float coordinate(const LeafBlock& block, int lane, int corner, int axis) noexcept {
   return block.vertices[axis][(block.corners[lane] >> (4 * corner)) & 7];
 }
-inline float coordinate(const GatheredLeaf& leaf, int lane, int corner, int axis) noexcept {
-  return leaf.corners[corner][axis][lane];
-}
 
 // One of its triangles.
 struct LoneCorners {
@@ -115,12 +86,6 @@ struct LoneCorners {
   }
   float at[3][3];
 };
-
-inline float span_bound(const LeafBlock& block, int) noexcept { return block_span(block); }
-inline float span_bound(const GatheredLeaf& leaf, int lane) noexcept {
-  const LoneCorners lone(leaf, lane);
-  return static_cast<float>(span_of(lone.at[0], lone.at[1], lone.at[2]));
-}
 
 // Where its corners are along the sheared z.
 struct CornerDepths {
@@ -184,7 +149,7 @@ __attribute__((noinline)) bool meet_beside_edge(Meeting& meeting, const LeafCand
 template <class Leaf>
 PERFECT_BVH_INLINE bool meet_candidate(Meeting& meeting, const LeafCandidates& candidates, int lane, const Leaf& leaf,
                                        const TriangleRay& ray, const ObjectRay& local) noexcept {
-  if (is_beside_edge(candidates.least_weights[lane], ray, span_bound(leaf, lane))) [[unlikely]] {
+  if (is_beside_edge(candidates.least_weights[lane], ray, span_bound(leaf))) [[unlikely]] {
     return meet_beside_edge(meeting, candidates, lane, leaf, ray, local);
   }
   const auto at = [&](int corner, int axis)
@@ -235,7 +200,7 @@ template <class Leaf>
 PERFECT_BVH_INLINE bool is_surely_hit(Slot& slot, Cull cull, const Leaf& leaf, int lane,
                                       const LeafCandidates& candidates) noexcept {
   const TriangleRay& ray = slot.triangle.ray;
-  if (!slot.time.is_direct || is_beside_edge(candidates.least_weights[lane], ray, span_bound(leaf, lane))) return false;
+  if (!slot.time.is_direct || is_beside_edge(candidates.least_weights[lane], ray, span_bound(leaf))) return false;
   if (!is_surely_in_range(slot.triangle, CornerDepths(leaf, lane, ray))) return false;
   if (is_culled(cull, candidates.sums[lane], ray, slot.is_mirrored)) return false;
   slot.hit_instance = slot.instance;

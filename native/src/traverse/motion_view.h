@@ -9,14 +9,14 @@
 
 namespace perfect_bvh {
 
-struct IndexedLeaves;
+struct RoundLeaves;
 
 // A tree at one step: all steps of a tree have the same nodes and leaves, with the boxes and vertices of their time.
 struct TreeStep {
   const WideNode* nodes;
   union {
     const LeafBlock* blocks;  // as in an InstanceView
-    const IndexedLeaves* indexed_leaves;
+    const RoundLeaves* round_leaves;
   };
 };
 

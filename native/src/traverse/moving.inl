@@ -86,6 +86,6 @@ inline void take_tree_step(Slot& slot, const SceneView& scene, const InstanceVie
   const MotionView& motion = scene.motions[instance.motion - 1];
   if (motion.trees == nullptr) return;
   take_step(slot, motion.trees, moment_at(motion.tree_times, time));
-  if (instance.is_compact == 0) slot.blocks = slot.step->blocks;
+  if (instance.is_round == 0) slot.blocks = slot.step->blocks;
   slot.span_slack = span_slack(instance);
 }

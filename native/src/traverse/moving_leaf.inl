@@ -48,8 +48,8 @@ struct MovingBlock {
   PERFECT_BVH_INLINE MovingBlock(const TreeStep* step, const Moment& at, std::uint32_t row, float slack) noexcept
       : from(step[0].blocks[row]), to(step[1].blocks[row]), moment(at), primitives(from.primitives) {
     span = 0.0f;  // of a leaf that is a point it is no number
-    if (block_span(from) > span) span = block_span(from);
-    if (block_span(to) > span) span = block_span(to);
+    if (span_bound(from) > span) span = span_bound(from);
+    if (span_bound(to) > span) span = span_bound(to);
     span = span * (1.0f + 0x1p-10f) + slack;
   }
 };
@@ -62,32 +62,15 @@ PERFECT_BVH_INLINE ShearedCorners shear(const MovingBlock& block, const Triangle
   };
   return shear_vertices(row, block.from.corners, triangle);
 }
-PERFECT_BVH_INLINE Float8 span_bounds(const MovingBlock& block) noexcept { return broadcast(block.span); }
-inline float span_bound(const MovingBlock& block, int) noexcept { return block.span; }
+PERFECT_BVH_INLINE float span_bound(const MovingBlock& block) noexcept { return block.span; }
 inline float coordinate(const MovingBlock& block, int lane, int corner, int axis) noexcept {
   return interpolate(block.moment, coordinate(block.from, lane, corner, axis),
                      coordinate(block.to, lane, corner, axis));
 }
 
-// The same of a leaf of the compact layout.
-inline void gather_moving_leaf(GatheredLeaf& leaf, const TreeStep* step, const Moment& moment,
-                               std::uint32_t row) noexcept {
-  gather_leaf(leaf, *step[0].indexed_leaves, row);
-  if (!moment.is_between()) return;
-  GatheredLeaf later;
-  gather_leaf(later, *step[1].indexed_leaves, row);
-  const Shares shares(moment);
-  for (int corner = 0; corner < 3; ++corner) {
-    for (int axis = 0; axis < 3; ++axis) {
-      float* const rows = leaf.corners[corner][axis];
-      store(rows, interpolate(shares, load(rows), load(later.corners[corner][axis])));
-    }
-  }
-}
-
 // Curves or points at a moment: those of a step, with the next step's balls.
-PERFECT_BVH_INLINE IndexedLeaves moving_leaves(const TreeStep* step, const Moment& moment) noexcept {
-  IndexedLeaves leaves = *step[0].indexed_leaves;
-  if (moment.is_between()) leaves.round.later = step[1].indexed_leaves->round.balls, leaves.round.moment = moment;
+PERFECT_BVH_INLINE RoundLeaves moving_leaves(const TreeStep* step, const Moment& moment) noexcept {
+  RoundLeaves leaves = *step[0].round_leaves;
+  if (moment.is_between()) leaves.round.later = step[1].round_leaves->round.balls, leaves.round.moment = moment;
   return leaves;
 }

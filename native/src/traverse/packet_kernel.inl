@@ -152,15 +152,6 @@ struct PacketWalk {
     }
   }
 
-  // Rays that reached an instance without a tree go no further.
-  void stop_unbuilt(PacketLevel& top_level, RaySet rays, std::uint32_t index) noexcept {
-    report_unbuilt(scene, index);
-    if (top_level.boxes == nullptr) return;
-    top_level.members &= ~rays;
-    set_ranges<kAny>(packet.world, packet, packet.world_rays, top_level.members);
-    top_level.bounds.t_limit = highest_limit(packet, packet.world);
-  }
-
   // Those of `rays` that see the instance.
   [[nodiscard]] RaySet seeing(const InstanceView& instance, RaySet rays) const noexcept {
     if ((instance.mask & packet.common_mask) != 0) return rays;
@@ -214,7 +205,6 @@ struct PacketWalk {
     const InstanceView& instance = scene.instances[index];
     rays = seeing(instance, rays);
     if (rays == 0) return;
-    if (instance.root == kUnbuiltRoot) return stop_unbuilt(top_level, rays, index);
     if (kMoves && instance.motion != 0) {
       packet.alone += count_rays(rays);
       for (RaySet left = rays; left != 0; left &= left - 1) enter_alone(index, first_ray(left));

@@ -6,7 +6,7 @@
 // The tree that a packet is in, for rays of one key.
 struct PacketLevel {
   const WideNode* nodes;
-  const LeafBlock* blocks;  // null: the tree is a compact one
+  const LeafBlock* blocks;  // null: the tree is over curves or points
   PacketBoxes* boxes;
   PacketBounds bounds;
   RaySet members;
@@ -63,8 +63,9 @@ PERFECT_BVH_INLINE bool take_packet_hit(Packet& packet, const PacketLevel& level
 }
 
 // Ray i against all triangles. True if its best hit is a new one (any hit: if there is one).
-template <bool kAny, class Leaf>
-bool test_leaf_alone(Packet& packet, const PacketLevel& level, const Leaf& leaf, unsigned i, LoneRay& lone) noexcept {
+template <bool kAny>
+bool test_leaf_alone(Packet& packet, const PacketLevel& level, const LeafBlock& leaf, unsigned i,
+                     LoneRay& lone) noexcept {
   const LeafTest test = test_leaf(leaf, lone.triangle);
   if (test.lanes == 0) return false;
   const LeafCandidates candidates(test);
@@ -86,10 +87,6 @@ bool test_leaf_alone(Packet& packet, const PacketLevel& level, const Leaf& leaf,
   return true;
 }
 
-// A leaf's vertices and corners, as packets read them.
-template <class Leaf>
-struct LeafCorners;
-
 // Along the sheared frame's axes; from the rays' origin if they share it.
 PERFECT_BVH_INLINE void store_vertices(float* x, float* y, float* z, const PacketLevel& level,
                                        const float (*rows)[8]) noexcept {
@@ -106,8 +103,8 @@ struct LeafPlanes {
   double away[8];      // from the origin, if the rays share one
   unsigned known = 0;  // bits
 
-  template <bool kShared, class Leaf>
-  PERFECT_BVH_INLINE void make(const Leaf& leaf, unsigned triangle, const PacketLevel& level) noexcept {
+  template <bool kShared>
+  PERFECT_BVH_INLINE void make(const LeafBlock& leaf, unsigned triangle, const PacketLevel& level) noexcept {
     if ((known >> triangle & 1) != 0) return;
     const LoneCorners lone(leaf, static_cast<int>(triangle));
     plane[triangle] = plane_of(lone.at[0], lone.at[1], lone.at[2]);
@@ -116,8 +113,8 @@ struct LeafPlanes {
   }
 };
 
-template <>
-struct LeafCorners<LeafBlock> {
+// A leaf's vertices, as packets read them.
+struct LeafCorners {
   alignas(32) float x[8], y[8], z[8];
   LeafPlanes planes;
   unsigned triangle_count, vertex_count;
@@ -127,19 +124,6 @@ struct LeafCorners<LeafBlock> {
     triangle_count = count_distinct(block.primitives);
     const unsigned used = used_corners(block.corners);
     vertex_count = 32 - static_cast<unsigned>(__builtin_clz(used));
-  }
-};
-
-// Vertex 8 k + i is corner k of triangle i.
-template <>
-struct LeafCorners<GatheredLeaf> {
-  alignas(32) float x[24], y[24], z[24];
-  LeafPlanes planes;
-  unsigned triangle_count;
-
-  LeafCorners(const PacketLevel& level, const GatheredLeaf& gathered) noexcept {
-    for (int k = 0; k < 3; ++k) store_vertices(x + 8 * k, y + 8 * k, z + 8 * k, level, gathered.corners[k]);
-    triangle_count = count_triangles(gathered);
   }
 };
 
@@ -204,33 +188,30 @@ PERFECT_BVH_INLINE unsigned surely_in_range(const Packet& packet, const PacketLe
 
 // Rays `first` and on, those in `lanes`, against all triangles, one at a time. The hits that surely count are taken
 // here; rays whose hits need a closer look (beside an edge, as far as the best one) are returned.
-template <bool kAny, bool kShared, class Leaf>
-unsigned test_triangles(Packet& packet, const PacketLevel& level, const Leaf& block, LeafCorners<Leaf>& leaf,
+template <bool kAny, bool kShared>
+unsigned test_triangles(Packet& packet, const PacketLevel& level, const LeafBlock& block, LeafCorners& leaf,
                         unsigned first, unsigned lanes) noexcept {
   const PacketTriangles& triangles = packet.triangles;
   const PacketRays& rays = packet.local_rays;
   const std::uint8_t* const axes = level.key.axes;
   PacketHits& hits = packet.hits;
   float* const limits = level.boxes->t_limit + first;
-  constexpr bool kIsBlock = __is_same(Leaf, LeafBlock);
   RayFloat across[8], upward[8], depth[8];
   const RayFloat shear_x = load_rays(triangles.shear_x + first), shear_y = load_rays(triangles.shear_y + first);
   // A vertex from the rays' origins, along the sheared frame's axes.
-  const auto place = [&](unsigned to, unsigned vertex) __attribute__((always_inline)) {
-    const RayFloat x = every_ray(leaf.x[vertex]), y = every_ray(leaf.y[vertex]), z = every_ray(leaf.z[vertex]);
+  const auto place = [&](unsigned i) __attribute__((always_inline)) {
+    const RayFloat x = every_ray(leaf.x[i]), y = every_ray(leaf.y[i]), z = every_ray(leaf.z[i]);
     if constexpr (kShared) {
-      depth[to] = z;
-      across[to] = fnmadd(shear_x, depth[to], x);
-      upward[to] = fnmadd(shear_y, depth[to], y);
+      depth[i] = z;
+      across[i] = fnmadd(shear_x, depth[i], x);
+      upward[i] = fnmadd(shear_y, depth[i], y);
     } else {
-      depth[to] = sub(z, load_rays(rays.narrow_origin[axes[2]] + first));
-      across[to] = fnmadd(shear_x, depth[to], sub(x, load_rays(rays.narrow_origin[axes[0]] + first)));
-      upward[to] = fnmadd(shear_y, depth[to], sub(y, load_rays(rays.narrow_origin[axes[1]] + first)));
+      depth[i] = sub(z, load_rays(rays.narrow_origin[axes[2]] + first));
+      across[i] = fnmadd(shear_x, depth[i], sub(x, load_rays(rays.narrow_origin[axes[0]] + first)));
+      upward[i] = fnmadd(shear_y, depth[i], sub(y, load_rays(rays.narrow_origin[axes[1]] + first)));
     }
   };
-  if constexpr (kIsBlock) {
-    for (unsigned i = 0; i < leaf.vertex_count; ++i) place(i, i);
-  }
+  for (unsigned i = 0; i < leaf.vertex_count; ++i) place(i);
   const auto take_any = [&](unsigned found) __attribute__((always_inline)) {  // they need no more
     const RayMask mask = ray_mask(found);
     store_some(hits.instance + first, mask, level.instance_index);
@@ -241,16 +222,10 @@ unsigned test_triangles(Packet& packet, const PacketLevel& level, const Leaf& bl
   const unsigned turned = level.key.runs_down != (level.instance->mirrored != 0) ? ~0u : 0u;
   unsigned ambiguous = 0;
   const RayFloat edge_slack = load_rays(triangles.edge_slack + first);
-  RayFloat slack = mul(edge_slack, add(every_ray(span_bound(block, 0)), edge_slack));
+  const RayFloat slack = mul(edge_slack, add(every_ray(span_bound(block)), edge_slack));
   for (unsigned i = 0; i < leaf.triangle_count; ++i) {
-    unsigned a = 0, b = 1, c = 2;
-    if constexpr (kIsBlock) {
-      const std::uint32_t corners = block.corners[i];
-      a = corners & 7, b = corners >> 4 & 7, c = corners >> 8 & 7;
-    } else {
-      place(0, i), place(1, 8 + i), place(2, 16 + i);
-      slack = mul(edge_slack, add(every_ray(span_bound(block, static_cast<int>(i))), edge_slack));
-    }
+    const std::uint32_t corners = block.corners[i];
+    const unsigned a = corners & 7, b = corners >> 4 & 7, c = corners >> 8 & 7;
     const RayFloat weight0 = difference(across[c], upward[b], upward[c], across[b]);
     const RayFloat weight1 = difference(across[a], upward[c], upward[a], across[c]);
     const RayFloat weight2 = difference(across[b], upward[a], upward[b], across[a]);
@@ -306,10 +281,10 @@ unsigned test_triangles(Packet& packet, const PacketLevel& level, const Leaf& bl
 // Vectors with no more rays in a leaf take them one at a time.
 constexpr unsigned kFewInLeaf = kRayLanes / 8;
 
-template <bool kAny, class Leaf>
-PERFECT_BVH_INLINE void test_leaf_together(Packet& packet, PacketLevel& level, const Leaf& leaf, const float* box,
+template <bool kAny>
+PERFECT_BVH_INLINE void test_leaf_together(Packet& packet, PacketLevel& level, const LeafBlock& leaf, const float* box,
                                            unsigned begin) noexcept {
-  LeafCorners<Leaf> corners(level, leaf);
+  LeafCorners corners(level, leaf);
   for (unsigned first = begin; first < packet.lanes; first += kRayLanes) {
     unsigned lanes = test_box(*level.boxes, level.key.rows, box, first);
     if (lanes == 0) continue;
@@ -330,7 +305,7 @@ PERFECT_BVH_INLINE void test_leaf_together(Packet& packet, PacketLevel& level, c
 template <bool kAny>
 __attribute__((noinline)) bool test_round_leaf_alone(Packet& packet, const PacketLevel& level, std::uint32_t row,
                                                      unsigned i) noexcept {
-  const IndexedLeaves& leaves = *level.instance->indexed_leaves;
+  const RoundLeaves& leaves = *level.instance->round_leaves;
   ObjectRay local;  // without its time, which only candidates ask for
   for (int axis = 0; axis < 3; ++axis) {
     local.origin[axis] = packet.local_rays.origin[axis][i],
@@ -375,40 +350,26 @@ __attribute__((noinline)) void test_round_leaf_together(Packet& packet, PacketLe
   level.bounds.t_limit = highest_limit(packet, *level.boxes);
 }
 
-template <bool kAny>
-__attribute__((noinline)) void visit_indexed_leaf_together(Packet& packet, PacketLevel& level, std::uint32_t row,
-                                                           const float* box, unsigned begin) noexcept {
-  if (level.instance->is_round != 0) return test_round_leaf_together<kAny>(packet, level, row, box, begin);
-  GatheredLeaf leaf;
-  gather_leaf(leaf, *level.instance->indexed_leaves, row);
-  test_leaf_together<kAny>(packet, level, leaf, box, begin);
-}
-
-// The rays from `begin` on that enter `box` against all triangles of a leaf.
+// The rays from `begin` on that enter `box` against all that a leaf holds.
 template <bool kAny>
 void visit_packet_leaf(Packet& packet, PacketLevel& level, std::uint32_t row, const float* box,
                        unsigned begin) noexcept {
-  if (level.blocks == nullptr) return visit_indexed_leaf_together<kAny>(packet, level, row, box, begin);
+  if (level.blocks == nullptr) return test_round_leaf_together<kAny>(packet, level, row, box, begin);
   test_leaf_together<kAny>(packet, level, level.blocks[row], box, begin);
 }
 
 template <bool kAny>
-__attribute__((noinline)) bool visit_indexed_leaf_alone(Packet& packet, const PacketLevel& level, std::uint32_t row,
-                                                        unsigned i, LoneRay& lone) noexcept {
-  if (level.instance->is_round != 0) {
-    if (!test_round_leaf_alone<kAny>(packet, level, row, i)) return false;
-    lone.box.t_limit = level.boxes->t_limit[i];
-    return true;
-  }
-  GatheredLeaf leaf;
-  gather_leaf(leaf, *level.instance->indexed_leaves, row);
-  return test_leaf_alone<kAny>(packet, level, leaf, i, lone);
+__attribute__((noinline)) bool visit_round_leaf_alone(Packet& packet, const PacketLevel& level, std::uint32_t row,
+                                                      unsigned i, LoneRay& lone) noexcept {
+  if (!test_round_leaf_alone<kAny>(packet, level, row, i)) return false;
+  lone.box.t_limit = level.boxes->t_limit[i];
+  return true;
 }
 
 // As test_leaf_alone.
 template <bool kAny>
 PERFECT_BVH_INLINE bool visit_leaf_alone(Packet& packet, const PacketLevel& level, std::uint32_t row, unsigned i,
                                          LoneRay& lone) noexcept {
-  if (level.blocks == nullptr) return visit_indexed_leaf_alone<kAny>(packet, level, row, i, lone);
+  if (level.blocks == nullptr) return visit_round_leaf_alone<kAny>(packet, level, row, i, lone);
   return test_leaf_alone<kAny>(packet, level, level.blocks[row], i, lone);
 }

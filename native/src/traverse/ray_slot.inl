@@ -11,7 +11,7 @@ struct alignas(64) Slot {
 
   TriangleState triangle;
   const WideNode* nodes;
-  const LeafBlock* blocks;  // null: the tree is a compact one
+  const LeafBlock* blocks;  // null: the tree is over curves or points
   std::uint32_t ray;        // row in the batch
   std::uint32_t instance;   // being traversed; row in the scene
 
@@ -56,9 +56,9 @@ inline void set_limit(Slot& slot) noexcept {
   set_depths(slot.triangle, slot.box.t_min, slot.box.t_limit);
 }
 
-// Null: the leaves are indexed.
+// Null: it is over curves or points.
 inline const LeafBlock* blocks_of(const InstanceView& instance) noexcept {
-  return instance.is_compact != 0 ? nullptr : instance.blocks;
+  return instance.is_round != 0 ? nullptr : instance.blocks;
 }
 
 // No hit yet.
@@ -99,12 +99,6 @@ inline bool start_ray(Slot& slot, const SceneView& scene, const Ray& ray) noexce
   return true;
 }
 
-// The ray's next step is its last: its tree is wanted first.
-inline void stop_unbuilt(Slot& slot, const SceneView& scene) noexcept {
-  report_unbuilt(scene, slot.instance);
-  slot.top = 1;
-}
-
 // The instance on top of the stack gives way to the root of its tree. False if the ray does not see it: the entry is
 // then to be dropped.
 template <bool kMoves>
@@ -113,7 +107,6 @@ inline bool enter_instance(Slot& slot, const SceneView& scene, const Ray& ray) n
   slot.instance = stack[slot.top] - kInstanceChild;
   const InstanceView& instance = scene.instances[slot.instance];
   if ((instance.mask & ray.mask) == 0) return false;
-  if (instance.root == kUnbuiltRoot) return stop_unbuilt(slot, scene), false;
   ObjectRay& local = slot.local;
   slot.is_mirrored = instance.mirrored != 0;
   if (!kMoves || instance.motion == 0) {
@@ -150,7 +143,7 @@ struct LoneInstance {
   LoneInstance(const SceneView& scene, bool may_deform) noexcept {
     if (scene.is_empty || scene.root < kInstanceChild) return;
     const InstanceView& instance = scene.instances[scene.root - kInstanceChild];
-    if (instance.root == kUnbuiltRoot || !is_identity(instance.world_to_local)) return;
+    if (!is_identity(instance.world_to_local)) return;
     if (instance.motion != 0 && (!may_deform || scene.motions[instance.motion - 1].backs != nullptr)) return;
     view = &instance;
     farthest = kNearby * static_cast<double>(smaller(scene.reach, instance.extent.reach));

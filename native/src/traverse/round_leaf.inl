@@ -114,9 +114,9 @@ struct RoundCandidates {
   const std::uint32_t* primitives;
   unsigned lanes;
 
-  PERFECT_BVH_INLINE RoundCandidates(const IndexedLeaves& leaves, std::uint32_t row, const ObjectRay& ray, float t_min,
+  PERFECT_BVH_INLINE RoundCandidates(const RoundLeaves& leaves, std::uint32_t row, const ObjectRay& ray, float t_min,
                                      float t_limit, float reach) noexcept
-      : primitives(leaves.round_primitives(row)) {
+      : primitives(leaves.primitives(row)) {
     const float slack = line_slack(reach);
     if (leaves.round.later != nullptr) {
       lanes = without_repeated(moving_candidates(leaves.round, ray, t_min, t_limit, slack), primitives);
@@ -124,7 +124,7 @@ struct RoundCandidates {
       const CurveLeaf& leaf = leaves.curves[row];
       lanes = round_candidates(leaf, leaf_line(leaf.corner, ray, t_min, t_limit, slack));
     } else {
-      lanes = without_repeated(gathered_candidates(leaves.round, ray, t_min, t_limit, slack), primitives);
+      lanes = without_repeated(point_candidates(leaves.round, ray, t_min, t_limit, slack), primitives);
     }
   }
 
@@ -151,21 +151,13 @@ struct RoundCandidates {
     return round_candidates(balls, corner, leaf_line(corner, ray, t_min, t_limit, slack));
   }
 
-  [[nodiscard]] __attribute__((noinline)) unsigned gathered_candidates(const RoundList& list, const ObjectRay& ray,
-                                                                       float t_min, float t_limit,
-                                                                       float slack) const noexcept {
+  [[nodiscard]] __attribute__((noinline)) unsigned point_candidates(const RoundList& list, const ObjectRay& ray,
+                                                                    float t_min, float t_limit,
+                                                                    float slack) const noexcept {
     GatheredBalls balls;
-    if (list.segments == nullptr) {
-      gather_balls(balls.first, list.scale, [&](int lane) -> const Ball& { return list.balls[primitives[lane]]; });
-      const LeafCorner corner = corner_of(balls);
-      return round_candidates(balls.first, corner, leaf_line(corner, ray, t_min, t_limit, slack));
-    }
-    const Ball* begins[8];
-    for (int lane = 0; lane < 8; ++lane) begins[lane] = list.balls + (list.segments[primitives[lane]] & kSegmentBall);
-    gather_balls(balls.first, list.scale, [&](int lane) -> const Ball& { return begins[lane][0]; });
-    gather_balls(balls.last, list.scale, [&](int lane) -> const Ball& { return begins[lane][1]; });
+    gather_balls(balls.first, list.scale, [&](int lane) -> const Ball& { return list.balls[primitives[lane]]; });
     const LeafCorner corner = corner_of(balls);
-    return round_candidates(balls, corner, leaf_line(corner, ray, t_min, t_limit, slack));
+    return round_candidates(balls.first, corner, leaf_line(corner, ray, t_min, t_limit, slack));
   }
 
   static LeafCorner corner_of(const GatheredBalls& balls) noexcept {
@@ -174,9 +166,9 @@ struct RoundCandidates {
 };
 
 // For counts: how many different ones there are.
-inline std::uint32_t count_round(const IndexedLeaves& leaves, std::uint32_t row) noexcept {
+inline std::uint32_t count_round(const RoundLeaves& leaves, std::uint32_t row) noexcept {
   if (leaves.curves != nullptr) return count_bits(leaves.curves[row].lanes);
-  return count_triangles(leaves.rows[row]);
+  return count_triangles(leaves.points[row]);
 }
 
 // A primitive's chord, its ends in the ray's own terms too.

@@ -14,19 +14,15 @@
 
 namespace perfect_bvh {
 
-// The leaves of a compact tree, or of one over curves or points, and where what they name is: in the mesh, in its own
-// scale. A mesh's positions are readable for kReadableBehind bytes past the last.
-struct IndexedLeaves {
-  const IndexedLeaf* rows = nullptr;
-  const CurveLeaf* curves = nullptr;  // instead of the rows, if not null
-  const Vec3<std::uint32_t>* triangles = nullptr;
-  const Vec3f* positions = nullptr;
-  float scale = 1.0f;  // of the tree as stored
+// The leaves of a tree over curves or points, and where what they name is: in the mesh, in its own scale.
+struct RoundLeaves {
+  const PointLeaf* points = nullptr;
+  const CurveLeaf* curves = nullptr;  // instead of points, if not null
   RoundList round;
 
-  // Of curves or points: the eight places of a leaf.
-  [[nodiscard]] const std::uint32_t* round_primitives(std::uint32_t row) const noexcept {
-    return curves != nullptr ? curves[row].primitives : rows[row].primitives;
+  // The eight places of a leaf.
+  [[nodiscard]] const std::uint32_t* primitives(std::uint32_t row) const noexcept {
+    return curves != nullptr ? curves[row].primitives : points[row].primitives;
   }
 };
 
@@ -35,15 +31,14 @@ struct alignas(64) InstanceView {
   alignas(32) double world_to_local[4][4];
   const WideNode* nodes;
   union {
-    const LeafBlock* blocks;              // of the default layout
-    const IndexedLeaves* indexed_leaves;  // of the compact one, and of curves and points
+    const LeafBlock* blocks;          // of triangles
+    const RoundLeaves* round_leaves;  // of curves and points
   };
   TreeExtent extent;
-  std::uint32_t root;  // or kUnbuiltRoot
+  std::uint32_t root;
   std::uint32_t mask;  // 0 for an instance over nothing
   std::uint16_t mirrored;
-  std::uint8_t is_compact;  // its leaves are indexed
-  std::uint8_t is_round;    // and hold curves or points
+  std::uint16_t is_round;  // it is over curves or points
   std::int32_t id;
   std::int64_t order;
   float scale;           // of the tree as stored
@@ -54,17 +49,6 @@ static_assert(sizeof(InstanceView) == 192);  // every ray that enters an instanc
 // Where rays may visit more bytes than this, what they visit next is fetched ahead. Measured with diffuse rays and a
 // second level cache of 2 MB: through 164 MB they are twice as fast, through 9.5 MB 1.2 times, through 3.4 MB .96.
 inline constexpr std::size_t kCachedBytes = std::size_t{8} << 20;
-
-// As an instance's root: its tree is not built yet (tlas/lazy_trees.h).
-inline constexpr std::uint32_t kUnbuiltRoot = 0xFFFFFFFFu;
-
-// Instances that rays or points reached before their tree was built. A ray that reaches one stops: that batch's
-// answers are invalid.
-struct UnbuiltInstances {
-  static constexpr std::uint32_t kMost = 64;  // more are found when the batch is traced again
-  std::uint32_t count = 0;
-  std::uint32_t rows[kMost];
-};
 
 // How kernels learn that they should stop. Asked at least every kStepsBetweenAsking steps; a step is at most
 // kMostRaysInFlight leaves or instances. After a stop, the answers of the batch mean nothing. `should_stop` may call
@@ -96,17 +80,8 @@ struct SceneView {
   bool is_mostly_still = false;  // of the instances' boxes more stand still, by their surface
   const TreeStep* top_steps = nullptr;
   StepTimes top_times;
-  UnbuiltInstances* unbuilt = nullptr;  // only where some tree may not be built
   Interruption interruption;
 };
-
-static inline void report_unbuilt(const SceneView& scene, std::uint32_t instance) noexcept {
-  UnbuiltInstances& reached = *scene.unbuilt;
-  for (std::uint32_t i = 0; i < reached.count; ++i) {
-    if (reached.rows[i] == instance) return;
-  }
-  if (reached.count < UnbuiltInstances::kMost) reached.rows[reached.count++] = instance;
-}
 
 struct RayBatch {
   const Ray* rays = nullptr;

@@ -45,7 +45,7 @@ struct Stream {
 };
 
 // Begins to fetch the node or leaf that a slot will visit next, while others take their steps. Without a branch: which
-// of them it is cannot be predicted. For marks, and leaves of compact trees, it is the root.
+// of them it is cannot be predicted. For marks, and leaves of curves and points, it is the root.
 template <bool kMoves>
 PERFECT_BVH_INLINE void fetch_next(const Slot& slot, std::uint32_t next) noexcept {
   const bool is_node = next < kBlockChild, is_block = !is_node & (next < kInstanceChild) & (slot.blocks != nullptr);
@@ -158,37 +158,30 @@ PERFECT_BVH_INLINE std::size_t count_at_nodes(const Stream& stream) noexcept {
 // After the stream.
 #include "traverse/stream_leaf.inl"
 
-// A leaf of a compact tree is read in three steps, each of which needs the one before: numbers, indices, positions. The
-// first two are fetched here for all waiting leaves together, so that the caches are waited for twice and not twice a
-// leaf: a third faster. Fetching the positions, too, costs more than it saves. Of points numbers and balls; a leaf of
-// curves is two lines, and what it names is seldom needed.
-__attribute__((noinline)) void fetch_indexed_leaves(const Stream& stream) noexcept {
+// A leaf of points is read in two steps, each of which needs the one before: numbers, balls. They are fetched here for
+// all waiting leaves together, so that the caches are waited for once and not once a leaf. A leaf of curves is two
+// lines, and what it names is seldom needed.
+__attribute__((noinline)) void fetch_round_leaves(const Stream& stream) noexcept {
   __asm__ volatile("");  // compilers drop calls to functions that do no more than prefetch
-  bool needs_more = false;
+  bool has_points = false;
   for (std::size_t i = 0; i < stream.leaf_count; ++i) {
     Slot& slot = *stream.at_leaf[i];
     if (slot.blocks != nullptr) continue;
-    const IndexedLeaves& leaves = *stream.scene.instances[slot.instance].indexed_leaves;
+    const RoundLeaves& leaves = *stream.scene.instances[slot.instance].round_leaves;
     const std::uint32_t row = stack_of(slot)[slot.top] - kBlockChild;
     if (leaves.curves != nullptr) {
       __builtin_prefetch(&leaves.curves[row]), __builtin_prefetch(&leaves.curves[row].corner);
     } else {
-      __builtin_prefetch(&leaves.rows[row]), needs_more = true;
+      __builtin_prefetch(&leaves.points[row]), has_points = true;
     }
   }
-  for (std::size_t i = 0; needs_more && i < stream.leaf_count; ++i) {
+  for (std::size_t i = 0; has_points && i < stream.leaf_count; ++i) {
     Slot& slot = *stream.at_leaf[i];
     if (slot.blocks != nullptr) continue;
-    const IndexedLeaves& leaves = *stream.scene.instances[slot.instance].indexed_leaves;
+    const RoundLeaves& leaves = *stream.scene.instances[slot.instance].round_leaves;
     if (leaves.curves != nullptr) continue;
-    const IndexedLeaf& leaf = leaves.rows[stack_of(slot)[slot.top] - kBlockChild];
-    if (leaves.triangles != nullptr) {
-      for (const std::uint32_t primitive : leaf.primitives) __builtin_prefetch(&leaves.triangles[primitive]);
-    } else if (leaves.round.segments != nullptr) {
-      for (const std::uint32_t primitive : leaf.primitives) __builtin_prefetch(&leaves.round.segments[primitive]);
-    } else {
-      for (const std::uint32_t primitive : leaf.primitives) __builtin_prefetch(&leaves.round.balls[primitive]);
-    }
+    const PointLeaf& leaf = leaves.points[stack_of(slot)[slot.top] - kBlockChild];
+    for (const std::uint32_t primitive : leaf.primitives) __builtin_prefetch(&leaves.round.balls[primitive]);
   }
 }
 
@@ -196,7 +189,7 @@ template <bool kAny, bool kCounts, bool kMoves>
 PERFECT_BVH_INLINE void visit_leaves(Stream& stream) noexcept {
   const std::size_t count = stream.leaf_count;
   std::size_t nodes = stream.node_count, betweens = stream.between_count, others = stream.other_count;
-  if (count != 0 && stream.at_leaf[0]->blocks == nullptr) fetch_indexed_leaves(stream);
+  if (count != 0 && stream.at_leaf[0]->blocks == nullptr) fetch_round_leaves(stream);
   for (std::size_t i = 0; i < count; ++i) {
     Slot& slot = *stream.at_leaf[i];
     std::uint32_t* const stack = stack_of(slot);

@@ -58,33 +58,13 @@ __attribute__((noinline)) void take_round_hits(Stream& stream, Slot& slot, const
 
 // Of curves or points.
 template <bool kAny, bool kCounts>
-__attribute__((noinline)) void visit_round_leaf(Stream& stream, Slot& slot, const IndexedLeaves& leaves,
+__attribute__((noinline)) void visit_round_leaf(Stream& stream, Slot& slot, const RoundLeaves& leaves,
                                                 std::uint32_t row) noexcept {
   const InstanceView& instance = stream.scene.instances[slot.instance];
   if constexpr (kCounts) stream.batch.counts[slot.ray].primitives_tested += count_round(leaves, row);
   --slot.top;
   const RoundCandidates candidates(leaves, row, slot.local, slot.box.t_min, slot.box.t_limit, instance.extent.reach);
   if (candidates.lanes != 0) take_round_hits<kAny>(stream, slot, leaves.round, candidates);
-}
-
-// Of a compact tree over triangles.
-template <bool kAny, bool kCounts>
-__attribute__((noinline)) void visit_gathered_leaf(Stream& stream, Slot& slot, const InstanceView& instance,
-                                                   std::uint32_t row) noexcept {
-  GatheredLeaf leaf;
-  gather_leaf(leaf, *instance.indexed_leaves, row);
-  visit_leaf<kAny, kCounts>(stream, slot, leaf);
-}
-
-// Of a tree whose leaves are indexed.
-template <bool kAny, bool kCounts>
-PERFECT_BVH_INLINE void visit_indexed_leaf(Stream& stream, Slot& slot, std::uint32_t row) noexcept {
-  const InstanceView& instance = stream.scene.instances[slot.instance];
-  if (instance.is_round != 0) {
-    visit_round_leaf<kAny, kCounts>(stream, slot, *instance.indexed_leaves, row);
-  } else {
-    visit_gathered_leaf<kAny, kCounts>(stream, slot, instance, row);
-  }
 }
 
 // Of a tree that moves, between two steps.
@@ -99,10 +79,7 @@ __attribute__((noinline)) void visit_moving_leaf(Stream& stream, Slot& slot, std
   if (stream.scene.instances[slot.instance].is_round != 0) {
     return visit_round_leaf<kAny, kCounts>(stream, slot, moving_leaves(slot.step, slot.moment), row);
   }
-  if (slot.blocks != nullptr) return visit_leaf<kAny, kCounts>(stream, slot, slot.blocks[row]);
-  GatheredLeaf leaf;
-  gather_moving_leaf(leaf, slot.step, slot.moment, row);
-  visit_leaf<kAny, kCounts>(stream, slot, leaf);
+  visit_leaf<kAny, kCounts>(stream, slot, slot.blocks[row]);
 }
 
 template <bool kAny, bool kCounts, bool kMoves>
@@ -112,5 +89,5 @@ PERFECT_BVH_INLINE void visit_any_leaf(Stream& stream, Slot& slot, std::uint32_t
     return visit_moving_leaf<kAny, kCounts>(stream, slot, row);
   }
   if (slot.blocks != nullptr) return visit_leaf<kAny, kCounts>(stream, slot, slot.blocks[row]);
-  visit_indexed_leaf<kAny, kCounts>(stream, slot, row);
+  visit_round_leaf<kAny, kCounts>(stream, slot, *stream.scene.instances[slot.instance].round_leaves, row);
 }

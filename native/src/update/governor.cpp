@@ -90,27 +90,14 @@ void decide_by_decay(const UpdateQuestion& question, UpdateDecision& decision) {
       ", and a ray through the refitted tree would cost " + with_tenths(now / then) + " times what it did when built";
 }
 
-// The tree was built for what has come.
-bool is_foreseen(const UpdateQuestion& question, const Calibration& calibration) noexcept {
-  const Foreseen& foreseen = question.history.foreseen;
-  return question.policy == Policy::kGoverned && foreseen.commit_count > 0 &&
-         ray_nanoseconds(question.now, calibration) <= foreseen.ray_nanoseconds;
-}
-
-void count_down(Foreseen& foreseen) noexcept {
-  if (foreseen.commit_count > 0) --foreseen.commit_count;
-}
-
 void remember(UpdateDecision& decision, const UpdateQuestion& question, const Forecast& costs) {
   const double rays = question.rays.value_or(0);
   const double after = costs.ray[static_cast<std::size_t>(decision.action)];
   UpdateHistory& history = decision.history = question.history;
   history.since_build.nanoseconds += rays * (after - costs.ray[3]);
   ++history.since_build.commit_count;
-  count_down(history.foreseen);
   if (decision.action != UpdateAction::kRefit) {
     history.since_restructuring = {};
-    history.foreseen = {};
   } else {
     history.since_restructuring.nanoseconds += rays * (after - costs.ray[2]);
     ++history.since_restructuring.commit_count;
@@ -170,14 +157,14 @@ UpdateHistory begin_history(const UpdateHistory& last, const TraceWork& fresh, d
 }
 
 bool may_rebuild(const UpdateQuestion& question, const Calibration& calibration) noexcept {
-  if (question.policy != Policy::kGoverned || !question.rays || is_foreseen(question, calibration)) return false;
+  if (question.policy != Policy::kGoverned || !question.rays) return false;
   const double all = *question.rays * ray_nanoseconds(question.now, calibration);
   return gain_of(all, question.history.since_build) >
          build_nanoseconds(question.triangle_count, question.builder, calibration);
 }
 
 bool may_restructure(const UpdateQuestion& question, const Calibration& calibration) noexcept {
-  if (question.policy != Policy::kGoverned || !question.rays || is_foreseen(question, calibration)) return false;
+  if (question.policy != Policy::kGoverned || !question.rays) return false;
   const double excess = ray_nanoseconds(question.now, calibration) - restructured_nanoseconds(question, calibration);
   return gain_of(*question.rays * excess, question.history.since_restructuring) >
          static_cast<double>(question.triangle_count) * calibration.refit_nanoseconds;
@@ -195,17 +182,11 @@ UpdateDecision decide_update(const UpdateQuestion& question, const Calibration& 
   if (question.triangle_count == 0) {
     decision.reason = "positions changed of a mesh that has nothing for rays to meet";
   } else if (question.policy != Policy::kGoverned) {
-    const bool follows = question.policy == Policy::kAnimate;
-    if (!follows) decision.action = static_cast<UpdateAction>(static_cast<std::size_t>(question.policy) - 1);
+    decision.action = static_cast<UpdateAction>(static_cast<std::size_t>(question.policy) - 1);
     decision.reason = std::string("positions changed, and the policy is to ") + verb_of(decision.action) + " always";
   } else if (!(ray_nanoseconds(question.history.fresh, calibration) > 0)) {
     decision.action = UpdateAction::kRebuild;
     decision.reason = "positions changed, and the tree was built when the mesh had no extent";
-  } else if (is_foreseen(question, calibration)) {
-    decision.reason = "positions changed as was foreseen when the tree was built for all frames";
-    decision.history = question.history;
-    count_down(decision.history.foreseen);
-    return decision;
   } else if (question.rays) {
     decide_by_rays(question, decision, costs);
   } else {

@@ -27,23 +27,16 @@
 
 namespace perfect_bvh {
 
-// All but the first are for comparisons: what can be done so always is. kAnimate: to refit, in a tree for all frames
-// wherever their shapes are known.
-enum class Policy : std::uint8_t { kGoverned, kRefit, kRotate, kRebuildParts, kRebuild, kAnimate };
+// All but the first are for comparisons: what can be done so always is.
+enum class Policy : std::uint8_t { kGoverned, kRefit, kRotate, kRebuildParts, kRebuild };
 
-// kKeep: of triangles that did not move. kAnimate: a tree for all frames to come, see animation.h.
-enum class UpdateAction : std::uint8_t { kRefit, kRotate, kRebuildParts, kRebuild, kKeep, kAnimate };
+// kKeep: of triangles that did not move.
+enum class UpdateAction : std::uint8_t { kRefit, kRotate, kRebuildParts, kRebuild, kKeep };
 
 // What rays have paid beyond what they would have, had something been done in each commit.
 struct Excess {
   double nanoseconds = 0;
   std::uint32_t commit_count = 0;
-};
-
-// Of a tree for all frames of an animation: what was known when it was built.
-struct Foreseen {
-  double ray_nanoseconds = 0;      // at the worst of the shapes that it was built for
-  std::uint32_t commit_count = 0;  // that are still to come; 0: nothing is foreseen
 };
 
 // What is remembered of a tree from commit to commit.
@@ -57,7 +50,6 @@ struct UpdateHistory {
   Excess at_rest;                  // beyond a fresh tree, since the triangles moved last
   TraceWork now;                   // of the tree that is traced ...
   double sample_now = 0;           // ... and of one over the sample now
-  Foreseen foreseen;               // as it is, nothing is weighed while it holds
 };
 
 struct UpdateQuestion {

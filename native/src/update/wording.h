@@ -35,7 +35,7 @@ namespace perfect_bvh {
 }
 
 [[nodiscard]] inline const char* verb_of(UpdateAction action) {
-  constexpr std::array<const char*, 6> kVerbs{"refit", "rotate", "rebuild parts", "rebuild", "keep", "animate"};
+  constexpr std::array<const char*, 5> kVerbs{"refit", "rotate", "rebuild parts", "rebuild", "keep"};
   return kVerbs[static_cast<std::size_t>(action)];
 }
 

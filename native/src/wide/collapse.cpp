@@ -10,12 +10,10 @@ namespace perfect_bvh {
 namespace {
 
 // Scale: 0 for the one that the boxes ask for.
-WideBvh collapse(const Bvh2& given, const Mesh* mesh, TreeLayout layout, float scale, ThreadPool& pool,
-                 CancelToken& cancel) {
+WideBvh collapse(const Bvh2& given, const Mesh* mesh, float scale, ThreadPool& pool, CancelToken& cancel) {
   WideBvh wide;
-  wide.layout = mesh ? layout_over(*mesh, layout) : layout;
   if (given.empty()) return wide;
-  const LeafRoom room = mesh ? LeafRoom(*mesh, layout) : LeafRoom();
+  const LeafRoom room = mesh ? LeafRoom(*mesh) : LeafRoom();
   const Bvh2 split = split_leaves(given, room, pool, cancel);
   const Bvh2& tree = split.empty() ? given : split;
   const Aabb bounds = tree.bounds();
@@ -37,16 +35,16 @@ WideBvh collapse(const Bvh2& given, const Mesh* mesh, TreeLayout layout, float s
 
 }  // namespace
 
-WideBvh collapse_mesh(const Bvh2& tree, const Mesh& mesh, TreeLayout layout, ThreadPool& pool, CancelToken& cancel) {
-  return collapse(tree, &mesh, layout, 0, pool, cancel);
+WideBvh collapse_mesh(const Bvh2& tree, const Mesh& mesh, ThreadPool& pool, CancelToken& cancel) {
+  return collapse(tree, &mesh, 0, pool, cancel);
 }
 
 WideBvh collapse_top_level(const Bvh2& tree, ThreadPool& pool, CancelToken& cancel) {
-  return collapse(tree, nullptr, TreeLayout::kDefault, 0, pool, cancel);
+  return collapse(tree, nullptr, 0, pool, cancel);
 }
 
 AlignedVector<WideNode> collapse_over_leaves(const Bvh2& tree, ThreadPool& pool, CancelToken& cancel) {
-  WideBvh wide = collapse(tree, nullptr, TreeLayout::kDefault, 1.0f, pool, cancel);
+  WideBvh wide = collapse(tree, nullptr, 1.0f, pool, cancel);
   for_steps(wide.nodes.size(), cancel, [&](std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end; ++i) {
       for (std::uint32_t& child : wide.nodes[i].child) {

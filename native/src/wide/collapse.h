@@ -5,7 +5,6 @@
 
 #include <span>
 
-#include "builders/build_config.h"
 #include "builders/bvh2.h"
 #include "core/cancel.h"
 #include "core/thread_pool.h"
@@ -14,8 +13,7 @@
 
 namespace perfect_bvh {
 
-[[nodiscard]] WideBvh collapse_mesh(const Bvh2& tree, const Mesh& mesh, TreeLayout layout, ThreadPool& pool,
-                                    CancelToken& cancel);
+[[nodiscard]] WideBvh collapse_mesh(const Bvh2& tree, const Mesh& mesh, ThreadPool& pool, CancelToken& cancel);
 
 // Over instances (their world boxes): leaves refer to one each.
 [[nodiscard]] WideBvh collapse_top_level(const Bvh2& tree, ThreadPool& pool, CancelToken& cancel);

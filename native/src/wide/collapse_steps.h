@@ -47,7 +47,7 @@ static_assert(sizeof(CollapseDecision) == 8);
                                                             CancelToken& cancel);
 
 // Writes the wide tree that was planned, depth first.
-// Fills in nodes, leaves, root and depth; scale and layout must be set. Mesh: null for a top level. Threads share out
+// Fills in nodes, leaves, root and depth; the scale must be set. Mesh: null for a top level. Threads share out
 // subtrees: they first count what each will need, then write it where it belongs. Throws EngineError if the tree gets
 // more nodes, leaves or instances than a child can refer to.
 void emit_wide(const Bvh2& tree, const Mesh* mesh, std::span<const CollapseDecision> decisions, WideBvh& wide,

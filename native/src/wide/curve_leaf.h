@@ -1,4 +1,4 @@
-// Leaves over curves as the default layout has them: each segment's capsule in whole steps, eight side by side.
+// Leaves over curves: each segment's capsule in whole steps, eight side by side.
 #pragma once
 
 #include <cstdint>

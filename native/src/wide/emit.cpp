@@ -157,8 +157,8 @@ class Emitter {
     if (mesh_ == nullptr) return instance_of(binary);
     primitive_count_ = 0;
     collect(binary);
-    if (wide_.layout == TreeLayout::kCompact) {
-      wide_.indexed_leaves[next_leaf_] = make_indexed_leaf(primitives_.data(), primitive_count_);
+    if (mesh_->kind == PrimitiveKind::kPoints) {
+      wide_.point_leaves[next_leaf_] = make_point_leaf(primitives_.data(), primitive_count_);
     } else if (mesh_->kind == PrimitiveKind::kCurves) {
       wide_.curve_leaves[next_leaf_] = make_curve_leaf(primitives_.data(), primitive_count_, *mesh_, wide_.scale);
     } else {

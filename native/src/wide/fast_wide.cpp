@@ -178,12 +178,11 @@ class Assembly {
 
 }  // namespace
 
-WideBvh build_fast_wide(const Mesh& mesh, TreeLayout layout, ThreadPool& pool, CancelToken& cancel) {
+WideBvh build_fast_wide(const Mesh& mesh, ThreadPool& pool, CancelToken& cancel) {
   WideBvh wide;
-  wide.layout = layout_over(mesh, layout);
   if (mesh.primitive_count() == 0) return wide;
   Scratch tree_memory;
-  MortonLeaves leaves = make_morton_leaves(mesh, layout, tree_memory, pool, cancel);
+  MortonLeaves leaves = make_morton_leaves(mesh, tree_memory, pool, cancel);
   wide = std::move(leaves.tree);
   wide.is_empty = false;
   wide.extent = tree_extent(leaves.bounds, wide.scale);

@@ -13,6 +13,6 @@
 namespace perfect_bvh {
 
 // Empty over no triangles. Throws Cancelled, EngineError, bad_alloc.
-[[nodiscard]] WideBvh build_fast_wide(const Mesh& mesh, TreeLayout layout, ThreadPool& pool, CancelToken& cancel);
+[[nodiscard]] WideBvh build_fast_wide(const Mesh& mesh, ThreadPool& pool, CancelToken& cancel);
 
 }  // namespace perfect_bvh

@@ -68,8 +68,8 @@ LeafBlock make_leaf_block(const std::uint32_t* primitives, std::uint32_t count, 
   return block;
 }
 
-IndexedLeaf make_indexed_leaf(const std::uint32_t* primitives, std::uint32_t count) noexcept {
-  IndexedLeaf leaf;
+PointLeaf make_point_leaf(const std::uint32_t* primitives, std::uint32_t count) noexcept {
+  PointLeaf leaf;
   write_sorted(primitives, count, leaf.primitives);
   return leaf;
 }

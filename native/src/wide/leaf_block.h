@@ -4,7 +4,6 @@
 #include <cstdint>
 #include <span>
 
-#include "builders/build_config.h"
 #include "core/aligned.h"
 #include "math/float4.h"
 #include "mesh/mesh.h"
@@ -13,20 +12,14 @@
 
 namespace perfect_bvh {
 
-// Of the trees over a mesh, when one in `asked` was asked for. Points have no leaves but of numbers.
-[[nodiscard]] inline TreeLayout layout_over(const Mesh& mesh, TreeLayout asked) noexcept {
-  return mesh.kind == PrimitiveKind::kPoints ? TreeLayout::kCompact : asked;
-}
-
 // What one leaf has room for: so many different primitives, and where it holds their vertices at most 8 of those.
 struct LeafRoom {
   std::uint32_t most = 1;                      // an instance, of a top level
   const TriangleIndices* triangles = nullptr;  // null: vertices do not count
 
   LeafRoom() noexcept = default;
-  LeafRoom(const Mesh& mesh, TreeLayout layout) noexcept
-      : most(SmallSet::kMost),
-        triangles(!mesh.is_round() && layout == TreeLayout::kDefault ? mesh.triangles.data() : nullptr) {}
+  explicit LeafRoom(const Mesh& mesh) noexcept
+      : most(SmallSet::kMost), triangles(mesh.is_round() ? nullptr : mesh.triangles.data()) {}
 
   [[nodiscard]] bool holds(std::span<const std::uint32_t> numbers) const noexcept {
     if (numbers.size() > most) return false;
@@ -40,12 +33,11 @@ struct LeafRoom {
   }
 };
 
-// So many leaves of the tree's layout.
+// So many leaves of the mesh's kind.
 inline void make_room_for_leaves(const Mesh& mesh, std::size_t count, WideBvh& tree) {
-  const bool is_compact = tree.layout == TreeLayout::kCompact, is_curves = mesh.kind == PrimitiveKind::kCurves;
-  tree.blocks.resize(is_compact || is_curves ? 0 : count);
-  tree.curve_leaves.resize(!is_compact && is_curves ? count : 0);
-  tree.indexed_leaves.resize(is_compact ? count : 0);
+  tree.blocks.resize(mesh.kind == PrimitiveKind::kTriangles ? count : 0);
+  tree.curve_leaves.resize(mesh.kind == PrimitiveKind::kCurves ? count : 0);
+  tree.point_leaves.resize(mesh.kind == PrimitiveKind::kPoints ? count : 0);
 }
 
 // From 1 to 8 different triangles over at most 8 vertices, in any order. Positions are taken times `scale`.
@@ -69,7 +61,7 @@ Box4 write_vertices(LeafBlock& block, const std::uint32_t* vertices, const Mesh&
 // places past count repeat the last number.
 void write_sorted(const std::uint32_t* numbers, std::uint32_t count, std::uint32_t* sorted) noexcept;
 
-// The same triangles as a leaf of the compact layout: 1 to 8, over any number of vertices.
-[[nodiscard]] IndexedLeaf make_indexed_leaf(const std::uint32_t* primitives, std::uint32_t count) noexcept;
+// From 1 to 8 different points, in any order.
+[[nodiscard]] PointLeaf make_point_leaf(const std::uint32_t* primitives, std::uint32_t count) noexcept;
 
 }  // namespace perfect_bvh

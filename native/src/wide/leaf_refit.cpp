@@ -11,7 +11,7 @@ namespace {
 void fetch(const void* place) noexcept { __builtin_prefetch(place); }
 void fetch_to_write(const void* place) noexcept { __builtin_prefetch(place, 1); }
 
-// Leaves of the default layout ------------------------------------------------------------------------------------
+// Leaves of triangles -----------------------------------------------------------------------------------------------
 
 // What a leaf reads is asked for so many leaves ahead of time that it is in the cache when its turn comes: its numbers,
 // which are at hand where leaves stand in order, then what these refer to.
@@ -61,46 +61,6 @@ void refit_blocks(const WideBvh& from, const LeafVertices& vertices, const Mesh&
   }
 }
 
-// Leaves of the compact layout --------------------------------------------------------------------------------------
-
-// From a leaf to its vertices are three steps through memory, each of which knows where the next one goes.
-constexpr std::size_t kLeafAhead = 24, kTrianglesAhead = 16, kCornersAhead = 8;
-
-void fetch_corners(const IndexedLeaf& leaf, const Mesh& mesh) noexcept {
-  for (const std::uint32_t primitive : leaf.primitives) {
-    const TriangleIndices corners = mesh.triangles[primitive];
-    fetch(&mesh.positions[corners.x]), fetch(&mesh.positions[corners.y]), fetch(&mesh.positions[corners.z]);
-  }
-}
-
-Box4 box_of(const IndexedLeaf& leaf, const Mesh& mesh, Float4 scale) noexcept {
-  Box4 box = Box4::empty();
-  for (const std::uint32_t primitive : leaf.primitives) {
-    const TriangleIndices corners = mesh.triangles[primitive];
-    for (const std::uint32_t vertex : {corners.x, corners.y, corners.z}) {
-      box.grow(Float4::load_unaligned(&mesh.positions[vertex]));
-    }
-  }
-  const Float4 zero(0.0f);
-  return {box.lower * scale + zero, box.upper * scale + zero};
-}
-
-// They do not change: only their boxes do.
-void refit_indexed_leaves(const WideBvh& from, const Mesh& mesh, std::span<const std::uint32_t> rows, WideBvh& to,
-                          Box4* boxes) noexcept {
-  const Float4 scale(to.scale);
-  const auto leaf_at = [&](std::size_t i) -> const IndexedLeaf& { return from.indexed_leaves[rows[i]]; };
-  for (std::size_t i = 0; i < rows.size(); ++i) {
-    if (i + kLeafAhead < rows.size()) fetch(&leaf_at(i + kLeafAhead));
-    if (i + kTrianglesAhead < rows.size()) {
-      for (const std::uint32_t primitive : leaf_at(i + kTrianglesAhead).primitives) fetch(&mesh.triangles[primitive]);
-    }
-    if (i + kCornersAhead < rows.size()) fetch_corners(leaf_at(i + kCornersAhead), mesh);
-    boxes[i] = box_of(leaf_at(i), mesh, scale);
-    if (&from != &to) to.indexed_leaves[rows[i]] = leaf_at(i);
-  }
-}
-
 // Leaves of curves and points --------------------------------------------------------------------------------------
 
 // Of curves and points, eight of them.
@@ -114,7 +74,10 @@ Box4 round_box_of(const std::uint32_t* primitives, const Mesh& mesh, Float4 scal
   return {box.lower * scale + zero, box.upper * scale + zero};
 }
 
-// From a leaf to its balls there are two steps for points, three for curves. `move(i, row)` writes the leaf.
+// From a leaf to its balls there are two steps through memory for points, three for curves, each of which knows where
+// the next one goes. `move(row)` writes the leaf.
+constexpr std::size_t kLeafAhead = 24, kSegmentsAhead = 16, kBallsAhead = 8;
+
 template <class Leaf, class Move>
 void refit_round_leaves(const AlignedVector<Leaf>& leaves, const Mesh& mesh, std::span<const std::uint32_t> rows,
                         float scale, Box4* boxes, const Move& move) noexcept {
@@ -122,11 +85,11 @@ void refit_round_leaves(const AlignedVector<Leaf>& leaves, const Mesh& mesh, std
   const auto numbers_at = [&](std::size_t i) { return std::span(leaves[rows[i]].primitives); };
   for (std::size_t i = 0; i < rows.size(); ++i) {
     if (i + kLeafAhead < rows.size()) fetch(numbers_at(i + kLeafAhead).data());
-    if (is_curves && i + kTrianglesAhead < rows.size()) {
-      for (const std::uint32_t primitive : numbers_at(i + kTrianglesAhead)) fetch(&mesh.segments[primitive]);
+    if (is_curves && i + kSegmentsAhead < rows.size()) {
+      for (const std::uint32_t primitive : numbers_at(i + kSegmentsAhead)) fetch(&mesh.segments[primitive]);
     }
-    if (i + kCornersAhead < rows.size()) {
-      for (const std::uint32_t primitive : numbers_at(i + kCornersAhead)) {
+    if (i + kBallsAhead < rows.size()) {
+      for (const std::uint32_t primitive : numbers_at(i + kBallsAhead)) {
         fetch(&mesh.balls[is_curves ? mesh.segments[primitive] & kSegmentBall : primitive]);
       }
     }
@@ -144,8 +107,8 @@ void refit_round_leaves(const WideBvh& from, const Mesh& mesh, std::span<const s
       write_axes(to.curve_leaves[row], mesh, to.scale);
     });
   } else {
-    refit_round_leaves(from.indexed_leaves, mesh, rows, to.scale, boxes, [&](std::uint32_t row) {
-      if (is_copy) to.indexed_leaves[row] = from.indexed_leaves[row];
+    refit_round_leaves(from.point_leaves, mesh, rows, to.scale, boxes, [&](std::uint32_t row) {
+      if (is_copy) to.point_leaves[row] = from.point_leaves[row];
     });
   }
 }
@@ -156,8 +119,6 @@ void refit_leaves(const WideBvh& from, const LeafVertices& vertices, const Mesh&
                   std::span<const std::uint32_t> rows, WideBvh& to, Box4* boxes) noexcept {
   if (mesh.is_round()) {
     refit_round_leaves(from, mesh, rows, to, boxes);
-  } else if (from.layout == TreeLayout::kCompact) {
-    refit_indexed_leaves(from, mesh, rows, to, boxes);
   } else {
     refit_blocks(from, vertices, mesh, rows, to, boxes);
   }

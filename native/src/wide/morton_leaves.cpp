@@ -114,29 +114,6 @@ void fill_blocks(const Mesh& mesh, const TriangleOrder& order, std::size_t begin
   }
 }
 
-// The same for the compact layout.
-void fill_indexed_leaves(const Mesh& mesh, const TriangleOrder& order, std::size_t begin,
-                         std::span<const std::uint8_t> sizes, std::size_t row, MortonLeaves& leaves) noexcept {
-  constexpr std::size_t kAhead = 16;  // triangles fetched before they are needed
-  const Float4 scale(leaves.tree.scale);
-  const std::size_t last = order.sorted.size() - 1;
-  for (const std::uint8_t size : sizes) {
-    std::array<std::uint32_t, kLeafSize> numbers;
-    Box4 box = Box4::empty();
-    for (std::size_t i = 0; i < size; ++i) {
-      __builtin_prefetch(&mesh.triangles[order.triangle(std::min(begin + i + kAhead, last))]);
-      numbers[i] = order.triangle(begin + i);
-      const TriangleIndices corners = mesh.triangles[numbers[i]];
-      for (const std::uint32_t vertex : {corners.x, corners.y, corners.z}) {
-        box.grow(load_position(&mesh.positions[vertex]).xyz0() * scale);
-      }
-    }
-    leaves.tree.indexed_leaves[row] = make_indexed_leaf(numbers.data(), size);
-    leaves.boxes[row++] = make_cluster(with_positive_zeros(box), order.code(begin), order.code(begin + size - 1));
-    begin += size;
-  }
-}
-
 // The same for curves and points.
 void fill_round_leaves(const Mesh& mesh, const TriangleOrder& order, std::size_t begin,
                        std::span<const std::uint8_t> sizes, std::size_t row, MortonLeaves& leaves) noexcept {
@@ -147,8 +124,8 @@ void fill_round_leaves(const Mesh& mesh, const TriangleOrder& order, std::size_t
       numbers[i] = order.triangle(begin + i);
       box.grow(mesh.primitive_box(numbers[i]));
     }
-    if (leaves.tree.layout == TreeLayout::kCompact) {
-      leaves.tree.indexed_leaves[row] = make_indexed_leaf(numbers.data(), size);
+    if (mesh.kind == PrimitiveKind::kPoints) {
+      leaves.tree.point_leaves[row] = make_point_leaf(numbers.data(), size);
     } else {
       leaves.tree.curve_leaves[row] = make_curve_leaf(numbers.data(), size, mesh, leaves.tree.scale);
     }
@@ -159,32 +136,28 @@ void fill_round_leaves(const Mesh& mesh, const TriangleOrder& order, std::size_t
   }
 }
 
-void check_count(std::size_t count, bool is_compact) {
+void check_count(std::size_t count, bool is_round) {
   constexpr std::size_t kMostNumbers = std::numeric_limits<std::int32_t>::max();
-  const std::size_t most = is_compact ? kMostNumbers : std::min(kMostNumbers, kMostCutTriangles);
+  const std::size_t most = is_round ? kMostNumbers : std::min(kMostNumbers, kMostCutTriangles);
   if (count <= most) return;
-  throw EngineError("the fast builder takes at most " + std::to_string(most) + " primitives in this layout, got " +
+  throw EngineError("the fast builder takes at most " + std::to_string(most) + " primitives of this kind, got " +
                     std::to_string(count) + "; choose another builder, or divide the mesh");
 }
 
 }  // namespace
 
-MortonLeaves make_morton_leaves(const Mesh& mesh, TreeLayout asked, Scratch& tree_memory, ThreadPool& pool,
-                                CancelToken& cancel) {
+MortonLeaves make_morton_leaves(const Mesh& mesh, Scratch& tree_memory, ThreadPool& pool, CancelToken& cancel) {
   const std::size_t count = mesh.primitive_count();
-  const TreeLayout layout = layout_over(mesh, asked);
-  const bool is_compact = layout == TreeLayout::kCompact, holds_any = is_compact || mesh.is_round();
-  check_count(count, holds_any);
+  check_count(count, mesh.is_round());
   const std::size_t vertex_memory = mesh.positions.size() * sizeof(std::uint32_t);  // of a thread
   Scratch scratch;
-  scratch.expect(order_byte_count(count) + (holds_any ? count : 16 * count + vertex_memory));
+  scratch.expect(order_byte_count(count) + (mesh.is_round() ? count : 16 * count + vertex_memory));
   const TriangleOrder order = order_triangles(mesh, scratch, pool, cancel);
   MortonLeaves leaves;
   leaves.bounds = to_aabb(order.bounds);
-  leaves.tree.layout = layout;
   leaves.tree.scale = tree_scale(leaves.bounds);
 
-  Runs runs = make_room_for_runs(count, holds_any ? TreeLayout::kCompact : layout, scratch);
+  Runs runs = make_room_for_runs(mesh, scratch);
   cut_runs(mesh, order, runs, scratch, pool, cancel);
   std::vector<std::size_t> first_leaves(runs.counts.size() + 1);
   for (std::size_t i = 0; i < runs.counts.size(); ++i) first_leaves[i + 1] = first_leaves[i] + runs.counts[i];
@@ -196,8 +169,6 @@ MortonLeaves make_morton_leaves(const Mesh& mesh, TreeLayout asked, Scratch& tre
     const auto sizes = runs.sizes.subspan(begin, runs.counts[chunk]);
     if (mesh.is_round()) {
       fill_round_leaves(mesh, order, begin, sizes, row, leaves);
-    } else if (is_compact) {
-      fill_indexed_leaves(mesh, order, begin, sizes, row, leaves);
     } else {
       fill_blocks(mesh, order, begin, sizes, runs, row, leaves);
     }

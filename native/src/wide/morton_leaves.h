@@ -21,7 +21,7 @@ struct MortonLeaves {
 
 // The boxes stand in `tree_memory`, which is told what a tree over them will take. The same bytes for any number of
 // threads. The mesh is not empty. Throws Cancelled, EngineError, bad_alloc.
-[[nodiscard]] MortonLeaves make_morton_leaves(const Mesh& mesh, TreeLayout layout, Scratch& tree_memory,
-                                              ThreadPool& pool, CancelToken& cancel);
+[[nodiscard]] MortonLeaves make_morton_leaves(const Mesh& mesh, Scratch& tree_memory, ThreadPool& pool,
+                                              CancelToken& cancel);
 
 }  // namespace perfect_bvh

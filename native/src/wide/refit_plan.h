@@ -23,7 +23,7 @@ struct alignas(32) VertexNumbers {
   std::array<std::uint32_t, 8> at;  // in the mesh, by place in LeafBlock::vertices
 };
 
-// By row of the leaf; empty for the compact layout, whose leaves hold no vertices. It holds for as long as the leaves
+// By row of the leaf; empty of curves and points, whose leaves hold no vertices. It holds for as long as the leaves
 // are the same, whatever happens to the nodes above them.
 using LeafVertices = AlignedVector<VertexNumbers>;
 

@@ -30,11 +30,12 @@ constexpr Newness kNewness = make_newness();
 
 }  // namespace
 
-Runs make_room_for_runs(std::size_t triangle_count, TreeLayout layout, Scratch& scratch) {
+Runs make_room_for_runs(const Mesh& mesh, Scratch& scratch) {
   Runs runs;
-  runs.sizes = scratch.take<std::uint8_t>(triangle_count);
-  runs.counts = scratch.take<std::uint32_t>((triangle_count + kRunChunk - 1) / kRunChunk);
-  const std::size_t corner_count = layout == TreeLayout::kDefault ? 3 * triangle_count : 0;
+  const std::size_t count = mesh.primitive_count();
+  runs.sizes = scratch.take<std::uint8_t>(count);
+  runs.counts = scratch.take<std::uint32_t>((count + kRunChunk - 1) / kRunChunk);
+  const std::size_t corner_count = mesh.is_round() ? 0 : 3 * count;
   runs.corners = scratch.take<std::uint32_t>(corner_count + kCornersAhead);
   std::fill(runs.corners.end() - kCornersAhead, runs.corners.end(), 0u);
   runs.way_back = scratch.take<std::uint8_t>(corner_count);

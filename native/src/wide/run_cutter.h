@@ -27,17 +27,17 @@ inline constexpr std::size_t kCornersAhead = 48;  // whose vertices are fetched 
 struct Runs {
   std::span<std::uint8_t> sizes;    // of each chunk from its first triangle's place on; as many as `counts` says
   std::span<std::uint32_t> counts;  // by chunk
-  // Only where a leaf holds its vertices (default layout):
+  // Of triangles, whose leaves hold their vertices:
   std::span<std::uint32_t> corners;  // three vertices for each triangle, and kCornersAhead of any behind them
   std::span<std::uint8_t> way_back;  // how many corners ago its vertex occurred last, at most kMostBack
 };
 
-[[nodiscard]] Runs make_room_for_runs(std::size_t triangle_count, TreeLayout layout, Scratch& scratch);
+[[nodiscard]] Runs make_room_for_runs(const Mesh& mesh, Scratch& scratch);
 
 // One for each thread: it remembers where in the order a vertex occurred last.
 class RunCutter {
  public:
-  // last_corners: for the default layout a place for every vertex, of this cutter's own; else empty.
+  // last_corners: of triangles a place for every vertex, of this cutter's own; else empty.
   RunCutter(const Mesh& mesh, const TriangleOrder& order, std::span<std::uint32_t> last_corners, Runs& runs,
             CancelToken& cancel);
 

@@ -69,10 +69,10 @@ inline void write_planes(const Box4* boxes, WideNode& node) noexcept {
   return box;
 }
 
-// The eight places of a leaf of whatever layout. The last of its triangles is repeated.
+// The eight places of a leaf of whatever kind. The last of its triangles is repeated.
 [[nodiscard]] inline const std::uint32_t* primitives_of(const WideBvh& tree, std::uint32_t leaf) noexcept {
-  if (tree.layout == TreeLayout::kCompact) return tree.indexed_leaves[leaf].primitives;
-  return tree.curve_leaves.empty() ? tree.blocks[leaf].primitives : tree.curve_leaves[leaf].primitives;
+  if (!tree.blocks.empty()) return tree.blocks[leaf].primitives;
+  return tree.curve_leaves.empty() ? tree.point_leaves[leaf].primitives : tree.curve_leaves[leaf].primitives;
 }
 
 [[nodiscard]] inline std::uint32_t triangle_count_of(const WideBvh& tree, std::uint32_t leaf) noexcept {

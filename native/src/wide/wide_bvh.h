@@ -1,18 +1,15 @@
 // The tree that rays are traced through: nodes of 8 children, leaves of up to 8 triangles. The same bytes for every
 // instruction set. It serves both levels: over the triangles of a mesh, and over instances.
 //
-// A leaf of the default layout holds each of its vertices once, and 3 bits for each corner of a triangle: a kernel
-// moves and shears 8 vertices, then deals them out to the corners by register permutation. Against nine floats a
-// triangle that halves the bytes read and takes no longer; what it costs is that a leaf is full at 8 vertices. A leaf
-// of the compact layout holds the triangles' numbers alone, and vertices are read from the mesh at each visit: half the
-// memory, mesh included, for a fifth of the speed.
+// A leaf of triangles holds each of its vertices once, and 3 bits for each corner of a triangle: a kernel moves and
+// shears 8 vertices, then deals them out to the corners by register permutation. Against nine floats a triangle that
+// halves the bytes read and takes no longer; what it costs is that a leaf is full at 8 vertices.
 #pragma once
 
 #include <cstddef>
 #include <cstdint>
 #include <type_traits>
 
-#include "builders/build_config.h"
 #include "core/aligned.h"
 #include "math/slab.h"
 
@@ -56,7 +53,7 @@ struct alignas(16) LeafCorner {
   float steps;
 };
 
-// A leaf of the default layout over curves: of each segment the axis, from one ball's centre to the other's, and the
+// A leaf of curves: of each segment the axis, from one ball's centre to the other's, and the
 // larger radius, in whole steps from the leaf's corner. The segment lies in the capsule about that axis with that
 // radius, so kernels find out, eight at a time, which segments a ray may meet; those are read from the mesh.
 struct alignas(64) CurveLeaf {
@@ -69,19 +66,18 @@ struct alignas(64) CurveLeaf {
 };
 static_assert(sizeof(CurveLeaf) == 128 && std::is_trivially_copyable_v<CurveLeaf>);
 
-// Of points, and of the compact layout.
-struct alignas(32) IndexedLeaf {
+// Of points, which are read from the mesh.
+struct alignas(32) PointLeaf {
   std::uint32_t primitives[8];  // as in a block
 };
-static_assert(sizeof(IndexedLeaf) == 32 && std::is_trivially_copyable_v<IndexedLeaf>);
+static_assert(sizeof(PointLeaf) == 32 && std::is_trivially_copyable_v<PointLeaf>);
 
 struct WideBvh {
   AlignedVector<WideNode> nodes;
-  // One of the three: as the layout says, of triangles or of curves; all are empty in a top level.
+  // One of the three: of triangles, curves or points; all are empty in a top level.
   AlignedVector<LeafBlock> blocks;
   AlignedVector<CurveLeaf> curve_leaves;
-  AlignedVector<IndexedLeaf> indexed_leaves;
-  TreeLayout layout = TreeLayout::kDefault;
+  AlignedVector<PointLeaf> point_leaves;
   std::uint32_t root = kNoChild;   // a node (row 0) or a leaf
   std::uint32_t depth = 0;         // nodes on the longest way from the root to a leaf
   bool is_empty = true;            // over nothing: `root` means nothing
@@ -92,11 +88,11 @@ struct WideBvh {
   TreeExtent extent{};  // of the boxes as stored
 
   [[nodiscard]] std::size_t leaf_count() const noexcept {
-    return blocks.size() + curve_leaves.size() + indexed_leaves.size();
+    return blocks.size() + curve_leaves.size() + point_leaves.size();
   }
   [[nodiscard]] std::size_t byte_count() const noexcept {
     return nodes.size() * sizeof(WideNode) + blocks.size() * sizeof(LeafBlock) +
-           curve_leaves.size() * sizeof(CurveLeaf) + indexed_leaves.size() * sizeof(IndexedLeaf);
+           curve_leaves.size() * sizeof(CurveLeaf) + point_leaves.size() * sizeof(PointLeaf);
   }
 };
 

@@ -113,9 +113,8 @@ WideCosts refit_wide(const WideBvh& from, const RefitPlan& plan, const Mesh& mes
   to.nodes.resize(from.nodes.size());
   to.blocks.resize(from.blocks.size());
   to.curve_leaves.resize(from.curve_leaves.size());
-  to.indexed_leaves.resize(from.indexed_leaves.size());
-  to.layout = from.layout, to.root = from.root, to.depth = from.depth, to.is_empty = from.is_empty,
-  to.repeats_triangles = false;
+  to.point_leaves.resize(from.point_leaves.size());
+  to.root = from.root, to.depth = from.depth, to.is_empty = from.is_empty, to.repeats_triangles = false;
   to.scale = scale.value_or(from.scale), to.extent = from.extent;
   if (from.is_empty) return {};
   // What `to` itself has of the shape is nearer: it is about to be written.

@@ -49,7 +49,7 @@ class WorkBetweenQuestions : public testing::TestWithParam<int> {
   [[nodiscard]] static std::size_t many() { return GetParam() == 1 ? kMany : kEnough; }
 
   std::int32_t add(const MeshData& data, const BuildConfig& config, Usage usage = Usage::kStatic) {
-    const std::int32_t mesh = scene_->add_mesh(data.mesh(), config, usage, false);
+    const std::int32_t mesh = scene_->add_mesh(data.mesh(), config, usage);
     place(mesh);
     return mesh;
   }
@@ -78,7 +78,7 @@ class WorkBetweenQuestions : public testing::TestWithParam<int> {
   }
 
   // Every way in which a tree follows its triangles.
-  void move_and_commit(std::int32_t mesh, MeshData data, const std::string& what) {
+  void move_and_commit(std::int32_t mesh, MeshData data) {
     const std::vector<std::pair<Policy, MeshAction>> ways{{Policy::kRefit, MeshAction::kRefitted},
                                                           {Policy::kRotate, MeshAction::kRotated},
                                                           {Policy::kRebuildParts, MeshAction::kPartlyRebuilt},
@@ -91,14 +91,14 @@ class WorkBetweenQuestions : public testing::TestWithParam<int> {
       const CommitReport report = commit(options);
       ASSERT_EQ(report.meshes.size(), 1u);
       EXPECT_EQ(report.meshes[0].action, action) << report.meshes[0].reason;
-      expect_bounded(what + ", policy " + std::to_string(static_cast<int>(policy)));
+      expect_bounded("policy " + std::to_string(static_cast<int>(policy)));
     }
     twist(data, 0.7f);
     scene_->update_mesh(mesh, std::span<const Vec3f>(data.positions), pool_);
     CommitOptions options;
     options.expected_rays = 1e6;
     static_cast<void>(commit(options));
-    expect_bounded(what + ", governed");
+    expect_bounded("governed");
   }
 
   ThreadPool pool_{GetParam()};
@@ -122,9 +122,7 @@ std::vector<NamedConfig> builders() {
                                {"sweep", {.builder = BuilderKind::kSweep}},
                                {"spatial", {.builder = BuilderKind::kSpatial}},
                                {"optimize", {.builder = BuilderKind::kBinned}},
-                               {"changing", {}, Usage::kChanging},
-                               {"compact", {.layout = TreeLayout::kCompact}},
-                               {"changing, compact", {.layout = TreeLayout::kCompact}, Usage::kChanging}};
+                               {"changing", {}, Usage::kChanging}};
   for (NamedConfig& each : all) {
     const bool is_slow = each.config.builder == BuilderKind::kSweep || each.config.builder == BuilderKind::kSpatial ||
                          each.config.builder == BuilderKind::kMedian;
@@ -159,21 +157,12 @@ TEST_P(WorkBetweenQuestions, IsBoundedWhereTrianglesMove) {
   const MeshData data = surface(many());
   const std::int32_t mesh = add(data, {});
   static_cast<void>(commit());
-  move_and_commit(mesh, data, "default");
-}
-
-TEST_P(WorkBetweenQuestions, IsBoundedWhereTrianglesOfACompactTreeMove) {
-  BuildConfig config;
-  config.layout = TreeLayout::kCompact;
-  const MeshData data = surface(many());
-  const std::int32_t mesh = add(data, config);
-  static_cast<void>(commit());
-  move_and_commit(mesh, data, "compact");
+  move_and_commit(mesh, data);
 }
 
 TEST_P(WorkBetweenQuestions, IsBoundedForInstances) {
   constexpr std::size_t kCount = 600'000;
-  const std::int32_t mesh = scene_->add_mesh(soup(20, 1).mesh(), {}, Usage::kStatic, false);
+  const std::int32_t mesh = scene_->add_mesh(soup(20, 1).mesh(), {}, Usage::kStatic);
   Random random(3);
   std::vector<Affine> maps;
   std::vector<InstanceInput> inputs;
@@ -198,12 +187,8 @@ TEST_P(WorkBetweenQuestions, IsBoundedForInstances) {
   expect_bounded("refit");
 }
 
-TEST_P(WorkBetweenQuestions, IsBoundedForLazyAndBakedMeshes) {
-  const std::int32_t lazy = scene_->add_mesh(surface(kEnough).mesh(), {}, Usage::kStatic, true);
-  place(lazy);
-  static_cast<void>(commit());
-  expect_bounded("lazy");
-  const std::int32_t mesh = scene_->add_mesh(surface(kEnough).mesh(), {}, Usage::kStatic, false);
+TEST_P(WorkBetweenQuestions, IsBoundedForBakedMeshes) {
+  const std::int32_t mesh = scene_->add_mesh(surface(kEnough).mesh(), {}, Usage::kStatic);
   const InstanceInput flat{mesh, Affine{{1, 0, 0}, {0, 1, 0}, {0, 0, 0}, {0, 0, 0}}, 1u, {}};
   scene_->add_instances({&flat, 1});
   EXPECT_EQ(commit().baked_count, 1u);
