@@ -142,7 +142,7 @@ def test_no_ray_exactly_at_edges_is_lost(repository, tmp_path, mesh_file):
     words = ["--mesh", str(mesh_file), "--rays", "3000"]
     (mesh,) = figures_of(repository, tmp_path, "mesh_edges.py", *words)["meshes"]
     assert min(mesh["few bits"], mesh["any direction"], mesh["float32"]) > 500
-    assert (mesh["lost"], mesh["odd"]) == (0, 0)
+    assert (mesh["lost"], mesh["unlisted"], mesh["odd"]) == (0, 0, 0)
     assert mesh["crossings"] > mesh["past edges"] == 1000
 
 
