@@ -9,12 +9,14 @@ import json
 import re
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import perfect_bvh
 import pytest
+from benchmarks import mesh_edges, peers
 from benchmarks.judging import Judge, pick_sample
 from benchmarks.meshes import BenchMesh, load, subdivided
 from benchmarks.peers import Answers
@@ -131,6 +133,30 @@ def test_the_benchmark_of_accuracy(repository, tmp_path):
     for point in (*figures["grounds"]["flat"], *figures["grounds"]["aslant"]):
         ours = point["t"]["perfect_bvh"]
         assert (ours["missed"], ours["rays"]) == (0, 400) and ours["largest"] <= 2.5e-7, point["value"]
+    for point in figures["exact"]["distances"]:
+        assert 0 < point["hits"] < figures["exact"]["rays"] == 133
+        assert point["answers"]["perfect_bvh"]["wrong_per_million"] == 0.0, point["value"]
+
+
+def test_no_ray_exactly_at_edges_is_lost(repository, tmp_path, mesh_file):
+    words = ["--mesh", str(mesh_file), "--rays", "3000"]
+    (mesh,) = figures_of(repository, tmp_path, "mesh_edges.py", *words)["meshes"]
+    assert min(mesh["few bits"], mesh["any direction"], mesh["float32"]) > 500
+    assert (mesh["lost"], mesh["unlisted"], mesh["odd"]) == (0, 0, 0)
+    assert mesh["crossings"] > mesh["past edges"] == 1000
+
+
+def test_a_ray_that_is_lost_at_an_edge_is_counted(mesh_file):
+    """By an engine without one triangle of two, whose rays are judged by all."""
+    mesh, random = load(mesh_file), np.random.default_rng(3)
+    rays = mesh_edges.aim(mesh, "any direction", 1000, random)
+    half = peers.scene_of(BenchMesh("half", mesh.positions, mesh.triangles[::2]))
+    lost, unlisted = mesh_edges.lost_rays(mesh, half, rays, mesh_edges.Neighbours(mesh.triangles))
+    assert unlisted.all()
+    assert 0 < lost.sum() < len(rays.t)
+    assert not mesh_edges.is_closed(mesh.triangles[1:])
+    with pytest.raises(ArithmeticError, match="does not meet its target"):
+        mesh_edges.check_by_fractions(mesh, replace(rays, origins=np.nextafter(rays.origins, np.inf)))
 
 
 def test_the_benchmark_of_policies(repository, tmp_path):

@@ -6,7 +6,8 @@ A closed sphere is moved away from the origin, scaled, or stretched until its tr
 it, so that each must hit: a miss is wrong whatever rounding does. They are aimed at random points of the surface and,
 where it is hardest, at its vertices. Of a part of the first the double-precision oracle judges triangle and distance
 too, unless the sphere is so far away that rounding decides about all. Besides: how far off distances are on grounds
-of two triangles, flat and aslant, the larger the harder; and the speed of each way on one thread.
+of two triangles, flat and aslant, the larger the harder; who loses or makes up rays exactly at a box's outlines
+(exact_edges.py); and the speed of each way on one thread.
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 import numpy as np
 import numpy.typing as npt
 import perfect_bvh
-from benchmarks import options, peers
+from benchmarks import exact_edges, options, peers
 from benchmarks.build_python import measure_rays
 from benchmarks.judging import Judge
 from benchmarks.large_triangles import SIDES, errors_of_t, ground, rays_at_its_middle
@@ -78,10 +79,11 @@ def main() -> None:
             row[aim] = _count(rays, answers, judge if aim == "surface" else None, chosen.sample)
         sweeps.setdefault(case.sweep, []).append(row)
     grounds = {name: _grounds(name == "aslant", native, chosen, left_out) for name in ("flat", "aslant")}
+    exact = exact_edges.measure(chosen.rays // 3, chosen.ray_limit)
     speeds = _measure_speeds(native, chosen)
     left_out = list(dict.fromkeys(left_out))
     spheres = {"triangle_count": 2 * SEGMENTS * (RINGS - 1), "sweeps": sweeps}
-    options.save(chosen, {"left_out": left_out, **spheres, "grounds": grounds, "speeds": speeds})
+    options.save(chosen, {"left_out": left_out, **spheres, "grounds": grounds, "exact": exact, "speeds": speeds})
 
 
 def _cases(count: int) -> Iterator[Case]:

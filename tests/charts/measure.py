@@ -21,7 +21,7 @@ sys.path.insert(0, str(REPOSITORY / "tests"))
 from benchmarks.machine import MOST_LOAD, require_quiet
 from benchmarks.rows import write_rows
 from charts.drawn import drawn
-from charts.figures import DATA, Figures
+from charts.figures import DATA, Figures, load
 
 BENCHMARKS = Path("tests") / "benchmarks"
 SCENES = ("blend_scenes/courtyard.blend",)  # that are measured as one mesh
@@ -38,13 +38,16 @@ OF_MESHES: dict[str, str] = {
     "builders": "build.py --default-meshes --trees auto median sweep binned spatial fast --threads 1 --rounds 3 "
     "--size 320x200 --ray-limit 5000 --seconds 6",
 }
+# Parts of the figures of `accuracy`, to be measured alone, as another run of it would.
+PARTS: dict[str, str] = {"exact": "exact_edges.py --ray-limit 5000"}
 NATIVE = (*OF_MESHES, "accuracy")  # which run native programs, and refuse to on a busy machine
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     names = [*OF_MESHES, *WHOLE]
-    parser.add_argument("names", nargs="*", metavar="NAME", help=f"of {', '.join(names)}; without any: all")
+    choice = f"of {', '.join(names)} or, for a part, {', '.join(PARTS)}; without any: all"
+    parser.add_argument("names", nargs="*", metavar="NAME", help=choice)
     parser.add_argument(
         "--mesh", nargs="+", default=[], metavar="FILE", help="to measure besides: .npz, .ply, .obj, .blend"
     )
@@ -53,7 +56,7 @@ def main() -> None:
     chosen = parser.parse_args()
     require_quiet(chosen.noisy)
     for name in chosen.names:
-        if name not in names:
+        if name not in names and name not in PARTS:
             parser.error(f"nothing is called {name}; there are {', '.join(names)}")
     failed = []
     for name in chosen.names or names:
@@ -67,7 +70,7 @@ def main() -> None:
 
 def measure(name: str, chosen: argparse.Namespace) -> bool:
     """Runs one benchmark and keeps its figures; False if it failed, after it has said why."""
-    script, *words = (OF_MESHES.get(name) or WHOLE[name]).split()
+    script, *words = (OF_MESHES | WHOLE | PARTS)[name].split()
     if name in NATIVE:
         # The load was asked for when this program began: its own is no reason to refuse.
         words += ["--noisy", "--native", chosen.native]
@@ -78,7 +81,8 @@ def measure(name: str, chosen: argparse.Namespace) -> bool:
         command = [sys.executable, str(BENCHMARKS / script), *words, "--json", str(out)]
         done = subprocess.run(command, cwd=REPOSITORY, stdout=subprocess.DEVNULL, check=False)
         if done.returncode == 0:
-            keep(name, json.loads(out.read_text(encoding="utf-8")))
+            figures = json.loads(out.read_text(encoding="utf-8"))
+            keep(*(("accuracy", load("accuracy") | {name: figures}) if name in PARTS else (name, figures)))
     return done.returncode == 0
 
 

@@ -32,6 +32,8 @@ def chart(figures: Figures | None = None) -> Chart:
     bound = max(row["high"] for row in answers.values() if row["rays"] == rays and not row["missed_per_million"])
     rows = [row["vertices"] for sweep in figures["sweeps"].values() for row in sweep]
     lost = max(row["perfect_bvh"]["missed_per_million"] for row in rows)
+    exact = figures["exact"]
+    lost = max(lost, *(row["answers"]["perfect_bvh"]["wrong_per_million"] for row in exact["distances"]))
     worst = max(row.get("embree_robust", {}).get("missed_per_million", 0.0) for row in rows)
     ours = f"{lost:,.0f} in a million" if lost else "no ray"
     return Chart(
@@ -40,14 +42,17 @@ def chart(figures: Figures | None = None) -> Chart:
         f"{count(rays)} rays at each sphere ({count(few)} for Blender's); 0 is none of them, which leaves up to "
         f"{bound:.0f} in a million possible. Embree ROBUST loses up to {worst:,.0f}. Of marks at 0, ours hide others. "
         "Dashed: rays at random points of the surface, where any of those are lost. Bands: 95 % confidence. Bars of "
-        "speeds: quartiles. Large triangles: rays whose t is off by more than a millionth of itself, on a ground of "
-        "two triangles whose middle rays meet from one to three units above it.",
+        f"speeds: quartiles. Outlines: {count(exact['rays'])} rays from outside, which meet a box's vertices and edges "
+        "exactly or pass them by a float; whole numbers say who loses or makes up a hit. Large triangles: rays whose t "
+        "is off by more than a millionth of itself, on a ground of two triangles whose middle rays meet from one to "
+        "three units above it.",
         [
             *(_panel(figures, sweep) for sweep in SWEEPS),
-            _frontier(figures),
+            _outlines(exact["distances"]),
             *(_ground(figures, each) for each in GROUNDS),
+            _frontier(figures),
         ],
-        footer(figures),
+        f"{footer(figures)}. Outlines: {footer(exact)}",
         panel_height=275,
         legend=tuple(Key(label, color, mark) for label, color, mark in LOOKS.values()),
     )
@@ -89,6 +94,26 @@ def _ground(figures: Figures, which: str) -> Panel:
         GROUNDS[which],
         Axis("side of the ground", log=True, powers=True),
         Axis("rays off per million", log=True, has_zero=True, low=10.0, high=1e6, powers=True),
+        series,
+    )
+
+
+def _outlines(rows: list[Figures]) -> Panel:
+    series = []
+    for name, (words, color, mark) in reversed(LOOKS.items()):
+        if name in rows[0]["answers"]:
+            wrong = [row["answers"][name] for row in rows]
+            ys = [row["wrong_per_million"] for row in wrong]
+            low, high = (
+                [row["low"] for row in wrong],
+                [row["high"] if y else 0.0 for row, y in zip(wrong, ys, strict=True)],
+            )
+            values = [row["value"] for row in rows]
+            series.append(Series(words, values, ys, color, mark, low=low, high=high, line=True))
+    return Panel(
+        "Outlines, from outside",
+        Axis("distance of the rays' origins, in sides of the box", log=True, powers=True),
+        Axis("rays lost or made up per million", low=0.0),
         series,
     )
 

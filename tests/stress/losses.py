@@ -46,6 +46,7 @@ MEASURES: dict[str, Measure] = {
     "flat_boxes": Measure("a slab test with inverses", answers.usual_slabs),
     "axis_parallel_rays": Measure("a slab test with inverses", answers.usual_slabs),
     "edges_and_vertices": Measure("Möller-Trumbore in float32", answers.leaks),
+    "exact_edges": Measure("a watertight test in float32", answers.lost_outlines),
     "extreme_magnitudes": Measure("Möller-Trumbore, epsilon 1e-8", answers.usual_test),
     "large_ground": Measure("Möller-Trumbore in float32", answers.distances),
     "small_triangles": Measure("Möller-Trumbore, epsilon 1e-8", answers.usual_test),

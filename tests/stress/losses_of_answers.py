@@ -6,11 +6,13 @@ import numpy as np
 import perfect_bvh
 from makers.zoo import FailureCase
 from makers.zoo.case import Rays, world_corners
+from oracles.exact_rays import lines_meet, plane_distances
 
 from .loss import PER_MILLION, Loss
 from .naive import packets, slabs
 from .naive.intersection import closest_hits
 from .naive.tree import boxes_of
+from .naive.watertight import are_hits
 from .playing import Moment, play, wrong_answers
 
 RAYS = 1000
@@ -68,6 +70,22 @@ def leaks(case: FailureCase) -> Loss:
     naive = closest_hits(world_corners(moment.state), *rays)[1] < 0
     ours = ~moment.scene.test_occlusions(*rays)
     return Loss("leaks per million", per_million(naive), per_million(ours))
+
+
+def lost_outlines(case: FailureCase) -> Loss:
+    """Rays that hit where exact arithmetic finds no hit, or do not hit where it finds one."""
+    (moment,) = play(case.states())
+    (part,) = moment.state
+    rays = case.rays(moment.state, OF_EDGES, 1)
+    mesh = part.positions, part.triangles
+    right = (lines_meet(*mesh, *rays) & (plane_distances(*mesh, *rays) > 0.0)).any(axis=1)
+    naive = are_hits(world_corners(moment.state), *rays)
+    ours = moment.scene.test_occlusions(*rays), moment.scene.cast_rays(*rays).is_hit
+    return Loss(
+        "lost or made up per million",
+        per_million(naive != right),
+        per_million(np.any([answer != right for answer in ours], axis=0)),
+    )
 
 
 def other_rounding(case: FailureCase) -> Loss:

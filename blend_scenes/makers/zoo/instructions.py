@@ -66,6 +66,10 @@ DO: dict[str, Do] = {
         "On the left: a closed ball by its edges. Those rays fail that run from inside through an edge.",
         "WIREFRAME",
     ),
+    "exact_edges": Do(
+        "On the left: a box by its edges. Those rays fail that come from outside, exactly through an edge or a corner.",
+        "WIREFRAME",
+    ),
     "extreme_magnitudes": Do(
         f"{_PLAY} the same ball in sizes of 1, 1e-6, 1e8 and 1e11, then a million units from zero. "
         "The camera keeps in step, so that all pictures should be alike.",
