@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import signal
 import subprocess
@@ -514,3 +515,34 @@ def test_a_worker_that_joins_with_other_software_or_files_refuses(
         unregister()
     assert said in answer["refused"]
     assert contents(tmp_path) == {}
+
+
+def test_a_blender_of_a_worker_reads_no_file_again_that_the_run_has_read(
+    folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    import perfect_bvh_addon
+    from perfect_bvh_addon.cli import build_parser
+    from perfect_bvh_addon.cli.blender import StopRequest, open_scene
+    from perfect_bvh_addon.cli.farm.run import _job_of
+    from perfect_bvh_addon.cli.labels import LabelsWork
+    from perfect_bvh_addon.pieces import inputs
+
+    read: list[str] = []
+    true_checksum = inputs.checksum
+    monkeypatch.setattr(inputs, "checksum", lambda path: read.append(path.name) or true_checksum(path))
+    monkeypatch.setattr(inputs, "_known", {})
+    bpy.ops.wm.open_mainfile(filepath=str(folder / "small.blend"))
+    bpy.data.images.new("wood", 4, 4).save(filepath=str(tmp_path / "wood.png"))
+    bpy.data.images.load(str(tmp_path / "wood.png")).use_fake_user = True
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "linked.blend"))
+    asked = ["labels", str(tmp_path / "linked.blend"), "-o", str(tmp_path / "out"), "--frames", "1-2"]
+    arguments = build_parser("perfect-bvh").parse_args(asked)
+    try:
+        scene = open_scene(Path(arguments.file), arguments)
+        job = json.loads(json.dumps(_job_of(LabelsWork(scene, StopRequest(), arguments), 1)))
+        assert sorted(read) == ["linked.blend", "wood.png"]
+        inputs._known.clear()  # as in the worker's process
+        assert child._open(job, StopRequest()).place.inputs == job["inputs"]
+    finally:
+        perfect_bvh_addon.unregister()
+    assert sorted(read) == ["linked.blend", "wood.png"]
