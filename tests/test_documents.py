@@ -33,7 +33,7 @@ ELSEWHERE = {
     "the user's": ("FILE.blend", "mine.toml", "random.py", "scene.blend", "shot.blend", "walk.blend", "walk.py"),
     "made by a build": ("dist",),
     "made by a test": ("parts.blend", "sensor.toml", "small.blend"),
-    "Python's and Windows'": ("Python.h", "pyconfig.h", "winnt.h"),
+    "Python's": ("Python.h", "pyconfig.h"),
     "sources of measurements": (
         "_includes/en/platform/openmanipulator_x/perceptions/camera_humble.md",
         "blendodyne.py",
