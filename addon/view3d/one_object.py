@@ -15,13 +15,14 @@ class OneObject:
     """An object, and where it is.
 
     mesh: as rays meet it. matrix: (4, 4) from its space to the world; of an object that only instances show, the first
-    of these.
+    of these. instance: its row of the record.
     """
 
     name: str
     session_uid: int
     mesh: MeshRecord
     matrix: npt.NDArray[np.float64]
+    instance: int
 
 
 def find_object(record: SceneRecord, session_uid: int) -> OneObject | None:
@@ -36,4 +37,4 @@ def find_object(record: SceneRecord, session_uid: int) -> OneObject | None:
     matrix[:3] = record.instances.transforms[place]
     mesh = record.meshes[record.instances.mesh_indices[place]]
     name = record.objects[record.instances.object_indices[place]].name
-    return OneObject(name, session_uid, mesh, matrix)
+    return OneObject(name, session_uid, mesh, matrix, place)

@@ -47,7 +47,7 @@ STAGES = {
     ),
     "node": ("test_node", "visit_nodes"),
     "sort": ("push_sorted", "push_unsorted"),
-    "leaf": ("visit_leaves", "visit_leaf", "visit_indexed_leaf", "test_leaf", "take_hits", "take_hit"),
+    "leaf": ("visit_leaves", "visit_leaf", "test_leaf", "take_hits", "take_hit"),
     "write-back": ("write_result", "write_results", "divide_weights"),
     "stream": ("trace_stream", "follow_marks", "sort_others", "take_next_ray", "fetch_instances"),
     "ordering": ("reorder_rays", "trace_by_coherence", "gather_left"),

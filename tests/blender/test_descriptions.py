@@ -145,7 +145,7 @@ def test_a_grey_button_says_why(call: str, spoil: Callable[[], None], reason: st
 )
 def test_without_the_engine_what_needs_it_is_grey_and_says_so(module: Any, monkeypatch) -> None:
     reason = "The native engine could not be loaded: a damaged file"
-    monkeypatch.setattr(module, "native_error", lambda: reason)
+    monkeypatch.setattr(operators.ticking, "native_error", lambda: reason)
     (operator,) = [found for found in OPERATORS if found.__module__ == module.__name__]
     with pytest.raises(RuntimeError, match=reason):
         call_of(operator)()

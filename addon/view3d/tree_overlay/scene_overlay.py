@@ -223,7 +223,7 @@ def find_object(sync: SceneSync, obj: bpy.types.Object | None) -> tuple[int, Any
     found = one_object.find_object(record, obj.session_uid)
     if found is None:
         return None
-    return int(sync.mesh_ids[record.instances.mesh_indices[found.instances[0]]]), found.matrix
+    return int(sync.mesh_ids[record.instances.mesh_indices[found.instance]]), found.matrix
 
 
 def redraw_soon() -> None:
