@@ -1,6 +1,6 @@
 // The eight triangles of a leaf against a ray: math/triangle.h, eight at a time. Every kernel's leaf visit is made of
-// these functions, so that each of them gives a triangle the same t. A `Leaf` is a LeafBlock, or the MovingBlock between
-// two of them. Part of stream_kernel.inl: everything has internal linkage.
+// these functions, so that each of them gives a triangle the same t. A `Leaf` is a LeafBlock, or the MovingBlock
+// between two of them. Part of stream_kernel.inl: everything has internal linkage.
 
 // Of each lane; `lanes` has those that the ray's line passes through, or may pass through beside an edge, and whose t
 // may be in range.
