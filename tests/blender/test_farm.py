@@ -9,6 +9,7 @@ import subprocess
 import sys
 import tempfile
 import time
+from argparse import Namespace
 from collections.abc import Iterator
 from pathlib import Path
 from types import SimpleNamespace
@@ -26,7 +27,7 @@ from blender.farm_killer import Killer, complete  # noqa: E402
 from blender.farm_runs import JOBS, command, run_job, save_scene  # noqa: E402
 from blender.sensor_flight import contents  # noqa: E402
 from perfect_bvh_addon.cli import piece_child as child  # noqa: E402
-from perfect_bvh_addon.cli.farm import worker  # noqa: E402
+from perfect_bvh_addon.cli.farm import cluster, worker  # noqa: E402
 
 # Scripts of scenes, for workers alone.
 DEADLY = """
@@ -352,6 +353,21 @@ def test_a_blender_that_is_busy_is_ended_with_its_temporary_folder(
     monkeypatch.setattr(worker, "_busy", {blender})
     worker.end_blenders("1")
     assert blender._process.poll() is not None and temporary_folders(tmp_path) == []
+
+
+def test_workers_that_end_late_are_no_error(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As on a machine that is busy with something else, when the answers are there already."""
+    from distributed import LocalCluster
+
+    close = LocalCluster.close
+
+    def close_late(local: LocalCluster, timeout: float | None = None) -> None:
+        close(local, timeout)
+        raise TimeoutError
+
+    monkeypatch.setattr(LocalCluster, "close", close_late)
+    with cluster.cluster_client(Namespace(scheduler=None, workers=1)) as client:
+        assert client.submit(pow, 2, 3).result() == 8
 
 
 def test_a_run_stops_and_ends_its_own_blenders_alone(monkeypatch: pytest.MonkeyPatch) -> None:
