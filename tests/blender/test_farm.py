@@ -555,7 +555,7 @@ def test_a_blender_of_a_worker_reads_no_file_again_that_the_run_has_read(
     arguments = build_parser("perfect-bvh").parse_args(asked)
     try:
         scene = open_scene(Path(arguments.file), arguments)
-        job = json.loads(json.dumps(_job_of(LabelsWork(scene, StopRequest(), arguments), 1)))
+        job = json.loads(json.dumps(_job_of(LabelsWork(scene, StopRequest(), arguments), arguments, 1)))
         assert sorted(read) == ["linked.blend", "wood.png"]
         inputs._known.clear()  # as in the worker's process
         assert child._open(job, StopRequest()).place.inputs == job["inputs"]
