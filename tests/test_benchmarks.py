@@ -372,7 +372,7 @@ def test_the_first_image_is_timed_beside_cycles(repository: Path, tmp_path: Path
 @pytest.mark.parametrize(
     ("script", "constant", "source", "name"),
     [
-        ("build_python.py", "COMMITS_OF_A_STATIC_TREE", "blas/choose_tree.cpp", "kStaticCommits"),
+        ("build_python.py", "COMMITS_OF_A_STATIC_TREE", "blas/make_blas.cpp", "kStaticCommits"),
     ],
 )
 def test_what_benchmarks_repeat_of_the_engine_is_the_engines(

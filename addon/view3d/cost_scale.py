@@ -21,7 +21,7 @@ from .legend import Section, draw_legend
 from .pointer import Pointed, view_of
 from .rendered.redraws import viewport_at
 
-# As native/src/render/modes/palette.h has it, from the first colour to the last.
+# As native/src/render/modes/shading.h has it, from the first colour to the last.
 LEAST, DOUBLINGS = 2, 8
 STOPS = 8 * DOUBLINGS + 1
 SCALE = Scale(

@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "ray_caster.h"
-#include "tlas/snapshot.h"
+#include "tlas/assemble.h"
 
 namespace perfect_bvh::bench {
 

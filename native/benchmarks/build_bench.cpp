@@ -21,7 +21,7 @@
 #include "mesh_motions.h"
 #include "our_rays.h"
 #include "program.h"
-#include "query/statistics.h"
+#include "query/tree_boxes.h"
 #include "ray_race.h"
 #include "ray_sets.h"
 #include "tree_builds.h"

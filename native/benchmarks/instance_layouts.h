@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "math/affine.h"
+#include "math/aabb.h"
 
 namespace perfect_bvh::bench {
 

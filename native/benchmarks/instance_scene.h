@@ -5,7 +5,7 @@
 #include <span>
 #include <string>
 
-#include "math/affine.h"
+#include "math/aabb.h"
 #include "mesh/mesh.h"
 #include "ray_caster.h"
 

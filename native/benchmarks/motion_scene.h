@@ -7,10 +7,10 @@
 #include <string>
 #include <vector>
 
-#include "math/affine.h"
+#include "math/aabb.h"
 #include "mesh/mesh.h"
 #include "ray_sets.h"
-#include "tlas/snapshot.h"
+#include "tlas/assemble.h"
 
 namespace perfect_bvh::bench {
 

@@ -6,8 +6,8 @@
 #include <vector>
 
 #include "ray_sets.h"
-#include "tlas/snapshot.h"
-#include "traverse/strategy.h"
+#include "tlas/assemble.h"
+#include "traverse/dispatch.h"
 
 namespace perfect_bvh::bench {
 

@@ -7,7 +7,7 @@
 
 #include "mesh/mesh.h"
 #include "ray_sets.h"
-#include "tlas/snapshot.h"
+#include "tlas/assemble.h"
 
 namespace perfect_bvh::bench {
 

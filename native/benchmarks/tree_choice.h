@@ -4,7 +4,7 @@
 #include <string>
 
 #include "blas/build_tree.h"
-#include "builders/build_config.h"
+#include "builders/builder.h"
 
 namespace perfect_bvh::bench {
 

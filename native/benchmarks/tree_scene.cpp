@@ -5,11 +5,11 @@
 #include <vector>
 
 #include "scene/scene.h"
+#include "tlas/assemble.h"
 #include "tlas/instance.h"
 #include "tlas/top_level.h"
-#include "tlas/trace_view.h"
 #include "wide/collapse.h"
-#include "wide/wide_boxes.h"
+#include "wide/wide_bvh.h"
 
 namespace perfect_bvh::bench {
 

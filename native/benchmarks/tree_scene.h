@@ -5,9 +5,9 @@
 #include <optional>
 
 #include "blas/build_tree.h"
-#include "builders/build_config.h"
+#include "builders/builder.h"
 #include "mesh/mesh.h"
-#include "tlas/snapshot.h"
+#include "tlas/assemble.h"
 
 namespace perfect_bvh::bench {
 

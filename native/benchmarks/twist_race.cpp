@@ -21,7 +21,6 @@
 #include "wide/wide_cost.h"
 #include "wide/wide_rebuild.h"
 #include "wide/wide_refit.h"
-#include "wide/wide_rotation.h"
 
 namespace perfect_bvh::bench {
 namespace {

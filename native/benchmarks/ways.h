@@ -4,7 +4,7 @@
 #include <stdexcept>
 #include <string>
 
-#include "traverse/strategy.h"
+#include "traverse/dispatch.h"
 
 namespace perfect_bvh::bench {
 

@@ -4,17 +4,20 @@
 #include <pybind11/stl.h>
 
 #include <algorithm>
+#include <array>
 #include <atomic>
 #include <cmath>
 #include <cstring>
+#include <map>
 #include <mutex>
 #include <optional>
+#include <tuple>
 #include <vector>
 
-#include "bindings/arrays.h"
 #include "bindings/bind.h"
 #include "core/thread_pool.h"
 #include "math/float4.h"
+#include "render/filter/film.h"
 
 namespace perfect_bvh::bindings {
 namespace {
@@ -196,6 +199,83 @@ void bind_bulk(py::module_& module) {
              py::arg("largest"));
   module.def("are_triangles", &are_triangles, py::arg("corner_verts").noconvert(),
              py::arg("corner_triangles").noconvert(), py::arg("triangles").noconvert());
+}
+
+// Filter --------------------------------------------------------------------------------------------------------------
+// The denoiser without a library. The Python face hands over checked arrays, which it keeps alive.
+
+namespace {
+
+using Image = Array<float>;
+
+std::span<const Vec3f> pixels_of(const std::optional<Image>& image, std::array<py::ssize_t, 2> size) {
+  if (!image) return {};
+  if (image->ndim() != 3 || image->shape(0) != size[0] || image->shape(1) != size[1] || image->shape(2) != 3) {
+    throw std::invalid_argument("_core: the images to filter must be (H, W, 3), all of one size");
+  }
+  return {reinterpret_cast<const Vec3f*>(image->data()), static_cast<std::size_t>(size[0] * size[1])};
+}
+
+void filter(const Image& color, const std::optional<Image>& albedo, const std::optional<Image>& normal, Image& out,
+            int threads, const py::object& progress) {
+  if (color.ndim() != 3) throw std::invalid_argument("_core: the images to filter must be (H, W, 3)");
+  const std::array size{color.shape(0), color.shape(1)};
+  JointFilterImages images;
+  images.height = static_cast<int>(size[0]), images.width = static_cast<int>(size[1]);
+  images.color = pixels_of(color, size);
+  images.albedo = pixels_of(albedo, size), images.normal = pixels_of(normal, size);
+  images.out = {reinterpret_cast<Vec3f*>(out.mutable_data()), pixels_of(out, size).size()};
+  with_progress(progress, [&](CancelToken& cancel) { joint_filter(images, threads, cancel); });
+}
+
+}  // namespace
+
+void bind_filter(py::module_& module) {
+  module.def("joint_filter", &filter, py::arg("color").noconvert(), py::arg("albedo").noconvert().none(true),
+             py::arg("normal").noconvert().none(true), py::arg("out").noconvert(), py::arg("threads"),
+             py::arg("progress"));
+}
+
+// Camera --------------------------------------------------------------------------------------------------------------
+
+namespace {
+
+const std::map<std::string, Projection> kProjections{{"perspective", Projection::kPerspective},
+                                                     {"orthographic", Projection::kOrthographic},
+                                                     {"equirectangular", Projection::kEquirectangular}};
+
+}  // namespace
+
+Camera read_camera(const py::dict& values) {
+  Camera camera;
+  const auto matrix = get<Array<double>>(values, "matrix");
+  const double* m = matrix.data();
+  camera.camera_to_world = {{m[0], m[4], m[8]}, {m[1], m[5], m[9]}, {m[2], m[6], m[10]}, {m[3], m[7], m[11]}};
+  using Four = std::tuple<double, double, double, double>;
+  std::tie(camera.left, camera.right, camera.bottom, camera.top) = get<Four>(values, "window");
+  camera.projection = kProjections.at(get<std::string>(values, "projection"));
+  camera.clip_start = get<float>(values, "clip_start");
+  camera.clip_end = get<float>(values, "clip_end");
+  using FourFloats = std::tuple<float, float, float, float>;
+  std::tie(camera.border_left, camera.border_right, camera.border_bottom, camera.border_top) =
+      get<FourFloats>(values, "border");
+  if (!values["lens"].is_none()) {
+    const auto lens = values["lens"].cast<py::dict>();
+    camera.lens = Lens{get<double>(lens, "radius"), get<double>(lens, "focus_distance"), get<int>(lens, "blades"),
+                       get<double>(lens, "rotation"), get<double>(lens, "ratio")};
+  }
+  return camera;
+}
+
+Shutter read_shutter(const py::dict& values) {
+  Shutter shutter;
+  const auto times = get<Array<float>>(values, "times");
+  shutter.times.assign(times.data(), times.data() + times.size());
+  if (!values["rolling"].is_none()) shutter.rolling = get<float>(values, "rolling");
+  shutter.blurs = get<bool>(values, "blurs");
+  shutter.frame_time = get<float>(values, "frame_time");
+  for (const py::handle camera : values["cameras"]) shutter.cameras.push_back(read_camera(camera.cast<py::dict>()));
+  return shutter;
 }
 
 }  // namespace perfect_bvh::bindings

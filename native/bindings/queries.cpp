@@ -4,14 +4,11 @@
 
 #include <algorithm>
 
-#include "bindings/arrays.h"
 #include "bindings/bind.h"
-#include "bindings/progress.h"
 #include "query/audit.h"
 #include "query/closest_points.h"
-#include "query/intersections.h"
-#include "query/ray_batch.h"
 #include "query/ray_walk.h"
+#include "query/trace.h"
 
 namespace perfect_bvh::bindings {
 namespace {

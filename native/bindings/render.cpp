@@ -7,15 +7,11 @@
 #include <array>
 #include <map>
 
-#include "bindings/arrays.h"
 #include "bindings/bind.h"
-#include "bindings/camera.h"
-#include "bindings/progress.h"
-#include "bindings/values.h"
 #include "core/errors.h"
 #include "math/elementary.h"
-#include "render/light/environment.h"
-#include "render/modes/palette.h"
+#include "render/light/emitters.h"
+#include "render/modes/shading.h"
 
 namespace perfect_bvh::bindings {
 namespace {

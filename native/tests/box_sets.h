@@ -6,7 +6,7 @@
 #include <random>
 #include <vector>
 
-#include "builders/primitives.h"
+#include "builders/bvh2.h"
 
 namespace perfect_bvh::test {
 

@@ -4,7 +4,7 @@
 #include <optional>
 
 #include "scene/scene.h"
-#include "update/calibration.h"
+#include "update/governor.h"
 
 namespace perfect_bvh::test {
 

@@ -1,5 +1,5 @@
 // The answer that every kernel must give, bit for bit: every primitive of every instance tried in turn, with the scalar
-// arithmetic of math/triangle.h, math/curve_joint.h and traverse/object_ray.h. No tree, so no tree can influence it.
+// arithmetic of math/triangle.h, math/curve_joint.h and traverse/ray.h. No tree, so no tree can influence it.
 #pragma once
 
 #include <algorithm>
@@ -10,8 +10,8 @@
 
 #include "math/curve_joint.h"
 #include "math/triangle.h"
-#include "tlas/snapshot.h"
-#include "traverse/object_ray.h"
+#include "tlas/assemble.h"
+#include "traverse/ray.h"
 
 namespace perfect_bvh::test {
 

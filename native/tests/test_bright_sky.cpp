@@ -7,7 +7,7 @@
 #include <numbers>
 #include <vector>
 
-#include "render/light/environment.h"
+#include "render/light/emitters.h"
 
 namespace perfect_bvh {
 namespace {

@@ -15,8 +15,8 @@
 #include "tests/tree_faults.h"
 #include "wide/collapse.h"
 #include "wide/fast_wide.h"
-#include "wide/wide_boxes.h"
-#include "wide/wide_quality.h"
+#include "wide/wide_bvh.h"
+#include "wide/wide_cost.h"
 
 namespace perfect_bvh::test {
 namespace {

@@ -9,8 +9,7 @@
 
 #include "query/audit.h"
 #include "query/closest_points.h"
-#include "query/intersections.h"
-#include "query/ray_batch.h"
+#include "query/trace.h"
 #include "render/image/render.h"
 #include "tests/scenes_to_trace.h"
 #include "wide/run_cutter.h"

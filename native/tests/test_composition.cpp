@@ -4,15 +4,15 @@
 #include <cstring>
 
 #include "builders/builder.h"
-#include "builders/combine.h"
+#include "builders/link_tree.h"
 #include "core/errors.h"
 #include "query/trace.h"
 #include "tests/box_sets.h"
 #include "tests/reference_trace.h"
 #include "tests/tree_faults.h"
+#include "tlas/assemble.h"
 #include "tlas/instance.h"
 #include "tlas/top_level.h"
-#include "tlas/trace_view.h"
 #include "wide/collapse.h"
 
 namespace perfect_bvh::test {

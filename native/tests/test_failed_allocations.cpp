@@ -7,7 +7,6 @@
 #include <vector>
 
 #include "core/errors.h"
-#include "query/ray_batch.h"
 #include "query/trace.h"
 #include "tests/failing_memory.h"
 #include "tests/scenes_to_trace.h"

@@ -6,7 +6,6 @@
 
 #include "tests/calibrations.h"
 #include "update/governor.h"
-#include "update/wording.h"
 
 namespace perfect_bvh::test {
 namespace {

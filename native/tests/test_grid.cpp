@@ -6,10 +6,9 @@
 #include <random>
 #include <vector>
 
-#include "builders/few_boxes.h"
-#include "builders/grid_bins.h"
-#include "builders/grid_ref.h"
-#include "builders/radix_sort.h"
+#include "builders/agglomerative.h"
+#include "builders/grid.h"
+#include "builders/morton.h"
 
 namespace perfect_bvh::test {
 namespace {

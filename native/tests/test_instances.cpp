@@ -10,8 +10,8 @@
 
 #include "blas/build_tree.h"
 #include "core/errors.h"
-#include "query/statistics.h"
 #include "query/trace.h"
+#include "query/tree_boxes.h"
 #include "scene/scene.h"
 #include "tests/reference_trace.h"
 #include "tests/thread_counts.h"

@@ -3,7 +3,7 @@
 
 #include <cstring>
 
-#include "query/intersections.h"
+#include "query/trace.h"
 #include "tests/reference_trace.h"
 #include "tests/scenes_to_trace.h"
 

@@ -9,7 +9,6 @@
 #include <vector>
 
 #include "core/aligned.h"
-#include "core/scratch.h"
 
 namespace perfect_bvh::test {
 namespace {

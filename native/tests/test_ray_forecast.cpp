@@ -8,7 +8,7 @@
 #include <string>
 #include <vector>
 
-#include "blas/choose_tree.h"
+#include "blas/make_blas.h"
 #include "core/errors.h"
 #include "query/trace.h"
 #include "scene/scene.h"

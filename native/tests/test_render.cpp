@@ -7,10 +7,9 @@
 
 #include "core/errors.h"
 #include "render/filter/film.h"
-#include "render/modes/palette.h"
+#include "render/modes/shading.h"
 #include "render/sampling/camera.h"
 #include "render/sampling/sampler.h"
-#include "render/sampling/shutter.h"
 
 namespace perfect_bvh {
 namespace {

@@ -7,7 +7,7 @@
 #include "tests/same_bytes.h"
 #include "tests/tree_faults.h"
 #include "tests/wide_trees.h"
-#include "update/rest.h"
+#include "update/governor.h"
 
 namespace perfect_bvh::test {
 namespace {

@@ -8,7 +8,7 @@
 #include <random>
 #include <vector>
 
-#include "math/round_distance.h"
+#include "math/distance.h"
 #include "query/closest_points.h"
 #include "tests/round_mesh_sets.h"
 #include "tests/scenes_to_trace.h"

@@ -7,8 +7,8 @@
 #include <string>
 #include <vector>
 
-#include "query/intersections.h"
 #include "query/ray_walk.h"
+#include "query/trace.h"
 #include "tests/reference_trace.h"
 #include "tests/round_mesh_sets.h"
 #include "tests/scenes_to_trace.h"

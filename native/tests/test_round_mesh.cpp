@@ -5,11 +5,11 @@
 #include <limits>
 #include <tuple>
 
-#include "blas/moved_balls.h"
+#include "blas/moved_mesh.h"
 #include "core/errors.h"
-#include "mesh/segment_clip.h"
+#include "mesh/clip.h"
 #include "tests/round_mesh_sets.h"
-#include "wide/wide_boxes.h"
+#include "wide/wide_bvh.h"
 
 namespace perfect_bvh {
 namespace {

@@ -3,9 +3,8 @@
 
 #include <algorithm>
 
-#include "blas/support.h"
 #include "blas/world_box.h"
-#include "builders/build_config.h"
+#include "builders/builder.h"
 #include "core/errors.h"
 #include "scene/scene.h"
 #include "tests/calibrations.h"

@@ -8,10 +8,10 @@
 
 #include "blas/build_tree.h"
 #include "builders/builder.h"
+#include "builders/link_tree.h"
 #include "builders/quality.h"
-#include "builders/refit.h"
 #include "core/errors.h"
-#include "mesh/triangle_clip.h"
+#include "mesh/clip.h"
 #include "tests/box_sets.h"
 #include "tests/same_bytes.h"
 #include "tests/thread_counts.h"

@@ -12,7 +12,7 @@
 
 #include "core/errors.h"
 #include "core/thread_pool.h"
-#include "math/ball.h"
+#include "math/round_segment.h"
 #include "mesh/subdivide_curve.h"
 
 namespace perfect_bvh::test {

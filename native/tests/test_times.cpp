@@ -5,7 +5,7 @@
 #include <cmath>
 #include <cstring>
 
-#include "math/turn_ray.h"
+#include "math/turning.h"
 #include "query/trace.h"
 #include "tests/scenes_to_trace.h"
 #include "tlas/turns.h"

@@ -4,8 +4,8 @@
 #include <cstring>
 
 #include "builders/builder.h"
+#include "builders/link_tree.h"
 #include "builders/quality.h"
-#include "builders/refit.h"
 #include "core/errors.h"
 #include "tests/box_sets.h"
 #include "tests/tree_faults.h"

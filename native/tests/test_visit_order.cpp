@@ -7,7 +7,7 @@
 #include <random>
 #include <vector>
 
-#include "wide/visit_order.h"
+#include "wide/collapse.h"
 
 namespace perfect_bvh::test {
 namespace {

@@ -13,7 +13,6 @@
 #include "tests/wide_trees.h"
 #include "tlas/instance.h"
 #include "wide/wide_rebuild.h"
-#include "wide/wide_rotation.h"
 
 namespace perfect_bvh::test {
 namespace {

@@ -4,7 +4,7 @@
 #include <cmath>
 #include <vector>
 
-#include "wide/wide_boxes.h"
+#include "wide/wide_bvh.h"
 
 namespace perfect_bvh::test {
 namespace {

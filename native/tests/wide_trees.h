@@ -10,7 +10,7 @@
 #include "tests/motions.h"
 #include "wide/collapse.h"
 #include "wide/fast_wide.h"
-#include "wide/wide_boxes.h"
+#include "wide/wide_bvh.h"
 #include "wide/wide_refit.h"
 
 namespace perfect_bvh::test {

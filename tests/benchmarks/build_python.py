@@ -16,7 +16,7 @@ from benchmarks.trees import config_of, usage_of
 Tell = Callable[[], object]
 # Of rays that a tree is cast at before its mesh changes; the planner reckons that a static one serves so many commits.
 RAY_COUNTS = tuple(round(10.0 ** (halves / 2.0)) for halves in range(6, 19))
-COMMITS_OF_A_STATIC_TREE = 4  # kStaticCommits in native/src/blas/choose_tree.cpp
+COMMITS_OF_A_STATIC_TREE = 4  # kStaticCommits in native/src/blas/make_blas.cpp
 
 
 def milliseconds(seconds: list[float]) -> dict[str, float]:

@@ -1,24 +1,70 @@
-// The tree of one distinct mesh (bottom-level acceleration structure), with its geometry.
+// Memory that is no longer in use, kept for the next tree or the next positions of the same mesh: a system takes as
+// long to hand out new memory as a refit or a copy takes to fill it. Snapshots may outlive each other in any order, on
+// any thread: memory comes here when the last of those that use it lets it go.
 #pragma once
 
+#include <atomic>
 #include <cstddef>
 #include <cstdint>
 #include <memory>
+#include <mutex>
 #include <utility>
 #include <vector>
 
-#include "blas/spare_memory.h"
-#include "blas/support.h"
-#include "builders/build_config.h"
+#include "blas/world_box.h"
+#include "builders/builder.h"
 #include "builders/quality.h"
+#include "core/aligned.h"
+#include "math/round_segment.h"
+#include "math/vec3.h"
 #include "mesh/mesh.h"
-#include "traverse/motion_view.h"
 #include "traverse/scene_view.h"
-#include "wide/refit_plan.h"
 #include "wide/wide_bvh.h"
 #include "wide/wide_cost.h"
+#include "wide/wide_refit.h"
 
 namespace perfect_bvh {
+
+template <class T>
+class SpareMemory {
+ public:
+  void give(T memory) noexcept {
+    const std::lock_guard lock(mutex_);
+    std::swap(memory_, memory);
+  }
+  // What was given last; empty if there is nothing.
+  [[nodiscard]] T take() noexcept {
+    const std::lock_guard lock(mutex_);
+    return std::exchange(memory_, T{});
+  }
+
+ private:
+  std::mutex mutex_;
+  T memory_;
+};
+
+struct ShapedTree {
+  WideBvh wide;
+  std::uint64_t shape = 0;  // see new_tree_shape()
+};
+
+using SpareTree = SpareMemory<ShapedTree>;
+// The positions of triangles' vertices, or balls.
+struct Points {
+  AlignedVector<Vec3f> positions;
+  AlignedVector<Ball> balls;
+};
+using SparePositions = SpareMemory<Points>;
+
+// A number for the shape of a wide tree: which nodes, leaves and triangles are where. Trees of the same number differ
+// in boxes and positions alone. 0: unknown.
+[[nodiscard]] inline std::uint64_t new_tree_shape() noexcept {
+  static std::atomic<std::uint64_t> last{0};
+  return last.fetch_add(1, std::memory_order_relaxed) + 1;
+}
+
+// Blas ----------------------------------------------------------------------------------------------------------------
+// The tree of one distinct mesh (bottom-level acceleration structure), with its geometry.
 
 // Immutable once a snapshot refers to it.
 struct Blas {

@@ -3,11 +3,13 @@
 
 #include <cstdint>
 
-#include "builders/build_config.h"
+#include "blas/blas.h"
+#include "builders/builder.h"
 #include "builders/bvh2.h"
 #include "core/cancel.h"
 #include "core/thread_pool.h"
 #include "mesh/mesh.h"
+#include "stats/statistics.h"
 
 namespace perfect_bvh {
 
@@ -40,5 +42,13 @@ enum class Usage : std::uint8_t {
 [[nodiscard]] bool is_built_wide(const BuildConfig& config) noexcept;
 
 [[nodiscard]] Bvh2 build_tree(const Mesh& mesh, const BuildConfig& config, ThreadPool& pool, CancelToken& cancel);
+
+// Build wide tree -----------------------------------------------------------------------------------------------------
+// From a mesh to the tree that rays are traced through, by the builder of its settings: a binary tree is built and
+// collapsed, or the wide one is built at once.
+
+// Fills in the tree of `blas`, its quality and its box. In: the mesh and `config`, its builder named; optimisation is
+// noted there as it was done. Out: how long the steps took, in the report. Throws Cancelled, bad_alloc.
+void build_wide_tree(Blas& blas, MeshReport& report, ThreadPool& pool, CancelToken& cancel);
 
 }  // namespace perfect_bvh

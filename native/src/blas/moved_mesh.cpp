@@ -2,12 +2,216 @@
 
 #include <algorithm>
 #include <atomic>
+#include <string>
+#include <vector>
+
+#include "blas/build_tree.h"
+#include "core/errors.h"
+#include "wide/wide_bvh.h"
+#include "wide/wide_refit.h"
 
 namespace perfect_bvh {
 namespace {
 
+TreeStep step_of(const Blas& blas) noexcept {
+  TreeStep step;
+  step.nodes = blas.wide.nodes.data();
+  if (blas.mesh.is_round()) {
+    step.round_leaves = &blas.round_leaves;
+  } else {
+    step.blocks = blas.wide.blocks.data();
+  }
+  return step;
+}
+
+// Of all steps, which are not empty.
+Aabb bounds_of(const Blas& blas) noexcept {
+  Aabb box = blas.box;
+  for (const auto& step : blas.later) box.grow(step->box);
+  return box;
+}
+
+// A ball's box is its centre less and plus its radius, each interpolated and rounded: by 3 u R more than the slab test
+// has room for (math/slab.h), which goes with the extent.
+void widen(TreeExtent& extent) noexcept {
+  for (float& largest : extent.largest) largest *= 1.5f;
+  extent.reach *= 1.5f;
+}
+
+// The same primitives half-way between the first step and the last.
+std::shared_ptr<const Mesh> middle_of(const Mesh& mesh) {
+  const std::uint32_t step = mesh.times.last / 2;
+  if (mesh.times.last % 2 == 0) return mesh.later[step - 1];
+  auto middle = std::make_shared<Mesh>(mesh.at_step(step));
+  middle->later.clear();
+  const Mesh& next = *mesh.later[step];
+  const auto go_half_way = [](Vec3f& at, Vec3f to) { at = at * 0.5f + to * 0.5f; };
+  for (std::size_t i = 0; i < middle->positions.size(); ++i) go_half_way(middle->positions[i], next.positions[i]);
+  for (std::size_t i = 0; i < middle->balls.size(); ++i) {
+    Ball& ball = middle->balls[i];
+    go_half_way(ball.centre, next.balls[i].centre);
+    ball.radius = 0.5f * ball.radius + 0.5f * next.balls[i].radius;
+  }
+  return middle;
+}
+
+}  // namespace
+
+void build_moving_tree(Blas& blas, MeshReport& report, ThreadPool& pool, CancelToken& cancel) {
+  Blas middle(middle_of(blas.mesh));
+  middle.config = blas.config;
+  build_wide_tree(middle, report, pool, cancel);
+  blas.config = middle.config;
+  if (middle.wide.is_empty) {
+    blas.wide = std::move(middle.wide);
+    return;
+  }
+  complete_plan(blas.refit_plan, middle.wide, middle.mesh, pool, cancel);
+  refit_wide(middle.wide, blas.refit_plan, blas.mesh, blas.wide, false, pool, cancel);
+  blas.box = mesh_bounds_of(blas.wide, blas.mesh);
+}
+
+void add_motion_steps(Blas& blas, ThreadPool& pool, CancelToken& cancel) {
+  if (!blas.mesh.moves() || blas.wide.is_empty) return;
+  complete_plan(blas.refit_plan, blas.wide, blas.mesh, pool, cancel);
+  blas.later.reserve(blas.mesh.later.size());
+  for (const auto& mesh : blas.mesh.later) {
+    auto step = std::make_shared<Blas>(mesh);
+    refit_wide(blas.wide, blas.refit_plan, *mesh, step->wide, false, pool, cancel);
+    step->box = mesh_bounds_of(step->wide, *mesh);
+    blas.later.push_back(std::move(step));
+  }
+  const Aabb bounds = bounds_of(blas);
+  const float scale = tree_scale(bounds);
+  const auto settle = [&](Blas& step) {
+    if (step.wide.scale != scale)
+      refit_wide(step.wide, blas.refit_plan, step.mesh, step.wide, true, pool, cancel, scale);
+    step.wide.extent = tree_extent(bounds, scale);
+    if (step.mesh.is_round()) widen(step.wide.extent);
+    step.round_leaves = view_leaves(step.wide, step.mesh);
+  };
+  settle(blas);
+  blas.steps.push_back(step_of(blas));
+  for (const auto& step : blas.later) {
+    settle(*step);
+    blas.steps.push_back(step_of(*step));
+  }
+}
+
+// Moved balls ---------------------------------------------------------------------------------------------------------
+
+namespace {
+
+constexpr std::size_t kGrain = 32768;  // positions or balls that a task copies
+
+void check_ball_count(std::size_t given, const Mesh& mesh, const char* function) {
+  const std::size_t expected = given_ball_count(mesh);
+  if (given == expected) return;
+  const bool is_points = mesh.kind == PrimitiveKind::kPoints;
+  throw InvalidArgument(std::string(function) + ": " + name_of_centres(mesh.kind) + " has " + std::to_string(given) +
+                        " rows but there are " + std::to_string(expected) + (is_points ? " points" : " in all curves") +
+                        "; remove them and add the others");
+}
+
+// The radii that the caller would give to leave all as it is.
+template <class T>
+std::vector<T> given_radii(const Mesh& mesh) {
+  std::vector<T> radii(given_ball_count(mesh), T{0});
+  for (std::size_t i = 0; i < mesh.balls.size(); ++i) {
+    radii[mesh.numbers.empty() ? i : mesh.numbers[i]] = static_cast<T>(mesh.balls[i].radius);
+  }
+  return radii;
+}
+
+bool has_radius(const Ball& ball) noexcept { return ball.radius > 0; }
+
+// Whether a point that was left out has a radius now.
+template <class T>
+bool gained_radius(const Mesh& mesh, const BallsGiven<T>& balls) noexcept {
+  std::size_t kept = 0;
+  for (std::size_t i = 0; !mesh.numbers.empty() && i < balls.centres.size(); ++i) {
+    if (mesh.numbers[kept] == i) {
+      ++kept;
+    } else if (has_radius(ball_at(balls, i, {0, 0, 0}))) {
+      return true;
+    }
+  }
+  return false;
+}
+
+template <class T>
+Mesh made_again(const Mesh& mesh, const BallsGiven<T>& balls, const char* function) {
+  if (mesh.kind == PrimitiveKind::kPoints) return make_points(balls, function);
+  const std::vector<std::int64_t> offsets(mesh.starts.begin(), mesh.starts.end());
+  return make_curves(balls, offsets, mesh.shape, function, mesh.cyclic_curves());
+}
+
+}  // namespace
+
+template <class T>
+MovedBalls move_balls(const Mesh& mesh, const BallsGiven<T>& given, const std::shared_ptr<SparePositions>& spare,
+                      ThreadPool& pool, const char* function) {
+  check_ball_count(given.centres.size(), mesh, function);
+  const std::vector<T> kept = given.radii.empty() ? given_radii<T>(mesh) : std::vector<T>();
+  const BallsGiven<T> balls{given.centres, given.radii.empty() ? std::span<const T>(kept) : given.radii};
+  check_balls(balls, mesh.kind, function);
+  Mesh moved;
+  moved.share_parts_of(mesh);
+  if constexpr (sizeof(T) == sizeof(double)) moved.centre = box_centre(balls.centres);
+  moved.balls = spare->take().balls;
+  moved.balls.resize(mesh.balls.size());
+  std::atomic<bool> all_alike{true};
+  const auto number_of = [&](std::size_t i) { return mesh.numbers.empty() ? i : std::size_t{mesh.numbers[i]}; };
+  parallel_for(pool, moved.balls.size(), kGrain, [&](std::size_t begin, std::size_t end) {
+    bool is_alike = true;
+    for (std::size_t i = begin; i < end; ++i) {
+      moved.balls[i] = ball_at(balls, number_of(i), moved.centre);
+      is_alike &= has_radius(moved.balls[i]) == has_radius(mesh.balls[i]);
+    }
+    if (!is_alike) all_alike = false;
+  });
+  if (all_alike && !gained_radius(mesh, balls)) return {lend_mesh(std::move(moved), spare), true};
+  Mesh anew = made_again(mesh, balls, function);
+  const bool is_same =
+      std::ranges::equal(anew.segments, mesh.segments) && std::ranges::equal(anew.numbers, mesh.numbers);
+  return {std::make_shared<const Mesh>(std::move(anew)), is_same && mesh.kind == PrimitiveKind::kCurves};
+}
+template <class T>
+std::shared_ptr<const Mesh> balls_at_step(const Mesh& first, const BallsGiven<T>& given, ThreadPool& pool,
+                                          const char* function) {
+  check_ball_count(given.centres.size(), first, function);
+  const std::vector<T> kept = given.radii.empty() ? given_radii<T>(first) : std::vector<T>();
+  const BallsGiven<T> balls{given.centres, given.radii.empty() ? std::span<const T>(kept) : given.radii};
+  check_balls(balls, first.kind, function);
+  auto step = std::make_shared<Mesh>();
+  step->share_parts_of(first);
+  step->centre = first.centre;
+  step->balls.resize(first.balls.size());
+  std::atomic<bool> all_alike{!gained_radius(first, balls)};
+  parallel_for(pool, step->balls.size(), kGrain, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i < end; ++i) {
+      step->balls[i] = ball_at(balls, first.numbers.empty() ? i : std::size_t{first.numbers[i]}, first.centre);
+      if (has_radius(step->balls[i]) != has_radius(first.balls[i])) all_alike = false;
+    }
+  });
+  if (all_alike) return step;
+  throw InvalidArgument(std::string(function) +
+                        ": radii that are 0 at one step must be 0 at every step, since what has "
+                        "none is left out; give the others a small one");
+}
+template std::shared_ptr<const Mesh> balls_at_step(const Mesh&, const BallsGiven<float>&, ThreadPool&, const char*);
+template std::shared_ptr<const Mesh> balls_at_step(const Mesh&, const BallsGiven<double>&, ThreadPool&, const char*);
+
+template MovedBalls move_balls(const Mesh&, const BallsGiven<float>&, const std::shared_ptr<SparePositions>&,
+                               ThreadPool&, const char*);
+template MovedBalls move_balls(const Mesh&, const BallsGiven<double>&, const std::shared_ptr<SparePositions>&,
+                               ThreadPool&, const char*);
+
+// Moved mesh ----------------------------------------------------------------------------------------------------------
+
+namespace {
+
 // Vertices that a task copies: what it has just checked is still in a second level cache then.
-constexpr std::size_t kGrain = 32768;
 
 void copy(std::span<const Vec3f> positions, Mesh& mesh, ThreadPool& pool, const char* function) {
   std::atomic<bool> all_good{true};

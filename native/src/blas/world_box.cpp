@@ -1,12 +1,222 @@
 #include "blas/world_box.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <span>
+#include <vector>
 
-#include "math/axes.h"
 #include "math/float4.h"
+#include "math/vec3.h"
+#include "wide/wide_bvh.h"
 
 namespace perfect_bvh {
+namespace {
+
+// 0, 1 or 2 in each lane.
+Int4 pick_axis(Int4 is_y, Int4 is_z) noexcept { return (is_z & Int4(2)) | ((is_y & (is_z ^ Int4(-1))) & Int4(1)); }
+
+// Finds the vertex or ball of a tree that is farthest along a direction. What the last search found is where the next
+// begins: in nearly the same direction hardly a box reaches further.
+class Search {
+ public:
+  Search(const WideBvh& tree, const Mesh& mesh) : tree_(tree), mesh_(mesh) {
+    waiting_.push_back({0.0f, tree.root});
+    direction_ = {1, 0, 0};
+    reach_ = -Aabb::kInfinity;
+    visit_all();
+  }
+
+  [[nodiscard]] float farthest(Vec3f direction) {
+    direction_ = direction;
+    reach_ = reach_of(farthest_);
+    waiting_.push_back({Aabb::kInfinity, tree_.root});
+    visit_all();
+    return reach_;
+  }
+
+ private:
+  struct Waiting {
+    float bound;
+    std::uint32_t child;
+  };
+
+  void visit_all() {
+    while (!waiting_.empty()) {
+      const Waiting now = waiting_.back();
+      waiting_.pop_back();
+      if (now.bound < reach_) continue;
+      if (now.child >= kBlockChild) {
+        visit_leaf(now.child - kBlockChild);
+      } else {
+        visit_node(tree_.nodes[now.child]);
+      }
+    }
+  }
+
+  using Eight = std::array<float, 8>;
+
+  // Of eight points; 16-byte aligned.
+  [[nodiscard]] Eight along_direction(const float* x, const float* y, const float* z) const noexcept {
+    alignas(16) Eight reaches;
+    const Float4 dx(direction_.x), dy(direction_.y), dz(direction_.z);
+    for (std::size_t i = 0; i < 8; i += 4) {
+      (dx * Float4::load(x + i) + dy * Float4::load(y + i) + dz * Float4::load(z + i)).store(&reaches[i]);
+    }
+    return reaches;
+  }
+
+  // The child that may reach farthest comes last, so that it is visited first.
+  void visit_node(const WideNode& node) {
+    const float* const x = node.planes[direction_.x > 0 ? 1 : 0];
+    const float* const y = node.planes[direction_.y > 0 ? 3 : 2];
+    const float* const z = node.planes[direction_.z > 0 ? 5 : 4];
+    const std::size_t first = waiting_.size();
+    const Eight bounds = along_direction(x, y, z);
+    for (std::size_t lane = 0; lane < kWideWidth && node.child[lane] != kNoChild; ++lane) {
+      const float bound = bounds[lane];
+      if (bound < reach_) continue;
+      waiting_.push_back({bound, node.child[lane]});
+      if (waiting_[first].bound < bound) std::swap(waiting_[first], waiting_.back());
+    }
+    if (waiting_.size() > first) std::swap(waiting_[first], waiting_.back());
+  }
+
+  void visit_leaf(std::uint32_t leaf) {
+    if (mesh_.is_round()) return visit_round_leaf(primitives_of(tree_, leaf));
+    const auto& [x, y, z] = tree_.blocks[leaf].vertices;
+    const Eight reaches = along_direction(x, y, z);
+    for (std::size_t lane = 0; lane < 8; ++lane) {
+      if (reaches[lane] > reach_) reach_ = reaches[lane], farthest_ = {{x[lane], y[lane], z[lane]}, 0.0f};
+    }
+  }
+
+  void visit_round_leaf(const std::uint32_t* primitives) {
+    const bool is_curves = mesh_.kind == PrimitiveKind::kCurves;
+    for (const std::uint32_t primitive : std::span(primitives, 8)) {
+      const std::uint32_t first = is_curves ? mesh_.segments[primitive] & kSegmentBall : primitive;
+      visit_ball(mesh_.balls[first]);
+      if (is_curves) visit_ball(mesh_.balls[first + 1]);
+    }
+  }
+
+  void visit_ball(const Ball& ball) {
+    const Ball scaled{ball.centre * tree_.scale, ball.radius * tree_.scale};
+    const float reach = reach_of(scaled);
+    if (reach > reach_) reach_ = reach, farthest_ = scaled;
+  }
+
+  [[nodiscard]] float reach_of(const Ball& ball) const noexcept {
+    return dot(direction_, ball.centre) + (ball.radius > 0 ? ball.radius * length(direction_) : 0.0f);
+  }
+
+  const WideBvh& tree_;
+  const Mesh& mesh_;
+  Vec3f direction_{0, 0, 0};
+  Ball farthest_{{0, 0, 0}, 0};
+  float reach_ = 0;
+  std::vector<Waiting> waiting_;
+};
+
+}  // namespace
+
+SupportTable::SupportTable(const WideBvh& tree, const Mesh& mesh) : unit_(1.0 / static_cast<double>(tree.scale)) {
+  Search forward(tree, mesh), backward(tree, mesh);
+  const auto place = [](int cell) { return static_cast<float>(cell) * (2.0f / kCells) - 1.0f; };
+  for (int axis = 0; axis < 3; ++axis) {
+    for (int row = 0; row <= kCells; ++row) {
+      for (int step = 0; step <= kCells; ++step) {
+        const int column = row % 2 == 0 ? step : kCells - step;  // to and fro: neighbours one after the other
+        Vec3f direction{0, 0, 0};
+        direction[axis] = 1.0f;
+        direction[(axis + 1) % 3] = place(row);
+        direction[(axis + 2) % 3] = place(column);
+        samples_[axis][row][column] = {forward.farthest(direction), backward.farthest(-direction)};
+      }
+    }
+  }
+}
+
+// For a row of any size.
+RowRange SupportTable::along(Vec3d row) const noexcept {
+  const double size[3] = {std::abs(row.x), std::abs(row.y), std::abs(row.z)};
+  const int longer = size[1] > size[0] ? 1 : 0;
+  const int axis = size[2] > size[longer] ? 2 : longer;
+  if (!(size[axis] > 0)) return {0, 0};
+  const double scale = 1.0 / row[axis];
+  const auto cell_of = [&](int other) { return static_cast<float>((row[other] * scale + 1.0) * (kCells / 2)); };
+  const float u = cell_of((axis + 1) % 3), v = cell_of((axis + 2) % 3);
+  const int i = std::clamp(static_cast<int>(u), 0, kCells - 1), j = std::clamp(static_cast<int>(v), 0, kCells - 1);
+  const float right = u - static_cast<float>(i), up = v - static_cast<float>(j);
+  const Sample *const low = &samples_[axis][i][j], *const high = &samples_[axis][i + 1][j];
+  const auto between = [&](float Sample::* side) {
+    const float at_low = low[0].*side + (high[0].*side - low[0].*side) * right;
+    const float at_high = low[1].*side + (high[1].*side - low[1].*side) * right;
+    return static_cast<double>(at_low + (at_high - at_low) * up) * (size[axis] * unit_);
+  };
+  const double forward = between(&Sample::forward), backward = between(&Sample::backward);
+  return row[axis] > 0 ? RowRange{-backward, forward} : RowRange{-forward, backward};
+}
+
+// The three rows at once and without branches: where instances are turned at random, which face and which side it is
+// cannot be foretold. The lanes are the rows; the last one is idle.
+bool SupportTable::along_ordinary_rows(const Affine& map, RowRange* ranges) const noexcept {
+  const auto lanes = [](Vec3d v, float idle) {
+    return Float4(static_cast<float>(v.x), static_cast<float>(v.y), static_cast<float>(v.z), idle);
+  };
+  const auto size_of = [](Float4 a) { return from_bits(bits_of(a) & Int4(0x7FFFFFFF)); };
+  const auto pick = [](Int4 mask, Float4 a, Float4 b) {
+    return from_bits(bits_of(b) ^ ((bits_of(a) ^ bits_of(b)) & mask));
+  };
+  const Float4 x = lanes(map.x, 1.0f), y = lanes(map.y, 0.0f), z = lanes(map.z, 0.0f);
+  const Float4 size_xy = max(size_of(x), size_of(y)), size = max(size_xy, size_of(z));
+  alignas(16) std::array<float, 4> sizes;
+  size.store(sizes.data());
+  for (const float one : sizes) {
+    if (!(one > 1e-30f && one < 1e30f)) return false;
+  }
+  const Int4 is_y = less(size_of(x), size_of(y)), is_z = less(size_xy, size_of(z));
+  const Float4 longest = pick(is_z, z, pick(is_y, y, x));
+  const Float4 next = pick(is_z, x, pick(is_y, z, y)), last = pick(is_z, y, pick(is_y, x, z));
+  const Float4 scale = Float4(1.0f) / longest, half(static_cast<float>(kCells / 2));
+  const Float4 u = (next * scale + Float4(1.0f)) * half, v = (last * scale + Float4(1.0f)) * half;
+  const Float4 last_cell(static_cast<float>(kCells - 1));
+  const Int4 i = truncate(min(u, last_cell)), j = truncate(min(v, last_cell));
+  alignas(16) std::array<std::int32_t, 4> axes, rows, columns;
+  pick_axis(is_y, is_z).store(axes.data()), i.store(rows.data()), j.store(columns.data());
+  alignas(16) std::array<float, 4> right;
+  (u - to_float(i)).store(right.data());
+  Float4 corners[4];  // of a row's cell: forward and backward at its lower side, and at its upper one
+  for (std::size_t row = 0; row < 4; ++row) {
+    const auto* const line = &samples_[axes[row]][rows[row]];
+    const Float4 low = Float4::load_unaligned(&line[0][columns[row]]);
+    const Float4 high = Float4::load_unaligned(&line[1][columns[row]]);
+    corners[row] = low + (high - low) * Float4(right[row]);
+  }
+  transpose(corners[0], corners[1], corners[2], corners[3]);
+  const Float4 up = v - to_float(j);
+  const Float4 forward = corners[0] + (corners[2] - corners[0]) * up;
+  const Float4 backward = corners[1] + (corners[3] - corners[1]) * up;
+  const Int4 is_forward = less(Float4(0.0f), longest);
+  alignas(16) std::array<float, 4> greatest, least;
+  pick(is_forward, forward, backward).store(greatest.data()), pick(is_forward, backward, forward).store(least.data());
+  for (std::size_t row = 0; row < 3; ++row) {
+    const double unit = static_cast<double>(sizes[row]) * unit_;
+    ranges[row] = {-static_cast<double>(least[row]) * unit, static_cast<double>(greatest[row]) * unit};
+  }
+  return true;
+}
+
+Aabb transformed_bounds(const SupportTable& support, double reach, const Affine& map) {
+  RowRange ranges[3];
+  if (!support.along_ordinary_rows(map, ranges)) {
+    for (int axis = 0; axis < 3; ++axis) ranges[axis] = support.along({map.x[axis], map.y[axis], map.z[axis]});
+  }
+  return box_of_ranges(ranges, reach, map);
+}
+
+// World box -----------------------------------------------------------------------------------------------------------
+
 namespace {
 
 constexpr Vec3d row_of(const Affine& map, int axis) noexcept { return {map.x[axis], map.y[axis], map.z[axis]}; }

@@ -2,9 +2,12 @@
 // that bounds hits.
 #pragma once
 
+#include <memory>
+#include <mutex>
+
 #include "math/aabb.h"
-#include "math/affine.h"
 #include "mesh/mesh.h"
+#include "wide/wide_bvh.h"
 
 namespace perfect_bvh {
 
@@ -33,5 +36,56 @@ struct RowRange {
 
 // Whether a map takes each axis to a multiple of an axis, so that no box is closer than the one around the mesh.
 [[nodiscard]] bool keeps_axes(const Affine& map) noexcept;
+
+// Support -------------------------------------------------------------------------------------------------------------
+// How far a mesh reaches in any direction (its support function), in a table.
+// In: the wide tree of a mesh. Out: bounds along the rows of a transform, a few nanoseconds each, and within a percent
+// of the best that a box can be, whatever way the instance is turned.
+// Nodes that a ray visits, both levels, with 1,000 instances of a statue of 100,000 triangles, primary / diffuse rays:
+//                            one box       8 boxes       32 boxes      this table    exact boxes
+//   on a grid                9.4 / 22.2    8.4 / 20.2    8.3 / 20.1    7.8 / 19.3    7.8 / 19.3
+//   in a heap                19.4 / 47.9   15.5 / 34.8   14.7 / 33.8   12.7 / 28.0   12.6 / 27.7
+// The table takes 50 us to 2 ms to make: meshes of few vertices or instances do without (blas/world_box.h).
+//
+// The function is known exactly at samples on the faces of a cube. Between them it is bounded from above: where
+// d = a u + b v with a, b >= 0, no point p has more than d.p = a u.p + b v.p.
+
+class SupportTable {
+ public:
+  // The tree of the mesh, not empty.
+  SupportTable(const WideBvh& tree, const Mesh& mesh);
+
+  [[nodiscard]] RowRange along(Vec3d row) const noexcept;
+  // Along the three rows of a map's linear part, as close; false, and nothing written, if one is extremely long or
+  // short.
+  [[nodiscard]] bool along_ordinary_rows(const Affine& map, RowRange* ranges) const noexcept;
+
+ private:
+  static constexpr int kCells = 8;  // along a face's edge
+
+  // For the direction with 1 on the face's own axis, and the opposite one.
+  struct Sample {
+    float forward, backward;
+  };
+  Sample samples_[3][kCells + 1][kCells + 1];
+  double unit_;  // from the tree's scale to the mesh's
+};
+
+// The world box of a mesh, rounded outward and with a margin, as in blas/world_box.h. `reach` is the largest magnitude
+// of the mesh's coordinates.
+[[nodiscard]] Aabb transformed_bounds(const SupportTable& support, double reach, const Affine& map);
+
+// A table that is made when it is first asked for, on any thread.
+class LazySupport {
+ public:
+  [[nodiscard]] const SupportTable& of(const WideBvh& tree, const Mesh& mesh) const {
+    std::call_once(made_, [&] { table_ = std::make_unique<const SupportTable>(tree, mesh); });
+    return *table_;
+  }
+
+ private:
+  mutable std::once_flag made_;
+  mutable std::unique_ptr<const SupportTable> table_;
+};
 
 }  // namespace perfect_bvh

@@ -10,15 +10,13 @@
 #include <span>
 #include <vector>
 
-#include "builders/build_config.h"
-#include "builders/few_boxes.h"
-#include "builders/grid_bins.h"
-#include "builders/grid_partition.h"
-#include "builders/grid_ref.h"
-#include "builders/primitives.h"
+#include "builders/agglomerative.h"
+#include "builders/builder.h"
+#include "builders/bvh2.h"
+#include "builders/grid.h"
 #include "builders/top_down.h"
-#include "core/scratch.h"
-#include "core/steps.h"
+#include "core/aligned.h"
+#include "core/cancel.h"
 
 namespace perfect_bvh {
 

@@ -8,14 +8,13 @@
 #include <array>
 #include <cstdint>
 
-#include "builders/builders.h"
-#include "builders/grid_ref.h"
+#include "builders/builder.h"
+#include "builders/grid.h"
 #include "builders/locally_ordered.h"
 #include "builders/morton.h"
-#include "builders/radix_sort.h"
 #include "builders/top_down.h"
-#include "core/scratch.h"
-#include "core/steps.h"
+#include "core/aligned.h"
+#include "core/cancel.h"
 
 namespace perfect_bvh {
 namespace {

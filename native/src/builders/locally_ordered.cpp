@@ -6,8 +6,8 @@
 #include <limits>
 #include <vector>
 
+#include "core/cancel.h"
 #include "core/errors.h"
-#include "core/steps.h"
 
 namespace perfect_bvh {
 namespace {

@@ -9,8 +9,8 @@
 #include <span>
 #include <vector>
 
+#include "core/aligned.h"
 #include "core/cancel.h"
-#include "core/scratch.h"
 #include "core/thread_pool.h"
 #include "math/float4.h"
 #include "math/vec3.h"
@@ -57,7 +57,7 @@ struct ClusterTree {
   std::uint32_t root = 0;
 };
 
-// Takes them of `scratch`, which is told to expect a plan for each of them as well (wide/cluster_plan.h).
+// Takes them of `scratch`, which is told to expect a plan for each of them as well (wide/bottom_up.h).
 // Throws EngineError for more boxes than clusters can be numbered, bad_alloc.
 [[nodiscard]] BoxesAlongCurve make_room_for_clusters(std::size_t box_count, Scratch& scratch);
 

@@ -12,7 +12,6 @@
 #include <vector>
 
 #include "builders/bvh2.h"
-#include "builders/primitives.h"
 #include "math/float4.h"
 
 namespace perfect_bvh {

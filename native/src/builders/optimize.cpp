@@ -8,8 +8,8 @@
 #include <vector>
 
 #include "builders/link_tree.h"
-#include "builders/select_nth.h"
-#include "core/steps.h"
+#include "builders/top_down.h"
+#include "core/cancel.h"
 
 namespace perfect_bvh {
 namespace {

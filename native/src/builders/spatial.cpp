@@ -12,16 +12,13 @@
 #include <span>
 #include <utility>
 
+#include "builders/agglomerative.h"
 #include "builders/binned_splitter.h"
-#include "builders/builders.h"
-#include "builders/few_boxes.h"
-#include "builders/grid_bins.h"
-#include "builders/grid_ref.h"
-#include "builders/select_nth.h"
-#include "builders/spatial_partition.h"
+#include "builders/builder.h"
+#include "builders/grid.h"
 #include "builders/spatial_plane.h"
 #include "builders/top_down.h"
-#include "core/steps.h"
+#include "core/cancel.h"
 
 namespace perfect_bvh {
 namespace {

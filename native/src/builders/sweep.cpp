@@ -6,11 +6,11 @@
 #include <array>
 #include <vector>
 
-#include "builders/builders.h"
-#include "builders/radix_sort.h"
+#include "builders/builder.h"
+#include "builders/morton.h"
 #include "builders/sweep_subtree.h"
 #include "builders/top_down.h"
-#include "core/steps.h"
+#include "core/cancel.h"
 
 namespace perfect_bvh {
 namespace {

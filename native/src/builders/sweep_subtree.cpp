@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-#include "builders/few_boxes.h"
+#include "builders/agglomerative.h"
 
 namespace perfect_bvh {
 namespace {

@@ -8,9 +8,9 @@
 #include <span>
 #include <vector>
 
-#include "builders/build_config.h"
-#include "builders/grid_ref.h"
-#include "builders/primitives.h"
+#include "builders/builder.h"
+#include "builders/bvh2.h"
+#include "builders/grid.h"
 #include "builders/top_down.h"
 #include "core/aligned.h"
 

@@ -18,7 +18,7 @@
 //   Box4 write_leaf(const Range& range, std::uint32_t* prim_indices)
 //     fills in the leaf's rows and returns its box, zeros positive.
 // All must respect depth_allows_any_split(). Answers depend on the range alone, never on the threads. Whatever goes
-// through a range of any size asks as it goes (core/steps.h); a subtree is small enough to be made between two
+// through a range of any size asks as it goes (core/cancel.h); a subtree is small enough to be made between two
 // questions.
 #pragma once
 
@@ -26,13 +26,14 @@
 #include <array>
 #include <bit>
 #include <cassert>
+#include <cstddef>
 #include <cstdint>
 #include <memory>
+#include <span>
 #include <vector>
 
 #include "builders/bvh2.h"
 #include "core/cancel.h"
-#include "core/steps.h"
 #include "core/thread_pool.h"
 #include "math/float4.h"
 
@@ -279,5 +280,24 @@ class TopDownBuilder {
   Bvh2Node* nodes_ = nullptr;
   std::vector<std::uint32_t> top_nodes_;  // interior nodes above the subtrees, parents first
 };
+
+// Select nth ----------------------------------------------------------------------------------------------------------
+// Selection (std::nth_element) that asks whether to stop while it works on many items. The same arrangement either way.
+
+// So many take a few milliseconds; of fewer comparisons are not counted.
+inline constexpr std::size_t kMostSelectedUnasked = 131072;
+
+// Puts the item that would stand in place `n` there, what is less before it and the rest behind. When stopped, throws
+// Cancelled: what the items are then is of no use.
+template <class Item, class Less>
+void select_nth(std::span<Item> items, std::size_t n, CancelToken& cancel, const Less& less) {
+  const auto nth = items.begin() + static_cast<std::ptrdiff_t>(n);
+  if (items.size() <= kMostSelectedUnasked) return std::nth_element(items.begin(), nth, items.end(), less);
+  Steps steps(cancel);
+  std::nth_element(items.begin(), nth, items.end(), [&](const Item& a, const Item& b) {
+    steps.step();
+    return less(a, b);
+  });
+}
 
 }  // namespace perfect_bvh

@@ -1,8 +1,7 @@
-// How a long operation tells its progress and learns that it should stop.
-// In: any thread reports work done; the owner's callback runs only on the thread that made the token (it may hold
-// Python's lock). Out: `Cancelled` is thrown on every thread that polls after a stop was requested.
+// How long a stage took, by the wall clock: for reports, never for decisions.
 #pragma once
 
+#include <algorithm>
 #include <atomic>
 #include <chrono>
 #include <cstddef>
@@ -12,8 +11,32 @@
 #include <utility>
 
 #include "core/errors.h"
+#include "core/thread_pool.h"
 
 namespace perfect_bvh {
+
+class Stopwatch {
+ public:
+  [[nodiscard]] double milliseconds() const {
+    return std::chrono::duration<double, std::milli>(Clock::now() - start_).count();
+  }
+  // Since the last lap, or the beginning.
+  double lap_milliseconds() {
+    const Clock::time_point now = Clock::now();
+    const double lap = std::chrono::duration<double, std::milli>(now - lap_start_).count();
+    lap_start_ = now;
+    return lap;
+  }
+
+ private:
+  using Clock = std::chrono::steady_clock;
+  Clock::time_point start_ = Clock::now(), lap_start_ = start_;
+};
+
+// Cancel --------------------------------------------------------------------------------------------------------------
+// How a long operation tells its progress and learns that it should stop.
+// In: any thread reports work done; the owner's callback runs only on the thread that made the token (it may hold
+// Python's lock). Out: `Cancelled` is thrown on every thread that polls after a stop was requested.
 
 class CancelToken {
  public:
@@ -98,6 +121,74 @@ class CancelToken {
   std::exception_ptr callback_error_;
   std::thread::id owner_{std::this_thread::get_id()};
   std::chrono::steady_clock::time_point last_poll_{std::chrono::steady_clock::now()};
+};
+
+// Steps ---------------------------------------------------------------------------------------------------------------
+// Loops over all primitives or nodes that ask whether to stop (core/cancel.h) every so many items: what lies between
+// two questions is then bounded, however large the data. On threads other than the token's owner a question only sees a
+// stop; the owner asks while it waits for them.
+
+// A question costs as much as some ten items.
+inline constexpr std::size_t kItemsBetweenAsking = 16384;
+
+// Into how many chunks of so many for_chunks() divides them.
+[[nodiscard]] constexpr std::size_t chunk_count_of(std::size_t item_count) noexcept {
+  return (item_count + kItemsBetweenAsking - 1) / kItemsBetweenAsking;
+}
+
+// On this thread alone: body(begin, end) for consecutive parts of [0, count), at least one. Nothing is asked of a count
+// that is one part.
+template <class Body>
+void for_steps(std::size_t count, CancelToken& cancel, const Body& body) {
+  for (std::size_t begin = 0;;) {
+    const std::size_t end = std::min(count, begin + kItemsBetweenAsking);
+    body(begin, end);
+    if (end == count) return;
+    cancel.checkpoint();
+    begin = end;
+  }
+}
+
+// The same from the last part to the first.
+template <class Body>
+void for_steps_back(std::size_t count, CancelToken& cancel, const Body& body) {
+  for (std::size_t end = count;;) {
+    const std::size_t begin = end - std::min(end, kItemsBetweenAsking);
+    body(begin, end);
+    if (begin == 0) return;
+    cancel.checkpoint();
+    end = begin;
+  }
+}
+
+// On the pool's threads: parallel_for that asks before each chunk, and while the caller waits for the others.
+template <class Body>
+void for_chunks(ThreadPool& pool, std::size_t count, std::size_t grain, CancelToken& cancel, const Body& body) {
+  const auto run = [&](std::size_t begin, std::size_t end) {
+    cancel.checkpoint();
+    body(begin, end);
+  };
+  parallel_for(pool, count, grain, run, 0, [&] { cancel.checkpoint(); });
+}
+
+// For loops that do not know how many items there are.
+class Steps {
+ public:
+  explicit Steps(CancelToken& cancel) noexcept : cancel_(cancel) {}
+
+  // Before each item.
+  void step() {
+    if (--left_ == 0) ask();
+  }
+
+ private:
+  [[gnu::noinline]] void ask() {
+    left_ = kItemsBetweenAsking;
+    cancel_.checkpoint();
+  }
+
+  CancelToken& cancel_;
+  std::size_t left_ = kItemsBetweenAsking;
 };
 
 }  // namespace perfect_bvh

@@ -1,6 +1,6 @@
-#include "core/scratch.h"
-
 #include <algorithm>
+
+#include "core/aligned.h"
 
 namespace perfect_bvh {
 

@@ -13,13 +13,11 @@
 // A cyclic curve's last segment and its first one are neighbours; the first one still has the smaller number. Where a
 // segment's two balls are equal at the ray's moment, those on both sides of it are neighbours too.
 //
-// Ribbons have no inside, and are shown where no neighbour's axis is nearer to the line (math/ribbon_segment.h).
+// Ribbons have no inside, and are shown where no neighbour's axis is nearer to the line (math/round_segment.h).
 #pragma once
 
-#include "math/ball.h"
-#include "math/ribbon_segment.h"
 #include "math/round_segment.h"
-#include "math/step_times.h"
+#include "math/turning.h"
 
 namespace perfect_bvh {
 

@@ -1,4 +1,4 @@
-// The slab test (traverse/node_test.inl): does a ray pass through a box, and from which t to which? Its constants, and
+// The slab test (traverse/leaf_test.inl): does a ray pass through a box, and from which t to which? Its constants, and
 // the bounds that make it lose no hit.
 //
 // What rounding does, in one mesh's frame. u = 2^-24; k is the direction's longest axis, a any axis,

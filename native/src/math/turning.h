@@ -1,3 +1,52 @@
+// What moves is known at evenly spaced moments, its steps; between two of them it is interpolated, before the first and
+// after the last it stands still.
+//
+// Positions go in straight lines, and boxes with them: both are interpolated by the same operations, fl(later * b +
+// fl(earlier * a)), which grow with a and with b, whatever is rounded. So where a box holds a vertex at both steps, it
+// holds it at every time between, as computed; and at a step itself nothing is interpolated.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+
+#include "math/double4.h"
+
+namespace perfect_bvh {
+
+struct StepTimes {
+  float begin = 0.0f;
+  float rate = 1.0f;  // steps per unit of time
+  std::uint32_t last = 0;
+};
+
+// At a step, or between it and the next: by shares that add up to 1, neither 0. At a step: 1 and 0.
+struct Moment {
+  std::uint32_t step = 0;
+  float earlier = 1.0f, later = 0.0f;
+
+  [[nodiscard]] bool is_between() const noexcept { return later != 0.0f; }
+};
+
+// Kernels include this file: nothing in it may have external linkage. No time is NaN.
+static inline __attribute__((always_inline)) Moment moment_at(const StepTimes& times, float time) noexcept {
+  const float at = (time - times.begin) * times.rate;
+  if (!(at > 0.0f)) return {};
+  if (at >= static_cast<float>(times.last)) return {times.last, 1.0f, 0.0f};
+  const auto step = static_cast<std::uint32_t>(at);
+  const float later = at - static_cast<float>(step);
+  return {step, 1.0f - later, later};
+}
+
+static inline float interpolate(const Moment& moment, float a, float b) noexcept {
+  return __builtin_fmaf(moment.later, b, moment.earlier * a);
+}
+
+// When a step is reached.
+static inline double time_of(const StepTimes& times, std::uint32_t step) noexcept {
+  return static_cast<double>(times.begin) + static_cast<double>(step) / static_cast<double>(times.rate);
+}
+
+// Turning -------------------------------------------------------------------------------------------------------------
 // Where an instance stands while it moves: a transform between two of its steps (lecture, "Rigid motion").
 //
 // Each step's matrix is taken apart into a rotation and what is left of it, a stretch (Shoemake and Duff 1992, "Matrix
@@ -8,11 +57,6 @@
 //
 // Doubles, and fixed operations: the same bits on every instruction set. Kernels include this file: nothing in it may
 // have external linkage.
-#pragma once
-
-#include "math/step_times.h"
-
-namespace perfect_bvh {
 
 // One step.
 struct TurnStep {
@@ -81,6 +125,77 @@ static inline void place_between(const TurnStep* steps, const Moment& moment, Tu
   for (int i = 0; i < 9; ++i) stretch[i] = earlier * from.stretch[i] + later * to.stretch[i];
   turn(q, stretch, place.columns);
   for (int i = 0; i < 3; ++i) place.translation[i] = earlier * from.translation[i] + later * to.translation[i];
+}
+
+// Turn back -----------------------------------------------------------------------------------------------------------
+// Where a ray is to an instance that turns: the way back of math/turning.h, made ready for each interval between two
+// steps, as long as what is stretched hardly changes between them.
+//
+// A rotation that turns evenly about one axis k by an angle a is I + sin(x a) K + (1 - cos(x a)) K K at the share x of
+// its way, K p being the cross product of k and p. So the inverse of rotation times stretch is a sum of three maps that
+// are known beforehand; only sine and cosine are left to be found for each ray, and neither a matrix is inverted nor a
+// quaternion normalised. From one step to the next a stretch is seldom another one, but for the rounding of the
+// matrices that it comes from: its inverse goes in a straight line from one to the other, which is off by less than
+// kMostGrowth squared. math/turning.h does it.
+
+// A stretch changes by no more of itself, in any entry.
+inline constexpr double kMostGrowth = 0x1p-21;
+
+struct alignas(64) TurnBack {
+  // Columns x, y, z of the three maps, one map after another. The last number is only read with others.
+  double maps[28];
+  double translation[3], shift[3];  // at the step, and from there to the next
+  double half_angle;                // of the whole way
+  float growth[9];                  // what the inverse is multiplied by at the next step, less 1: columns
+  std::uint8_t is_ready;            // 0: rays are to be mapped by TurnStep, and nothing else here means anything
+  std::uint8_t grows;               // 0: `growth` is 0
+  std::uint8_t is_mirrored;
+};
+static_assert(sizeof(TurnBack) == 320);
+
+// Turn ray ------------------------------------------------------------------------------------------------------------
+// Takes a ray to where a turning instance is (math/turning.h).
+// Kernels include this file: nothing in it may have external linkage.
+
+// Sine and cosine of 0 to half of pi, each as sine_of_quarter() finds it.
+PERFECT_BVH_LANES void sine_and_cosine(double angle, double& sine, double& cosine) noexcept {
+  constexpr double kQuarter = 1.5707963267948966;
+  const Double2 x = {angle, kQuarter - angle};
+  const Double2 square = x * x;
+  Double2 sum = {kSineSeries[9], kSineSeries[9]};
+  for (int i = 8; i >= 0; --i) sum = sum * square + Double2{kSineSeries[i], kSineSeries[i]};
+  const Double2 both = x + x * (square * sum);
+  sine = both[0], cosine = both[1];
+}
+
+// `growth`, which goes on at `share`, applied to v, and v. Of four numbers that are read the last belongs to no column.
+PERFECT_BVH_LANES Double4 grown(const TurnBack& turn, double share, const Double4& v) noexcept {
+  const char* const columns = reinterpret_cast<const char*>(&turn) + offsetof(TurnBack, growth);
+  const Double4 x = load4_widened(columns), y = load4_widened(columns + 12), z = load4_widened(columns + 24);
+  return v + all4(share) * ((x * all4(v[0]) + y * all4(v[1])) + z * all4(v[2]));
+}
+
+// A ray, in the world times `world_scale`, as the mesh's frame about `centre` times `tree_scale` sees it, at a share of
+// the interval. Rays and centre are read with what stands behind their three numbers.
+PERFECT_BVH_LANES void turn_ray_back(const TurnBack& turn, double share, const double* centre, double tree_scale,
+                                     double world_scale, const double* from_origin, const double* from_direction,
+                                     double* origin, double* direction) noexcept {
+  double sine, cosine;
+  sine_and_cosine(share * turn.half_angle, sine, cosine);
+  const Double4 once = all4(2.0 * (sine * cosine)), twice = all4(2.0 * (sine * sine));
+  const auto column = [&](int i) __attribute__((always_inline)) {
+    const double* const m = turn.maps + 3 * i;
+    return (load4(m) + once * load4(m + 9)) + twice * load4(m + 18);
+  };
+  const Double4 x = column(0), y = column(1), z = column(2);
+  const Double4 place = load4(turn.translation) + all4(share) * load4(turn.shift);
+  const Double4 away = load4(from_origin) - all4(world_scale) * place;
+  Double4 o = (x * all4(away[0]) + y * all4(away[1])) + z * all4(away[2]);
+  Double4 d = (x * all4(from_direction[0]) + y * all4(from_direction[1])) + z * all4(from_direction[2]);
+  if (turn.grows != 0) o = grown(turn, share, o), d = grown(turn, share, d);
+  const Double4 in_tree = all4(tree_scale / world_scale);
+  store4(origin, three_of(o * in_tree - load4(centre) * all4(tree_scale)));
+  store4(direction, three_of(d * in_tree));
 }
 
 }  // namespace perfect_bvh

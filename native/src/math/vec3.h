@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <type_traits>
 
 namespace perfect_bvh {
 
@@ -59,5 +60,16 @@ constexpr Vec3f to_float(Vec3d a) noexcept {
   return {static_cast<float>(a.x), static_cast<float>(a.y), static_cast<float>(a.z)};
 }
 constexpr Vec3d to_double(Vec3f a) noexcept { return {a.x, a.y, a.z}; }
+
+// Axes ----------------------------------------------------------------------------------------------------------------
+// A loop over the three axes whose numbers are constants.
+
+// Calls body(axis) with the constants 0, 1 and 2: so that components of vectors are found without a branch.
+template <class Body>
+constexpr void for_each_axis(const Body& body) {
+  body(std::integral_constant<int, 0>{});
+  body(std::integral_constant<int, 1>{});
+  body(std::integral_constant<int, 2>{});
+}
 
 }  // namespace perfect_bvh

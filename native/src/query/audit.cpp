@@ -6,7 +6,7 @@
 #include <unordered_map>
 #include <vector>
 
-#include "math/triangle_ambiguity.h"
+#include "math/triangle.h"
 #include "query/round_judge.h"
 #include "query/trace.h"
 

@@ -1,5 +1,5 @@
 // Checks answers of closest-hit rays without any tree: every audited ray against every triangle of the scene, in
-// double precision (math/triangle_ambiguity.h). Cost: the audited rays times the instanced triangles.
+// double precision (math/triangle.h). Cost: the audited rays times the instanced triangles.
 // In: rays, and what was answered. Out: for each ray, right or wrong, and whether rounding leaves it ambiguous.
 #pragma once
 
@@ -7,8 +7,8 @@
 
 #include "core/cancel.h"
 #include "core/thread_pool.h"
-#include "query/ray_columns.h"
-#include "tlas/snapshot.h"
+#include "query/trace.h"
+#include "tlas/assemble.h"
 
 namespace perfect_bvh {
 

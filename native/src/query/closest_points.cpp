@@ -5,12 +5,11 @@
 #include <atomic>
 #include <cmath>
 
-#include "math/round_distance.h"
+#include "math/distance.h"
 #include "mesh/round_mesh.h"
-#include "query/ray_columns.h"
-#include "query/round_list.h"
+#include "query/round_judge.h"
 #include "query/trace.h"
-#include "tlas/trace_view.h"
+#include "tlas/assemble.h"
 #include "traverse/dispatch.h"
 
 namespace perfect_bvh {

@@ -6,7 +6,7 @@
 
 #include "core/cancel.h"
 #include "core/thread_pool.h"
-#include "tlas/snapshot.h"
+#include "tlas/assemble.h"
 #include "traverse/ray.h"
 
 namespace perfect_bvh {

@@ -5,8 +5,8 @@
 #include <cstdint>
 #include <span>
 
-#include "stats/ray_counts.h"
-#include "tlas/snapshot.h"
+#include "stats/statistics.h"
+#include "tlas/assemble.h"
 #include "traverse/ray.h"
 
 namespace perfect_bvh {

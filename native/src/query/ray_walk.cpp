@@ -3,21 +3,18 @@
 #include <array>
 #include <limits>
 
-#include "math/turn_ray.h"
+#include "math/turning.h"
 #include "mesh/round_mesh.h"
-#include "query/round_list.h"
+#include "query/round_judge.h"
 #include "query/trace.h"
 #include "query/tree_boxes.h"
-#include "tlas/trace_view.h"
+#include "tlas/assemble.h"
 #include "traverse/default_floating_point.h"
-#include "wide/wide_boxes.h"
+#include "wide/wide_bvh.h"
 
 // The kernels' own tests, lane by lane.
-#include "traverse/gather_scalar.h"
+#include "traverse/isa_scalar.h"
 #include "traverse/leaf_line_scalar.h"
-#include "traverse/plane_scalar.h"
-#include "traverse/ray_setup_scalar.h"
-#include "traverse/simd_scalar.h"
 
 namespace perfect_bvh {
 namespace {
@@ -27,10 +24,7 @@ namespace {
 #include "traverse/ray_slot.inl"
 // After the slot.
 #include "traverse/leaf_test.inl"
-#include "traverse/node_test.inl"
-#include "traverse/shares.inl"
 // After the leaf test.
-#include "traverse/moving_leaf.inl"
 #include "traverse/round_leaf.inl"
 
 constexpr double kNone = std::numeric_limits<double>::infinity();

@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "core/cancel.h"
-#include "tlas/snapshot.h"
+#include "tlas/assemble.h"
 #include "traverse/ray.h"
 
 namespace perfect_bvh {

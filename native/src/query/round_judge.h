@@ -1,18 +1,42 @@
-// Whether and where a ray meets a segment of a curve or a point, when rounding is taken for no answer: the judge of
-// answers (query/audit.h). A hull whose balls are a margin larger is surely missed or may be hit; one whose balls are a
-// margin smaller is surely hit. The margin is far more than kernels are off by, which decide in double precision.
+// A mesh's curves or points as formulas take them, in the mesh's own scale.
 #pragma once
 
 #include <array>
 #include <cstdint>
 #include <ranges>
 
-#include "query/ribbon_judge.h"
-#include "query/round_list.h"
+#include "math/curve_joint.h"
+#include "mesh/mesh.h"
 #include "tlas/instance.h"
 #include "traverse/ray.h"
 
 namespace perfect_bvh {
+
+// moment: of a mesh that moves within the shutter.
+[[nodiscard]] inline RoundList round_list(const Mesh& mesh, const Moment& moment = {}) noexcept {
+  RoundList list{mesh.at_step(moment.step).balls.data(), mesh.segments.data(), 1.0f, mesh.shape};
+  list.closed = mesh.closed.data(), list.closed_count = mesh.closed.size();
+  if (moment.is_between()) list.later = mesh.at_step(moment.step + 1).balls.data(), list.moment = moment;
+  return list;
+}
+
+// Ribbon judge --------------------------------------------------------------------------------------------------------
+// Whether and where a ray meets a segment of a ribbon, when rounding is taken for no answer (query/round_judge.h): of
+// all ribbons whose balls are moved across the ray by no more than a margin.
+
+struct JudgedRibbon {
+  bool is_possible, is_sure;  // that it is met, if no neighbour is nearer
+  double least, most;         // t
+  double nearest, farthest;   // of the distances that the ray may pass the segment's axis at
+};
+
+[[nodiscard]] JudgedRibbon judge_ribbon(const RoundRay& ray, const RoundEnds& ends, SegmentCode code,
+                                        double margin) noexcept;
+
+// Round judge ---------------------------------------------------------------------------------------------------------
+// Whether and where a ray meets a segment of a curve or a point, when rounding is taken for no answer: the judge of
+// answers (query/audit.h). A hull whose balls are a margin larger is surely missed or may be hit; one whose balls are a
+// margin smaller is surely hit. The margin is far more than kernels are off by, which decide in double precision.
 
 // Where a ray enters or leaves; of a ribbon, whose exit is surely missed, where it meets it. An end that a neighbour
 // surely hides is surely missed. Of a chord that is surely there, if a neighbour hides its entry, then that neighbour's

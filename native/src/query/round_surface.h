@@ -1,3 +1,22 @@
+// Where a place on a surface is at another time within the shutter.
+#pragma once
+
+#include <cstdint>
+
+#include "math/aabb.h"
+#include "math/curve_joint.h"
+#include "math/vec3.h"
+#include "tlas/instance.h"
+#include "traverse/ray.h"
+
+namespace perfect_bvh {
+
+// position: where the hit is in the world at time `from`. Of a triangle the place of the same u and v at time `to`;
+// what is hit of a curve or a point goes with its axis.
+[[nodiscard]] Vec3d moved_position(const Instance& instance, const Hit& hit, float from, float to,
+                                   Vec3d position) noexcept;
+
+// Round surface -------------------------------------------------------------------------------------------------------
 // Where rays meet curves and points, in world space: the point and the normal of the true surface. From the ray itself,
 // in double precision: a hit's t is a float, and from far away says little of where on a hair it is.
 //
@@ -6,17 +25,6 @@
 // curve from one segment to the next, as its axis between two balls is between the means of the segments beside each.
 // Rays go on from where the one that came enters or leaves the tube: from there they meet the ribbon again only if they
 // go back into it.
-#pragma once
-
-#include <cstdint>
-
-#include "math/affine.h"
-#include "math/curve_joint.h"
-#include "math/vec3.h"
-#include "tlas/instance.h"
-#include "traverse/ray.h"
-
-namespace perfect_bvh {
 
 struct RoundPoint {
   Vec3d position;

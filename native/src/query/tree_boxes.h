@@ -8,7 +8,9 @@
 #include <vector>
 
 #include "core/cancel.h"
-#include "tlas/snapshot.h"
+#include "core/thread_pool.h"
+#include "stats/statistics.h"
+#include "tlas/assemble.h"
 
 namespace perfect_bvh {
 
@@ -48,5 +50,20 @@ struct LevelRange {
 
 // Of a mesh's tree the `sah` that is listed there, but for rounding, without listing anything. Throws the same.
 [[nodiscard]] double tree_sah(const Snapshot& snapshot, std::int32_t mesh_id, CancelToken& cancel);
+
+// Statistics ----------------------------------------------------------------------------------------------------------
+// Measures a snapshot's trees.
+// In: a snapshot, the costs to reckon with. Out: sizes and quality of every mesh's tree and of the top level.
+
+struct StatisticsOptions {
+  // EPO and leaf-count variability: microseconds for each triangle, and trees that are no longer kept are built again.
+  bool is_detailed = false;
+  float traversal_cost = 1.0f;
+  float intersection_cost = 1.0f;
+};
+
+// Throws Cancelled, bad_alloc. The same numbers for any thread count.
+[[nodiscard]] SceneStatistics measure(const Snapshot& snapshot, const StatisticsOptions& options, ThreadPool& pool,
+                                      CancelToken& cancel);
 
 }  // namespace perfect_bvh

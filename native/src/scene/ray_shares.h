@@ -1,15 +1,31 @@
+// How many rays a commit reckons with.
+//
+// What the caller expects counts. A commit that is told nothing expects what the last one did that was told, or what
+// was cast since the last commit if that is more. Where none was ever told the number stays unknown: trees are chosen
+// by usage, and what was cast is kept apart, see choose_tree.h. To expect none says nothing of later commits.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <vector>
+
+#include "math/aabb.h"
+
+namespace perfect_bvh {
+
+struct RayForecast {
+  std::optional<double> expected;  // before the next commit
+  double cast = 0;                 // since the last one
+  std::uint64_t cast_in_all = 0;   // until now
+
+  [[nodiscard]] double likely() const noexcept { return expected.value_or(cast); }
+};
+
+// Ray shares ----------------------------------------------------------------------------------------------------------
 // How many of a scene's rays a mesh may expect.
 // A random line that meets the scene's box meets a box inside it with the ratio of their areas (the premise of the
 // SAH). So an instance gets the area of its world box as a share of the scene's, and a mesh the sum over its instances:
 // more than one where they overlap each other. Occlusion is ignored: it is unknown before rays are cast.
-#pragma once
-
-#include <vector>
-
-#include "math/aabb.h"
-#include "math/affine.h"
-
-namespace perfect_bvh {
 
 class RayShares {
  public:

@@ -6,7 +6,7 @@
 #include <limits>
 
 #include "core/errors.h"
-#include "math/axes.h"
+#include "math/vec3.h"
 
 namespace perfect_bvh {
 namespace {

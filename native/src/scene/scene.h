@@ -14,16 +14,15 @@
 #include <thread>
 #include <vector>
 
-#include "blas/mesh_state.h"
-#include "builders/build_config.h"
+#include "blas/make_blas.h"
+#include "builders/builder.h"
 #include "core/aligned.h"
 #include "core/cancel.h"
 #include "core/errors.h"
 #include "core/thread_pool.h"
 #include "mesh/round_mesh.h"
-#include "scene/ray_forecast.h"
+#include "scene/ray_shares.h"
 #include "tlas/assemble.h"
-#include "tlas/snapshot.h"
 
 namespace perfect_bvh {
 

@@ -3,11 +3,11 @@
 #include <algorithm>
 #include <cmath>
 
-#include "blas/build_wide_tree.h"
-#include "blas/motion_steps.h"
-#include "core/steps.h"
-#include "math/axes.h"
-#include "tlas/trace_view.h"
+#include "blas/build_tree.h"
+#include "blas/moved_mesh.h"
+#include "core/cancel.h"
+#include "math/vec3.h"
+#include "tlas/assemble.h"
 
 namespace perfect_bvh {
 namespace {

@@ -6,10 +6,10 @@
 #include <memory>
 
 #include "blas/blas.h"
-#include "builders/build_config.h"
+#include "builders/builder.h"
 #include "core/cancel.h"
 #include "core/thread_pool.h"
-#include "math/affine.h"
+#include "math/aabb.h"
 #include "tlas/turns.h"
 
 namespace perfect_bvh {

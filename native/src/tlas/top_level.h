@@ -24,7 +24,6 @@
 #include <string>
 
 #include "builders/bvh2.h"
-#include "builders/primitives.h"
 #include "core/cancel.h"
 #include "core/thread_pool.h"
 #include "wide/wide_bvh.h"

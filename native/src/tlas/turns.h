@@ -5,8 +5,7 @@
 #include <vector>
 
 #include "core/aligned.h"
-#include "math/affine.h"
-#include "math/turn_back.h"
+#include "math/aabb.h"
 #include "math/turning.h"
 
 namespace perfect_bvh {

@@ -1,10 +1,6 @@
 // The kernels for AVX-512 (F, BW, DQ, VL).
-#include "traverse/gather_avx.h"
-#include "traverse/leaf_line_avx.h"
-#include "traverse/plane_avx.h"
-#include "traverse/ray_setup_avx.h"
-#include "traverse/simd_avx512.h"
-#include "traverse/simd_rays_avx512.h"
+#include "traverse/isa_avx.h"
+#include "traverse/isa_avx512.h"
 
 // Last: it uses all of the above.
 #include "traverse/vector_kernels.inl"

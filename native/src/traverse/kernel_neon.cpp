@@ -1,10 +1,7 @@
 // The kernels for NEON, which every 64-bit ARM has.
-#include "traverse/gather_neon.h"
+#include "traverse/isa_neon.h"
 #include "traverse/leaf_line_scalar.h"
-#include "traverse/plane_scalar.h"
-#include "traverse/ray_setup_neon.h"
-#include "traverse/simd_neon.h"
-#include "traverse/simd_rays_neon.h"
+#include "traverse/rays_neon.h"
 
 // Last: it uses all of the above.
 #include "traverse/vector_kernels.inl"

@@ -1,13 +1,9 @@
 // The kernels for any machine.
-#include "math/round_distance.h"
-#include "math/triangle_distance.h"
-#include "math/turn_ray.h"
-#include "traverse/gather_scalar.h"
+#include "math/distance.h"
+#include "math/turning.h"
+#include "traverse/isa_scalar.h"
 #include "traverse/kernel_table.h"
 #include "traverse/leaf_line_scalar.h"
-#include "traverse/plane_scalar.h"
-#include "traverse/ray_setup_scalar.h"
-#include "traverse/simd_scalar.h"
 
 // The vectors and the ray's set-up stand; what follows uses them.
 #include "traverse/stream_kernel.inl"

@@ -3,8 +3,9 @@
 #pragma once
 
 #include "math/round_segment.h"
-#include "traverse/leaf_line.h"
-#include "traverse/object_ray.h"
+#include "math/triangle.h"
+#include "traverse/ray.h"
+#include "traverse/scene_view.h"
 
 namespace perfect_bvh {
 namespace {
@@ -33,5 +34,19 @@ inline LeafLine leaf_line(const LeafCorner& corner, const ObjectRay& ray, float 
   return line;
 }
 
+// Plane scalar --------------------------------------------------------------------------------------------------------
+// One triangle's plane in plain C++. The vector version gives the same t, bit for bit.
+// Included by translation units of kernels only; everything in it has internal linkage.
+
+// `at(corner, axis)`: the corners' coordinates.
+template <class Corners>
+inline double meet_plane(const Corners& at, const double* origin, const double* direction) noexcept {
+  const float a[3] = {at(0, 0), at(0, 1), at(0, 2)};
+  const float b[3] = {at(1, 0), at(1, 1), at(1, 2)};
+  const float c[3] = {at(2, 0), at(2, 1), at(2, 2)};
+  return plane_t(plane_of(a, b, c), origin, direction);
+}
+
 }  // namespace
+
 }  // namespace perfect_bvh

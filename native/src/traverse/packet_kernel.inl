@@ -16,12 +16,10 @@
 namespace perfect_bvh {
 namespace {
 
-#include "traverse/packet.inl"
-// After the packet.
 #include "traverse/packet_setup.inl"
+// After the packet.
 // After the set-up.
 #include "traverse/packet_bounds.inl"
-#include "traverse/packet_coherence.inl"
 #include "traverse/packet_leaf.inl"
 
 // No more rays than these go on by themselves.

@@ -1,4 +1,4 @@
-// What kernels see of a scene, of rays and of hits: plain structs, nothing that could emit code.
+// What kernels see of what moves within the shutter: plain structs, as in scene_view.h.
 #pragma once
 
 #include <cstddef>
@@ -6,13 +6,37 @@
 
 #include "math/curve_joint.h"
 #include "math/slab.h"
+#include "math/turning.h"
 #include "math/vec3.h"
-#include "stats/ray_counts.h"
-#include "traverse/motion_view.h"
+#include "stats/statistics.h"
 #include "traverse/ray.h"
 #include "wide/wide_bvh.h"
 
 namespace perfect_bvh {
+
+struct RoundLeaves;
+
+// A tree at one step: all steps of a tree have the same nodes and leaves, with the boxes and vertices of their time.
+struct TreeStep {
+  const WideNode* nodes;
+  union {
+    const LeafBlock* blocks;  // as in an InstanceView
+    const RoundLeaves* round_leaves;
+  };
+};
+
+// Of an instance that moves: itself, its mesh, or both. What rays read of it is one line of the cache.
+struct alignas(64) MotionView {
+  const TreeStep* trees = nullptr;  // null: the mesh keeps its shape
+  const TurnBack* backs = nullptr;  // null: the instance stays where it is
+  StepTimes tree_times, turn_times;
+  double centre[3] = {0, 0, 0};     // where the tree's frame has its origin in the mesh's own, which is what turns
+  const TurnStep* turns = nullptr;  // null with `backs`
+};
+static_assert(offsetof(MotionView, turns) == 64);
+
+// Scene view ----------------------------------------------------------------------------------------------------------
+// What kernels see of a scene, of rays and of hits: plain structs, nothing that could emit code.
 
 // The leaves of a tree over curves or points, and where what they name is: in the mesh, in its own scale.
 struct RoundLeaves {
@@ -124,6 +148,26 @@ struct FoundHits {
   FoundHit* hits = nullptr;  // null: only the counts are wanted
   std::size_t capacity = 0;
   std::size_t* counts = nullptr;  // one a ray
+};
+
+// Gathered balls ------------------------------------------------------------------------------------------------------
+// Balls of a leaf of curves or points as they are tested: read from the mesh and brought to the tree's scale.
+
+// Each primitive's two balls (a point's are the same), as x, y, z and radius in the tree's scale.
+struct alignas(32) GatheredBalls {
+  float first[4][8], last[4][8];
+};
+
+// Leaf line -----------------------------------------------------------------------------------------------------------
+// A ray as the filter of a leaf of curves or points has it: in the leaf's steps, from the leaf's corner.
+
+struct alignas(16) LeafLine {
+  float nearest[4];              // the line's point nearest to the corner, from there; the fourth means nothing
+  float direction[4];            // the ray's
+  float least, most;             // hits are between these depths: the direction times the way from that point
+  float away;                    // largest component of that point
+  float squared_length, length;  // of the direction
+  float slack;                   // what double does to the ray, and underflow
 };
 
 }  // namespace perfect_bvh

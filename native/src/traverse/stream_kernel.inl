@@ -17,12 +17,9 @@ namespace {
 #include "traverse/ray_slot.inl"
 // After the slot.
 #include "traverse/leaf_test.inl"
-#include "traverse/node_test.inl"
-#include "traverse/shares.inl"
 // After the leaf test.
 #include "traverse/round_leaf.inl"
 // After the leaf and node tests.
-#include "traverse/moving_leaf.inl"
 
 // Leaves are tested when this many rays wait at one, or no ray is left at a node.
 constexpr std::size_t kLeafPatience = 16;

@@ -2,9 +2,8 @@
 // chosen its vectors (simd_*.h, simd_rays_*.h), its ray's set-up (ray_setup_*.h) and how it reads balls (gather_*.h).
 #pragma once
 
-#include "math/round_distance.h"
-#include "math/triangle_distance.h"
-#include "math/turn_ray.h"
+#include "math/distance.h"
+#include "math/turning.h"
 #include "traverse/kernel_table.h"
 #include "traverse/stream_kernel.inl"
 // After the stream.

@@ -1,3 +1,52 @@
+// What work costs on this machine, in nanoseconds of one thread: what the governor reckons with.
+// In: numbers that were measured once (perfect_bvh.calibration in Python). Plain data, so that decisions repeat.
+#pragma once
+
+#include <algorithm>
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <optional>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "builders/builder.h"
+#include "wide/wide_cost.h"
+
+namespace perfect_bvh {
+
+// Building costs are those of a mesh of this many triangles; the time of larger ones grows by their logarithm, too.
+inline constexpr double kCalibratedTriangles = 65536;
+
+struct BuilderCost {
+  double build_nanoseconds = 0;  // a triangle, from the mesh to what rays are traced through
+  double trace_nanoseconds = 0;  // a ray that meets the mesh's box
+};
+
+// Without a measurement updates are free, and a node costs what a leaf does.
+struct Calibration {
+  double node_nanoseconds = 1;           // of visiting a wide node ...
+  double leaf_nanoseconds = 1;           // ... and a leaf block of up to 8 triangles
+  double refit_nanoseconds = 0;          // a triangle
+  double rotate_nanoseconds = 0;         // a triangle, beyond the refit
+  double rebuild_parts_nanoseconds = 0;  // a triangle in the parts, beyond the refit and as much for putting them in
+  double rotation_gain = 0.5;            // the share of what new parts gain that rotations do
+  BuilderCost fast, binned, spatial;
+
+  [[nodiscard]] const BuilderCost& of(BuilderKind kind) const noexcept {
+    switch (kind) {
+      case BuilderKind::kFast:
+        return fast;
+      case BuilderKind::kSpatial:
+        return spatial;
+      default:  // the others are for comparisons and are not chosen for speed
+        return binned;
+    }
+  }
+};
+
+// Governor ------------------------------------------------------------------------------------------------------------
 // Decides what becomes of a tree whose triangles moved (lecture, "Refitting": where it is unsuitable), and what builds
 // a tree. A moved tree may be refitted, restructured by rotations or by building parts of it again, or be replaced. In:
 // what a ray costs in the tree as refitted and as it was built, how many rays are expected, what was paid since, the
@@ -12,20 +61,6 @@
 // What a fresh tree would cost is unknown before it is built. So one is built over a sample of the triangles
 // (mesh_shape.h): how that changed tells how the cost of the whole did, as sample^exponent, and each rebuild tells the
 // exponent of this mesh. Restructuring costs by the share of the tree that it would rebuild.
-#pragma once
-
-#include <cstddef>
-#include <cstdint>
-#include <optional>
-#include <span>
-#include <string>
-#include <vector>
-
-#include "builders/build_config.h"
-#include "update/calibration.h"
-#include "wide/wide_cost.h"
-
-namespace perfect_bvh {
 
 // All but the first are for comparisons: what can be done so always is.
 enum class Policy : std::uint8_t { kGoverned, kRefit, kRotate, kRebuildParts, kRebuild };
@@ -123,5 +158,61 @@ struct BuildDecision {
 
 // More rays than so many repay another builder's tree than the one that is held; infinity if none would be better.
 [[nodiscard]] double repaying_rays(const BuildQuestion& question, const Calibration& calibration) noexcept;
+
+// Wording -------------------------------------------------------------------------------------------------------------
+// How decisions are put into words.
+
+// "1.3"; what is beyond all measure is cut off.
+[[nodiscard]] inline std::string with_tenths(double value) {
+  const auto tenths = static_cast<long long>(std::clamp(value, 0.0, 1e12) * 10.0 + 0.5);
+  return std::to_string(tenths / 10) + "." + std::to_string(tenths % 10);
+}
+
+// Two digits, all that stand before the point: "121", "12", "1.2", "0.12".
+[[nodiscard]] inline std::string with_two_digits(double value) {
+  if (value >= 9.95) return std::to_string(static_cast<long long>(std::min(value, 1e12) + 0.5));
+  if (value >= 0.995) return with_tenths(value);
+  const auto hundredths = static_cast<int>(std::max(value, 0.0) * 100.0 + 0.5);
+  return "0." + std::to_string(hundredths / 10) + std::to_string(hundredths % 10);
+}
+
+// What rounds to no hundredth of a millisecond.
+[[nodiscard]] inline bool is_next_to_nothing(double nanoseconds) { return nanoseconds < 5e3; }
+
+// "under 0.01 ms", "0.28 ms", "12 ms", "0.28 s" or "121 s".
+[[nodiscard]] inline std::string as_time(double nanoseconds) {
+  if (is_next_to_nothing(nanoseconds)) return "under 0.01 ms";
+  if (nanoseconds < 99.5e6) return with_two_digits(nanoseconds * 1e-6) + " ms";
+  return with_two_digits(nanoseconds * 1e-9) + " s";
+}
+
+[[nodiscard]] inline const char* verb_of(UpdateAction action) {
+  constexpr std::array<const char*, 5> kVerbs{"refit", "rotate", "rebuild parts", "rebuild", "keep"};
+  return kVerbs[static_cast<std::size_t>(action)];
+}
+
+// Rest ----------------------------------------------------------------------------------------------------------------
+// Decides what becomes of a tree that motion degraded and whose triangles no longer move.
+// In: what was remembered of the tree, how many rays are expected in this commit, the machine's calibration.
+// Out: whether it is kept or rebuilt, why, and what either was expected to cost. Pure functions.
+//
+// How long the triangles will rest is unknown. Each commit in the degraded tree costs its rays more than a fresh tree
+// would: a rent. A new tree is the purchase that ends it. Buying once the rents paid equal the price costs at most
+// twice what the best choice in hindsight does (the ski rental problem; Karlin, Manasse, Rudolph and Sleator 1988,
+// "Competitive snoopy caching").
+
+struct RestQuestion {
+  std::size_t triangle_count = 0;
+  const char* what = "triangles";              // that the mesh is of, as sentences name it
+  BuilderKind builder = BuilderKind::kBinned;  // of a new tree
+  std::optional<double> rays;                  // expected to meet the mesh's box in this commit; unknown: it is kept
+  UpdateHistory history;
+};
+
+// Whether rays are expected to lose anything in a tree that was refitted, beside a new one.
+[[nodiscard]] bool is_degraded(const UpdateHistory& history, const Calibration& calibration) noexcept;
+
+// Of triangles that did not move in this commit: kKeep or kRebuild.
+[[nodiscard]] UpdateDecision decide_at_rest(const RestQuestion& question, const Calibration& calibration);
 
 }  // namespace perfect_bvh

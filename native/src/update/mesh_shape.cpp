@@ -4,9 +4,9 @@
 
 #include "builders/builder.h"
 #include "builders/quality.h"
-#include "core/steps.h"
+#include "core/cancel.h"
 #include "math/float4.h"
-#include "wide/wide_boxes.h"
+#include "wide/wide_bvh.h"
 
 namespace perfect_bvh {
 namespace {

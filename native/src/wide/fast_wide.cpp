@@ -2,20 +2,186 @@
 
 #include <algorithm>
 #include <array>
+#include <limits>
 #include <span>
+#include <string>
 #include <utility>
 #include <vector>
 
 #include "builders/locally_ordered.h"
-#include "core/scratch.h"
-#include "core/steps.h"
-#include "wide/cluster_plan.h"
+#include "core/aligned.h"
+#include "core/cancel.h"
+#include "core/errors.h"
+#include "wide/bottom_up.h"
+#include "wide/collapse.h"
 #include "wide/leaf_block.h"
-#include "wide/morton_leaves.h"
-#include "wide/visit_order.h"
-#include "wide/wide_boxes.h"
+#include "wide/run_cutter.h"
+#include "wide/wide_bvh.h"
 
 namespace perfect_bvh {
+namespace {
+
+// A run's vertices, each once, and every corner's place among them; and the triangles' numbers. The cutter has noted
+// how long ago a corner's vertex occurred. A loop whose length cannot be foreseen costs as much as all else here: there
+// is but one.
+struct RunContents {
+  std::array<std::uint32_t, kLeafSize + 1> vertices;
+  std::uint32_t vertex_count = 0;
+  alignas(16) std::array<std::int32_t, kLeafSize> numbers;  // signed: compared by SSE2
+  std::array<std::uint32_t, kLeafSize> corners;
+
+  RunContents(const Mesh& mesh, const TriangleOrder& order, std::size_t first, std::uint32_t size,
+              const std::uint32_t* corner_vertices, const std::uint8_t* way_back) noexcept {
+    numbers.fill(std::numeric_limits<std::int32_t>::max());
+    const Vec3f* const positions = mesh.positions.data();
+    std::array<std::uint8_t, kMostBack + 3 * kLeafSize> places_of;
+    std::uint8_t* const place_of = places_of.data() + kMostBack;  // with room before it: no branch is needed to read
+    const auto place = [&](std::uint32_t corner) {
+      const std::uint32_t back = way_back[corner], vertex = corner_vertices[corner];
+      __builtin_prefetch(positions + corner_vertices[corner + kCornersAhead]);
+      const bool is_new = back > corner;
+      const std::uint32_t result = is_new ? vertex_count : *(place_of + corner - back);
+      place_of[corner] = static_cast<std::uint8_t>(result);
+      vertices[result] = vertex;
+      vertex_count += is_new;
+      return result;
+    };
+    for (std::uint32_t triangle = 0; triangle < size; ++triangle) {
+      const std::uint32_t x = place(3 * triangle), y = place(3 * triangle + 1), z = place(3 * triangle + 2);
+      corners[triangle] = x | y << 4 | z << 8;
+      numbers[triangle] = static_cast<std::int32_t>(order.triangle(first + triangle));
+    }
+    for (std::uint32_t i = 0; i < kLeafSize; ++i) vertices[i] = vertices[std::min(i, vertex_count - 1)];
+  }
+};
+
+// Rows of the block in the order of the triangles' numbers; the last is repeated.
+void write_triangles(LeafBlock& block, const RunContents& run, std::uint32_t size) noexcept {
+  const Int4 low = Int4::load(&run.numbers[0]), high = Int4::load(&run.numbers[4]);
+  Int4 low_ranks(0), high_ranks(0);
+  const auto rank_above = [&](std::size_t i) {
+    const Int4 number(run.numbers[i]);
+    low_ranks = low_ranks - greater(low, number);
+    high_ranks = high_ranks - greater(high, number);
+  };
+  rank_above(0), rank_above(1), rank_above(2), rank_above(3);
+  rank_above(4), rank_above(5), rank_above(6), rank_above(7);
+  alignas(16) std::array<std::uint32_t, kLeafSize> ranks;
+  low_ranks.store(&ranks[0]), high_ranks.store(&ranks[4]);
+  // By rank, who stands there: in digits, of which those past the size mean nothing.
+  std::uint32_t order = 0;
+  for (std::uint32_t i = 0; i < kLeafSize; ++i) order += i << (4 * ranks[i]);
+  const std::uint32_t last = (order >> (4 * (size - 1))) & 7;
+  const Int4 last_number(run.numbers[last]), last_corners(static_cast<std::int32_t>(run.corners[last]));
+  last_number.store(&block.primitives[0]), last_number.store(&block.primitives[4]);
+  last_corners.store(&block.corners[0]), last_corners.store(&block.corners[4]);
+  for (std::uint32_t i = 0; i < size; ++i) {
+    block.primitives[ranks[i]] = static_cast<std::uint32_t>(run.numbers[i]);
+    block.corners[ranks[i]] = run.corners[i];
+  }
+}
+
+// A box is the same whichever of its zeros came first: -0 + 0 is 0.
+[[nodiscard]] Box4 with_positive_zeros(const Box4& box) noexcept {
+  const Float4 zero(0.0f);
+  return {box.lower + zero, box.upper + zero};
+}
+
+// In as many parts as there are threads: each needs a memory of all vertices.
+void cut_runs(const Mesh& mesh, const TriangleOrder& order, Runs& runs, Scratch& scratch, ThreadPool& pool,
+              CancelToken& cancel) {
+  const std::size_t chunk_count = runs.counts.size();
+  const auto threads = static_cast<std::size_t>(pool.thread_count());
+  const std::size_t part = (chunk_count + threads - 1) / threads;
+  const std::size_t vertex_count = runs.way_back.empty() ? 0 : mesh.positions.size();
+  const auto last_corners = scratch.take<std::uint32_t>((chunk_count + part - 1) / part * vertex_count);
+  for_chunks(pool, chunk_count, part, cancel, [&](std::size_t begin, std::size_t end) {
+    RunCutter cutter(mesh, order, last_corners.subspan(begin / part * vertex_count, vertex_count), runs, cancel);
+    for (std::size_t i = begin; i < end; ++i) {
+      cancel.checkpoint();
+      cutter.cut(i * kRunChunk, std::min(mesh.primitive_count(), (i + 1) * kRunChunk));
+    }
+  });
+}
+
+// The blocks of the chunk whose first triangle stands in place `begin`, from row `row` on.
+void fill_blocks(const Mesh& mesh, const TriangleOrder& order, std::size_t begin, std::span<const std::uint8_t> sizes,
+                 const Runs& runs, std::size_t row, MortonLeaves& leaves) noexcept {
+  for (const std::uint8_t size : sizes) {
+    LeafBlock& block = leaves.tree.blocks[row];
+    const RunContents run(mesh, order, begin, size, &runs.corners[3 * begin], &runs.way_back[3 * begin]);
+    write_triangles(block, run, size);
+    const Box4 box = write_vertices(block, run.vertices.data(), mesh, leaves.tree.scale);
+    leaves.boxes[row++] = make_cluster(with_positive_zeros(box), order.code(begin), order.code(begin + size - 1));
+    begin += size;
+  }
+}
+
+// The same for curves and points.
+void fill_round_leaves(const Mesh& mesh, const TriangleOrder& order, std::size_t begin,
+                       std::span<const std::uint8_t> sizes, std::size_t row, MortonLeaves& leaves) noexcept {
+  for (const std::uint8_t size : sizes) {
+    std::array<std::uint32_t, kLeafSize> numbers;
+    Aabb box;
+    for (std::size_t i = 0; i < size; ++i) {
+      numbers[i] = order.triangle(begin + i);
+      box.grow(mesh.primitive_box(numbers[i]));
+    }
+    if (mesh.kind == PrimitiveKind::kPoints) {
+      leaves.tree.point_leaves[row] = make_point_leaf(numbers.data(), size);
+    } else {
+      leaves.tree.curve_leaves[row] = make_curve_leaf(numbers.data(), size, mesh, leaves.tree.scale);
+    }
+    const Float4 scale(leaves.tree.scale);
+    const Box4 scaled{load_xyz(&box.lower) * scale, load_xyz(&box.upper) * scale};
+    leaves.boxes[row++] = make_cluster(with_positive_zeros(scaled), order.code(begin), order.code(begin + size - 1));
+    begin += size;
+  }
+}
+
+void check_count(std::size_t count, bool is_round) {
+  constexpr std::size_t kMostNumbers = std::numeric_limits<std::int32_t>::max();
+  const std::size_t most = is_round ? kMostNumbers : std::min(kMostNumbers, kMostCutTriangles);
+  if (count <= most) return;
+  throw EngineError("the fast builder takes at most " + std::to_string(most) + " primitives of this kind, got " +
+                    std::to_string(count) + "; choose another builder, or divide the mesh");
+}
+
+}  // namespace
+
+MortonLeaves make_morton_leaves(const Mesh& mesh, Scratch& tree_memory, ThreadPool& pool, CancelToken& cancel) {
+  const std::size_t count = mesh.primitive_count();
+  check_count(count, mesh.is_round());
+  const std::size_t vertex_memory = mesh.positions.size() * sizeof(std::uint32_t);  // of a thread
+  Scratch scratch;
+  scratch.expect(order_byte_count(count) + (mesh.is_round() ? count : 16 * count + vertex_memory));
+  const TriangleOrder order = order_triangles(mesh, scratch, pool, cancel);
+  MortonLeaves leaves;
+  leaves.bounds = to_aabb(order.bounds);
+  leaves.tree.scale = tree_scale(leaves.bounds);
+
+  Runs runs = make_room_for_runs(mesh, scratch);
+  cut_runs(mesh, order, runs, scratch, pool, cancel);
+  std::vector<std::size_t> first_leaves(runs.counts.size() + 1);
+  for (std::size_t i = 0; i < runs.counts.size(); ++i) first_leaves[i + 1] = first_leaves[i] + runs.counts[i];
+  if (first_leaves.back() > kMostBlocks) throw EngineError("the mesh has more leaves than a tree can refer to");
+  make_room_for_leaves(mesh, first_leaves.back(), leaves.tree);
+  leaves.boxes = make_room_for_clusters(first_leaves.back(), tree_memory);
+  for_chunks(pool, count, kRunChunk, cancel, [&](std::size_t begin, std::size_t end) {
+    const std::size_t chunk = begin / kRunChunk, row = first_leaves[chunk];
+    const auto sizes = runs.sizes.subspan(begin, runs.counts[chunk]);
+    if (mesh.is_round()) {
+      fill_round_leaves(mesh, order, begin, sizes, row, leaves);
+    } else {
+      fill_blocks(mesh, order, begin, sizes, runs, row, leaves);
+    }
+    cancel.advance(2 * (end - begin));  // what is left takes little: there is no binary tree
+  });
+  return leaves;
+}
+
+// Fast wide -----------------------------------------------------------------------------------------------------------
+
 namespace {
 
 struct Child {

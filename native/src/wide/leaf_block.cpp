@@ -4,6 +4,7 @@
 #include <array>
 #include <bit>
 
+#include "math/float4.h"
 #include "math/sorting_network.h"
 #include "wide/small_set.h"
 
@@ -72,6 +73,197 @@ PointLeaf make_point_leaf(const std::uint32_t* primitives, std::uint32_t count) 
   PointLeaf leaf;
   write_sorted(primitives, count, leaf.primitives);
   return leaf;
+}
+
+// Curve leaf ----------------------------------------------------------------------------------------------------------
+// How exact it is, in steps. A coordinate is subtracted, multiplied and rounded to a whole number: with u = 2^-24 that
+// moves it by less than .5 + 3 * 1024 u < .5002 on each axis, so a centre by less than .8664. A radius grows by more:
+// by .8671, the products' roundings, and to the next whole number.
+
+namespace {
+
+constexpr float kMostSteps = 1023.0f;   // of ten bits
+constexpr float kMostRadius = 250.0f;   // with all that it grows by, of eight
+constexpr float kMostInUnit = 0x1p48f;  // so that no product of steps leaves the range of float
+
+// The balls at one end of eight segments, as rows: x, y, z, radii of the first four, then of the others.
+using BallRows = std::array<Float4, 8>;
+
+[[nodiscard]] BallRows to_rows(std::array<Float4, 8> balls) noexcept {
+  transpose(balls[0], balls[1], balls[2], balls[3]);
+  transpose(balls[4], balls[5], balls[6], balls[7]);
+  return balls;
+}
+
+[[nodiscard]] float steps_for(float extent, float radius) noexcept {
+  const float of_axes = extent > 0.0f ? kMostSteps / extent : kMostInUnit;
+  const float of_radii = radius > 0.0f ? kMostRadius / radius : kMostInUnit;
+  return std::min({of_axes, of_radii, kMostInUnit});
+}
+
+// Of four centres.
+void write_words(const Float4* rows, const CurveLeaf& leaf, std::uint32_t* words) noexcept {
+  const Float4 steps(leaf.corner.steps), half(0.5f);
+  const auto rounded = [&](int axis) { return truncate((rows[axis] - Float4(leaf.corner.at[axis])) * steps + half); };
+  (rounded(0) | rounded(1) << 10 | rounded(2) << 20).store(words);
+}
+
+}  // namespace
+
+void write_axes(CurveLeaf& leaf, const Mesh& mesh, float scale) noexcept {
+  std::array<Float4, 8> first, last;
+  Box4 box = Box4::empty();  // of the centres; the fourth: of the radii
+  for (std::size_t lane = 0; lane < 8; ++lane) {
+    const Ball* const ball = &mesh.balls[mesh.segments[leaf.primitives[lane]] & kSegmentBall];
+    first[lane] = Float4::load(ball) * Float4(scale), last[lane] = Float4::load(ball + 1) * Float4(scale);
+    box.grow(first[lane]), box.grow(last[lane]);
+  }
+  alignas(16) std::array<float, 4> lower, upper, extent;
+  box.lower.store(&lower[0]), box.upper.store(&upper[0]), (box.upper - box.lower).store(&extent[0]);
+  for (std::size_t axis = 0; axis < 3; ++axis) leaf.corner.at[axis] = lower[axis] + 0.0f;  // no -0
+  leaf.corner.steps = steps_for(std::max({extent[0], extent[1], extent[2]}), upper[3]);
+  // While a tree is refitted coordinates may leave the range of its scale: then it is refitted once more, in another.
+  if (!(leaf.corner.steps * (extent[0] + extent[1] + extent[2] + upper[3]) < 1e6f)) return;
+  const BallRows firsts = to_rows(first), lasts = to_rows(last);
+  for (std::size_t half = 0; half < 8; half += 4) {
+    write_words(&firsts[half], leaf, &leaf.first[half]);
+    write_words(&lasts[half], leaf, &leaf.last[half]);
+    constexpr float kRoundedUp = 1.0f + 0x1p-20f, kMoved = 1.8671f;
+    const Float4 radius =
+        max(firsts[half + 3], lasts[half + 3]) * Float4(leaf.corner.steps * kRoundedUp) + Float4(kMoved);
+    alignas(16) std::array<std::int32_t, 4> radii;
+    truncate(radius).store(&radii[0]);
+    for (std::size_t i = 0; i < 4; ++i) leaf.radii[half + i] = static_cast<std::uint8_t>(radii[i]);
+  }
+}
+
+CurveLeaf make_curve_leaf(const std::uint32_t* primitives, std::uint32_t count, const Mesh& mesh,
+                          float scale) noexcept {
+  CurveLeaf leaf{};
+  write_sorted(primitives, count, leaf.primitives);
+  leaf.lanes = (1u << count) - 1;
+  write_axes(leaf, mesh, scale);
+  return leaf;
+}
+
+// Leaf refit ----------------------------------------------------------------------------------------------------------
+
+namespace {
+
+void fetch(const void* place) noexcept { __builtin_prefetch(place); }
+void fetch_to_write(const void* place) noexcept { __builtin_prefetch(place, 1); }
+
+// Leaves of triangles -----------------------------------------------------------------------------------------------
+
+// What a leaf reads is asked for so many leaves ahead of time that it is in the cache when its turn comes: its numbers,
+// which are at hand where leaves stand in order, then what these refer to.
+constexpr std::size_t kNumbersAhead = 24, kVerticesAhead = 8;
+
+void fetch_vertices(const VertexNumbers& numbers, const Vec3f* positions, const LeafBlock& block) noexcept {
+  for (const std::uint32_t number : numbers.at) fetch(&positions[number]);
+  fetch_to_write(&block.vertices[0][0]);
+  fetch_to_write(&block.vertices[2][7]);
+  fetch_to_write(&block.corners[0]);  // which, of every other block, begin a third line of the cache
+}
+
+// Positions are read as registers of four: what follows a vertex stands in a lane that means nothing.
+Box4 write_vertices(const VertexNumbers& numbers, const Vec3f* positions, Float4 scale, LeafBlock& block) noexcept {
+  Box4 box = Box4::empty();
+  for (std::uint32_t first = 0; first < 8; first += 4) {
+    Float4 vertices[4];
+    for (std::uint32_t i = 0; i < 4; ++i) {
+      vertices[i] = Float4::load_unaligned(&positions[numbers.at[first + i]]) * scale;
+      box.grow(vertices[i]);
+    }
+    transpose(vertices[0], vertices[1], vertices[2], vertices[3]);
+    for (std::uint32_t axis = 0; axis < 3; ++axis) vertices[axis].store(&block.vertices[axis][first]);
+  }
+  const Float4 zero(0.0f);  // -0 + 0 is 0
+  return {box.lower + zero, box.upper + zero};
+}
+
+void refit_blocks(const WideBvh& from, const LeafVertices& vertices, const Mesh& mesh,
+                  std::span<const std::uint32_t> rows, WideBvh& to, Box4* boxes) noexcept {
+  const Vec3f* const positions = mesh.positions.data();
+  const Float4 scale(to.scale);
+  const bool is_copy = &from != &to;
+  for (std::size_t i = 0; i < rows.size(); ++i) {
+    if (i + kNumbersAhead < rows.size()) fetch(&vertices[rows[i + kNumbersAhead]]);
+    if (i + kVerticesAhead < rows.size()) {
+      const std::uint32_t row = rows[i + kVerticesAhead];
+      fetch_vertices(vertices[row], positions, to.blocks[row]);
+    }
+    LeafBlock& block = to.blocks[rows[i]];
+    if (is_copy) {
+      std::copy_n(from.blocks[rows[i]].corners, 8, block.corners);
+      std::copy_n(from.blocks[rows[i]].primitives, 8, block.primitives);
+    }
+    boxes[i] = write_vertices(vertices[rows[i]], positions, scale, block);
+    write_span(block, boxes[i]);
+  }
+}
+
+// Leaves of curves and points --------------------------------------------------------------------------------------
+
+// Of curves and points, eight of them.
+Box4 round_box_of(const std::uint32_t* primitives, const Mesh& mesh, Float4 scale) noexcept {
+  Box4 box = Box4::empty();
+  for (std::size_t lane = 0; lane < 8; ++lane) {
+    const Aabb one = mesh.primitive_box(primitives[lane]);
+    box.grow({load_xyz(&one.lower), load_xyz(&one.upper)});
+  }
+  const Float4 zero(0.0f);
+  return {box.lower * scale + zero, box.upper * scale + zero};
+}
+
+// From a leaf to its balls there are two steps through memory for points, three for curves, each of which knows where
+// the next one goes. `move(row)` writes the leaf.
+constexpr std::size_t kLeafAhead = 24, kSegmentsAhead = 16, kBallsAhead = 8;
+
+template <class Leaf, class Move>
+void refit_round_leaves(const AlignedVector<Leaf>& leaves, const Mesh& mesh, std::span<const std::uint32_t> rows,
+                        float scale, Box4* boxes, const Move& move) noexcept {
+  const bool is_curves = mesh.kind == PrimitiveKind::kCurves;
+  const auto numbers_at = [&](std::size_t i) { return std::span(leaves[rows[i]].primitives); };
+  for (std::size_t i = 0; i < rows.size(); ++i) {
+    if (i + kLeafAhead < rows.size()) fetch(numbers_at(i + kLeafAhead).data());
+    if (is_curves && i + kSegmentsAhead < rows.size()) {
+      for (const std::uint32_t primitive : numbers_at(i + kSegmentsAhead)) fetch(&mesh.segments[primitive]);
+    }
+    if (i + kBallsAhead < rows.size()) {
+      for (const std::uint32_t primitive : numbers_at(i + kBallsAhead)) {
+        fetch(&mesh.balls[is_curves ? mesh.segments[primitive] & kSegmentBall : primitive]);
+      }
+    }
+    boxes[i] = round_box_of(numbers_at(i).data(), mesh, Float4(scale));
+    move(rows[i]);
+  }
+}
+
+void refit_round_leaves(const WideBvh& from, const Mesh& mesh, std::span<const std::uint32_t> rows, WideBvh& to,
+                        Box4* boxes) noexcept {
+  const bool is_copy = &from != &to;
+  if (!from.curve_leaves.empty()) {
+    refit_round_leaves(from.curve_leaves, mesh, rows, to.scale, boxes, [&](std::uint32_t row) {
+      if (is_copy) to.curve_leaves[row] = from.curve_leaves[row];
+      write_axes(to.curve_leaves[row], mesh, to.scale);
+    });
+  } else {
+    refit_round_leaves(from.point_leaves, mesh, rows, to.scale, boxes, [&](std::uint32_t row) {
+      if (is_copy) to.point_leaves[row] = from.point_leaves[row];
+    });
+  }
+}
+
+}  // namespace
+
+void refit_leaves(const WideBvh& from, const LeafVertices& vertices, const Mesh& mesh,
+                  std::span<const std::uint32_t> rows, WideBvh& to, Box4* boxes) noexcept {
+  if (mesh.is_round()) {
+    refit_round_leaves(from, mesh, rows, to, boxes);
+  } else {
+    refit_blocks(from, vertices, mesh, rows, to, boxes);
+  }
 }
 
 }  // namespace perfect_bvh

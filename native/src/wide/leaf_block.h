@@ -9,6 +9,7 @@
 #include "mesh/mesh.h"
 #include "wide/small_set.h"
 #include "wide/wide_bvh.h"
+#include "wide/wide_refit.h"
 
 namespace perfect_bvh {
 
@@ -63,5 +64,24 @@ void write_sorted(const std::uint32_t* numbers, std::uint32_t count, std::uint32
 
 // From 1 to 8 different points, in any order.
 [[nodiscard]] PointLeaf make_point_leaf(const std::uint32_t* primitives, std::uint32_t count) noexcept;
+
+// Curve leaf ----------------------------------------------------------------------------------------------------------
+// Leaves over curves: each segment's capsule in whole steps, eight side by side.
+
+// From 1 to 8 different segments, in any order. Balls are taken times `scale`.
+[[nodiscard]] CurveLeaf make_curve_leaf(const std::uint32_t* primitives, std::uint32_t count, const Mesh& mesh,
+                                        float scale) noexcept;
+
+// Where the segments of a leaf whose primitives are known are now.
+void write_axes(CurveLeaf& leaf, const Mesh& mesh, float scale) noexcept;
+
+// Leaf refit ----------------------------------------------------------------------------------------------------------
+// The leaves of a wide tree, moved to where their triangles are now.
+
+// Writes to `to` what the leaves in these rows of `from` (it may be the same tree) become over the mesh's positions, in
+// the scale of `to`, and to `boxes` the box of each: with positive zeros, and fourth lanes that mean nothing.
+// `vertices` are those of `from`.
+void refit_leaves(const WideBvh& from, const LeafVertices& vertices, const Mesh& mesh,
+                  std::span<const std::uint32_t> rows, WideBvh& to, Box4* boxes) noexcept;
 
 }  // namespace perfect_bvh

@@ -7,13 +7,39 @@
 #include <cstdint>
 #include <span>
 
-#include "builders/build_config.h"
+#include "builders/builder.h"
+#include "core/aligned.h"
 #include "core/cancel.h"
-#include "core/scratch.h"
+#include "core/thread_pool.h"
+#include "math/float4.h"
 #include "mesh/mesh.h"
-#include "wide/triangle_order.h"
 
 namespace perfect_bvh {
+
+// A mesh's triangles in the order of the Morton codes of their boxes' centres.
+
+struct TriangleOrder {
+  std::span<const std::uint64_t> sorted;  // a code in the upper half of each, a triangle's number in the lower
+  Box4 bounds;                            // of the triangles: vertices that none uses do not count
+
+  [[nodiscard]] std::uint32_t triangle(std::size_t place) const noexcept {
+    return static_cast<std::uint32_t>(sorted[place]);
+  }
+  [[nodiscard]] std::uint32_t code(std::size_t place) const noexcept {
+    return static_cast<std::uint32_t>(sorted[place] >> 32);
+  }
+};
+
+// What it takes of `scratch`.
+[[nodiscard]] inline std::size_t order_byte_count(std::size_t triangle_count) noexcept {
+  return 2 * triangle_count * sizeof(std::uint64_t);
+}
+
+// In `scratch`. The same for any number of threads.
+[[nodiscard]] TriangleOrder order_triangles(const Mesh& mesh, Scratch& scratch, ThreadPool& pool, CancelToken& cancel);
+
+// Runs
+// -----------------------------------------------------------------------------------------------------------------
 
 inline constexpr std::size_t kRunChunk = 1024;  // triangles cut together; no run spans two chunks
 inline constexpr std::uint32_t kLeafSize = 8;   // triangles that a leaf holds, and vertices that a block does

@@ -6,6 +6,7 @@
 #include <cstddef>
 #include <cstdint>
 
+#include "builders/quality.h"
 #include "core/aligned.h"
 #include "core/cancel.h"
 #include "core/thread_pool.h"
@@ -84,5 +85,12 @@ struct WideCosts {
 
 // Of a tree over triangles. The same numbers for any number of threads.
 [[nodiscard]] WideCosts measure_wide_costs(const WideBvh& tree, ThreadPool& pool, CancelToken& cancel);
+
+// Wide quality --------------------------------------------------------------------------------------------------------
+// How good a wide tree over triangles is.
+
+// For trees that were never binary ones: visits are those of wide nodes, so they are fewer than a binary tree's. Leaves
+// are leaf blocks; sibling overlap is that of every two children of a node, as a share of the nodes' area.
+[[nodiscard]] TreeQuality measure_wide_quality(const WideBvh& tree, const Mesh& mesh);
 
 }  // namespace perfect_bvh

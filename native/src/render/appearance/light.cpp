@@ -6,7 +6,7 @@
 #include <numbers>
 
 #include "math/elementary.h"
-#include "render/sampling/directions.h"
+#include "render/sampling/sampler.h"
 
 namespace perfect_bvh {
 namespace {

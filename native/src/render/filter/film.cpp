@@ -5,6 +5,8 @@
 #include <numbers>
 #include <vector>
 
+#include "core/aligned.h"
+#include "core/thread_pool.h"
 #include "math/elementary.h"
 
 namespace perfect_bvh {
@@ -110,6 +112,211 @@ FilmColor Film::pixel(int x, int y) const noexcept {
   return {{all.color.r / weight, all.color.g / weight, all.color.b / weight, all.color.a / weight},
           guides.albedo * (1.0f / weight),
           guides.normal * (1.0f / weight)};
+}
+
+// Joint filter --------------------------------------------------------------------------------------------------------
+
+namespace {
+
+constexpr int kLevels = 5;                                           // the last reaches 32 pixels
+constexpr float kTaps[] = {3.0f / 8.0f, 1.0f / 4.0f, 1.0f / 16.0f};  // a cubic B-spline, from its middle
+constexpr int kVarianceRadius = 3;
+// Added to albedo: black surfaces have no light to be told by, and what is not albedo's (mirrors) must not grow.
+constexpr float kLeastAlbedo = 0.01f;
+constexpr float kAlbedoTolerance = 0.7f;
+constexpr float kSpeck = 2.0f;           // what a single pixel may be brighter than all around it
+constexpr float kNoiseTolerance = 6.0f;  // of brightness, in standard deviations
+constexpr float kLeastVariance = 1e-8f;
+
+// What a pixel's light is averaged by: its colour without the albedo, and how uncertain its brightness is.
+struct NoisyLight {
+  Vec3f light{0, 0, 0};
+  float variance = 0.0f;
+};
+
+// Luminance.
+float brightness(Vec3f c) noexcept { return 0.2126f * c.x + 0.7152f * c.y + 0.0722f * c.z; }
+
+Vec3f over(Vec3f a, Vec3f b) noexcept { return {a.x / b.x, a.y / b.y, a.z / b.z}; }
+
+// 1 where the difference is none, 0 from the tolerance on (Tukey's biweight; no exponential of a library's own
+// rounding).
+float alike(float squared_difference, float squared_tolerance) noexcept {
+  const float rest = 1.0f - squared_difference / squared_tolerance;
+  return rest > 0.0f ? rest * rest : 0.0f;
+}
+
+class JointFilter {
+ public:
+  JointFilter(const JointFilterImages& images, int max_threads, CancelToken& cancel)
+      : images_(images),
+        count_(static_cast<std::size_t>(images.width) * static_cast<std::size_t>(images.height)),
+        max_threads_(max_threads),
+        cancel_(cancel),
+        light_(count_),
+        next_(count_),
+        normal_(images.normal.empty() ? 0 : count_) {}
+
+  void run() {
+    cancel_.expect(static_cast<std::size_t>(images_.height) * (kLevels + 4));
+    for_rows([this](int y) { separate(y); });
+    for_rows([this](int y) { remove_specks(y); });
+    light_.swap(next_);
+    for_rows([this](int y) { estimate_variance(y); });
+    light_.swap(next_);
+    for (int level = 0; level < kLevels; ++level) {
+      for_rows([this, level](int y) { average(y, 1 << level); });
+      light_.swap(next_);
+    }
+    for_rows([this](int y) { join(y); });
+  }
+
+ private:
+  template <class Row>
+  void for_rows(const Row& row) {
+    constexpr std::size_t kRowsAtOnce = 4;
+    parallel_for(
+        ThreadPool::shared(), static_cast<std::size_t>(images_.height), kRowsAtOnce,
+        [&](std::size_t begin, std::size_t end) {
+          for (std::size_t y = begin; y < end; ++y) {
+            cancel_.throw_if_stopped();
+            row(static_cast<int>(y));
+            cancel_.advance(1);
+          }
+        },
+        max_threads_, [this] { cancel_.checkpoint(); });
+  }
+
+  [[nodiscard]] std::size_t at(int x, int y) const noexcept {
+    return static_cast<std::size_t>(y) * static_cast<std::size_t>(images_.width) + static_cast<std::size_t>(x);
+  }
+  [[nodiscard]] bool inside(int x, int y) const noexcept {
+    return x >= 0 && x < images_.width && y >= 0 && y < images_.height;
+  }
+  [[nodiscard]] Vec3f divisor(std::size_t i) const noexcept {
+    if (images_.albedo.empty()) return {1, 1, 1};
+    return max(images_.albedo[i], Vec3f{0, 0, 0}) + Vec3f{kLeastAlbedo, kLeastAlbedo, kLeastAlbedo};
+  }
+
+  // How much two pixels show one surface, 0 to 1.
+  [[nodiscard]] float kinship(std::size_t a, std::size_t b) const noexcept {
+    float share = 1.0f;
+    if (!normal_.empty()) {
+      const bool a_is_surface = dot(normal_[a], normal_[a]) > 0.0f, b_is_surface = dot(normal_[b], normal_[b]) > 0.0f;
+      if (a_is_surface != b_is_surface) return 0.0f;
+      if (a_is_surface) {
+        share = std::max(0.0f, dot(normal_[a], normal_[b]));
+        for (int i = 0; i < 5; ++i) share *= share;  // its 32nd power: a half at 12 degrees
+      }
+    }
+    if (!images_.albedo.empty()) {
+      const Vec3f difference = images_.albedo[a] - images_.albedo[b];
+      share *= alike(dot(difference, difference), kAlbedoTolerance * kAlbedoTolerance);
+    }
+    return share;
+  }
+
+  void separate(int y) noexcept {
+    for (int x = 0; x < images_.width; ++x) {
+      const std::size_t i = at(x, y);
+      light_[i].light = over(images_.color[i], divisor(i));
+      if (normal_.empty()) continue;
+      const Vec3f normal = images_.normal[i];
+      const float length = std::sqrt(dot(normal, normal));
+      normal_[i] = length > 0.01f ? normal * (1.0f / length) : Vec3f{0, 0, 0};
+    }
+  }
+
+  // A pixel that is much brighter than all eight around it gets so much of the brightest of them.
+  void remove_specks(int y) noexcept {
+    for (int x = 0; x < images_.width; ++x) {
+      float most = 0.0f;
+      bool is_alone = true;
+      for (int dy = -1; dy <= 1; ++dy) {
+        for (int dx = -1; dx <= 1; ++dx) {
+          if ((dx == 0 && dy == 0) || !inside(x + dx, y + dy)) continue;
+          is_alone = false;
+          most = std::max(most, brightness(light_[at(x + dx, y + dy)].light));
+        }
+      }
+      const std::size_t i = at(x, y);
+      const float own = brightness(light_[i].light);
+      next_[i].light = own > kSpeck * most && !is_alone ? light_[i].light * (kSpeck * most / own) : light_[i].light;
+    }
+  }
+
+  // Of the brightness, from the pixels around that show the same surface.
+  void estimate_variance(int y) noexcept {
+    for (int x = 0; x < images_.width; ++x) {
+      const std::size_t i = at(x, y);
+      float weights = 0.0f, sum = 0.0f, squares = 0.0f;
+      const float own = brightness(light_[i].light);  // differences to it: squares of large numbers cancel badly
+      for (int dy = -kVarianceRadius; dy <= kVarianceRadius; ++dy) {
+        for (int dx = -kVarianceRadius; dx <= kVarianceRadius; ++dx) {
+          if (!inside(x + dx, y + dy)) continue;
+          const std::size_t j = at(x + dx, y + dy);
+          const float weight = kinship(i, j), value = brightness(light_[j].light) - own;
+          weights += weight, sum += weight * value, squares += weight * value * value;
+        }
+      }
+      next_[i] = light_[i];
+      const float mean = sum / weights;  // the pixel itself weighs 1
+      next_[i].variance = std::max(0.0f, squares / weights - mean * mean);
+    }
+  }
+
+  // The variance that brightness is compared by is smoothed itself, or single lucky pixels would refuse all others.
+  [[nodiscard]] float smooth_variance(int x, int y) const noexcept {
+    float weights = 0.0f, sum = 0.0f;
+    for (int dy = -1; dy <= 1; ++dy) {
+      for (int dx = -1; dx <= 1; ++dx) {
+        if (!inside(x + dx, y + dy)) continue;
+        const float weight = (dx == 0 ? 2.0f : 1.0f) * (dy == 0 ? 2.0f : 1.0f);
+        weights += weight, sum += weight * light_[at(x + dx, y + dy)].variance;
+      }
+    }
+    return sum / weights;
+  }
+
+  void average(int y, int step) noexcept {
+    for (int x = 0; x < images_.width; ++x) {
+      const std::size_t i = at(x, y);
+      const float own = brightness(light_[i].light);
+      const float tolerance = kNoiseTolerance * kNoiseTolerance * smooth_variance(x, y) + kLeastVariance;
+      float weights = 0.0f, variance = 0.0f;
+      Vec3f sum{0, 0, 0};
+      for (int dy = -2; dy <= 2; ++dy) {
+        for (int dx = -2; dx <= 2; ++dx) {
+          if (!inside(x + dx * step, y + dy * step)) continue;
+          const std::size_t j = at(x + dx * step, y + dy * step);
+          const float difference = brightness(light_[j].light) - own;
+          const float likeness = alike(difference * difference, tolerance);
+          if (!(likeness > 0.0f)) continue;
+          const float weight = kTaps[std::abs(dx)] * kTaps[std::abs(dy)] * likeness * kinship(i, j);
+          weights += weight, sum = sum + light_[j].light * weight;
+          variance += weight * weight * light_[j].variance;
+        }
+      }
+      next_[i] = {sum * (1.0f / weights), variance / (weights * weights)};  // the pixel itself always counts
+    }
+  }
+
+  void join(int y) noexcept {
+    for (int x = 0; x < images_.width; ++x) images_.out[at(x, y)] = light_[at(x, y)].light * divisor(at(x, y));
+  }
+
+  const JointFilterImages& images_;
+  std::size_t count_;
+  int max_threads_;
+  CancelToken& cancel_;
+  AlignedVector<NoisyLight> light_, next_;
+  AlignedVector<Vec3f> normal_;  // of unit length, or zero
+};
+
+}  // namespace
+
+void joint_filter(const JointFilterImages& images, int max_threads, CancelToken& cancel) {
+  JointFilter(images, max_threads, cancel).run();
 }
 
 }  // namespace perfect_bvh

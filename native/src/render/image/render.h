@@ -5,11 +5,11 @@
 
 #include "core/cancel.h"
 #include "render/appearance/appearance.h"
-#include "render/image/ray_subset.h"
+#include "render/image/tile.h"
 #include "render/modes/passes.h"
-#include "render/modes/settings.h"
+#include "render/modes/shading.h"
 #include "render/sampling/camera.h"
-#include "tlas/snapshot.h"
+#include "tlas/assemble.h"
 
 namespace perfect_bvh {
 

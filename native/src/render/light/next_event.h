@@ -1,23 +1,148 @@
+// A path of light, followed backwards from the camera: what is known of it between two surfaces.
+#pragma once
+
+#include <algorithm>
+#include <cstdint>
+#include <limits>
+#include <optional>
+#include <span>
+#include <vector>
+
+#include "core/aligned.h"
+#include "core/cancel.h"
+#include "query/round_surface.h"
+#include "query/trace.h"
+#include "render/appearance/appearance.h"
+#include "render/light/emitters.h"
+#include "render/surface/bsdf.h"
+#include "render/surface/surface.h"
+#include "tlas/assemble.h"
+#include "traverse/ray.h"
+
+namespace perfect_bvh {
+
+// How far paths are followed: a scene's "Light Paths", with Blender's names and meanings.
+struct LightPaths {
+  int max_bounces = 4, diffuse_bounces = 4, glossy_bounces = 4, transmission_bounces = 4;
+  int transparent_bounces = 8;
+  float clamp_direct = 0.0f, clamp_indirect = 10.0f;  // 0: none
+  float filter_glossy = 1.0f;                         // 0: none
+  bool reflective_caustics = true, refractive_caustics = true;
+};
+
+struct Path {
+  std::uint32_t owner = 0;          // the row of the camera ray
+  std::uint32_t place = 0;          // by which its random numbers differ from its neighbours' (ShadeTask::places)
+  Vec3f throughput{1, 1, 1};        // what is left of light that comes along its ray
+  Vec3f guide_throughput{1, 1, 1};  // the same for a denoiser's guides
+  // Of its direction, over solid angle; infinite where it was without choice.
+  float density = std::numeric_limits<float>::infinity();
+  float least_density = std::numeric_limits<float>::max();  // of all its directions
+  // The last surface, as next-event estimation saw it: its normal, whether it lets light through, how many lights it
+  // asked (0: each), and the sum of what all lights were thought to bring. A strand has no normal: zero.
+  Vec3f normal{0, 0, 1};
+  bool transmits = false;
+  std::uint8_t picks = 0;
+  float guess_sum = 0.0f;
+  Scatter last = Scatter::kNone;  // none: the camera sees it
+  bool guides = false;            // whether it still looks for what guides a denoiser
+  bool meets_lights = false;      // whether what it finds of lights counts
+  bool ends = false;              // at the next surface, whose own light is all that counts
+  std::uint8_t bounces = 0, diffuse = 0, glossy = 0, transmission = 0, transparent = 0;
+
+  [[nodiscard]] bool is_seen() const noexcept { return bounces == 0; }
+};
+
+// Paths that are followed together; a row each. `points` are those of the rays that hit something.
+struct Wave {
+  AlignedVector<Path> paths;
+  AlignedVector<Ray> rays;
+  AlignedVector<Hit> hits;
+  AlignedVector<SurfacePoint> points;
+
+  void clear() noexcept { paths.clear(), rays.clear(), hits.clear(), points.clear(); }
+  void add(const Path& path, const Ray& ray) { paths.push_back(path), rays.push_back(ray); }
+};
+
+// A surface that a path met, ready to be lit and to scatter.
+struct Vertex {
+  SurfacePoint point;
+  Bsdf bsdf;
+  Path path;
+};
+
+// Secondary rays ------------------------------------------------------------------------------------------------------
+// Rays that leave a surface, towards lights, the environment and other surfaces; and of those towards lights how much
+// gets through what is in their way: all of it, nothing, or what transparent surfaces let through.
+
+// Whether a direction leads to the side of the surface that the viewer does not see.
+[[nodiscard]] inline bool leads_beyond(const SurfacePoint& point, Vec3f direction) noexcept {
+  return dot(direction, point.light_normal) < 0.0f;
+}
+
+// Directions round a smooth normal may dip below the triangle. From a point lifted off it they pass over its
+// neighbours; from the triangle itself they would end in it, and are mirrored.
+[[nodiscard]] inline Vec3f above(const SurfacePoint& point, Vec3f direction) noexcept {
+  const float height = dot(direction, point.geometric_normal);
+  if (height >= 0.0f || !(point.lift == Vec3f{0, 0, 0}) || leads_beyond(point, direction)) return direction;
+  return direction - point.geometric_normal * (2.0f * height);
+}
+
+[[nodiscard]] inline Ray ray_from(const SurfacePoint& point, Vec3f direction, float reach,
+                                  std::uint32_t mask) noexcept {
+  Ray ray;
+  ray.direction = to_double(direction);
+  ray.origin = leads_beyond(point, direction) ? point.beyond : point.origin;
+  if (point.strand != nullptr && leads_beyond(point, direction)) {
+    ray.origin = leave_curve(*point.strand, point.segment, ray.origin, ray.direction, point.time);
+  }
+  ray.t_max = reach;
+  ray.mask = mask;
+  ray.time = point.time;
+  return ray;
+}
+
+// The same towards a light. Where that is low over a coarse mesh's triangle, the neighbours are in the way that the
+// curved surface would not have: there, as in Cycles, the ray starts on that surface.
+[[nodiscard]] inline Ray shadow_ray(const SurfacePoint& point, Vec3f direction, float reach,
+                                    std::uint32_t mask) noexcept {
+  Ray ray = ray_from(point, direction, reach, mask);
+  if (leads_beyond(point, direction)) return ray;
+  constexpr float kLow = 0.1f;  // a cosine; up to twice that it fades
+  const float over_curve = dot(direction, point.light_normal) / kLow;
+  const float over_triangle = dot(direction, point.geometric_normal) / kLow;
+  const float share = std::clamp(1.0f - over_triangle + std::max(1.0f - over_curve, 0.0f), 0.0f, 1.0f);
+  ray.origin = ray.origin + to_double(point.lift * share);
+  return ray;
+}
+
+// Buffers of one thread; a row a ray.
+struct ShadowRays {
+  AlignedVector<Ray> rays;
+  AlignedVector<std::uint32_t> vertices;  // the row of the vertex that a ray belongs to
+  AlignedVector<Vec3f> carried;           // what it adds to the image if nothing is in its way
+  AlignedVector<float> passed;
+  AlignedVector<Hit> hits;
+  AlignedVector<std::uint8_t> blocked;
+
+  void clear() noexcept { rays.clear(), vertices.clear(), carried.clear(); }
+  void add(const Ray& ray, std::uint32_t vertex, Vec3f light) {
+    rays.push_back(ray), vertices.push_back(vertex), carried.push_back(light);
+  }
+};
+
+// Fills `passed`. Spoils the rays.
+// most_layers: of transparent surfaces that a ray passes; what is behind them is dark.
+void find_what_passes(const Snapshot& snapshot, const Appearance& appearance, int most_layers, CancelToken& cancel,
+                      ShadowRays& shadows);
+
+// Next event ----------------------------------------------------------------------------------------------------------
 // Next-event estimation: rays to the scene's lights, its emissive triangles, and what is bright in its environment.
 // In: vertices of paths, the number of the sample. Out: shadow rays with the light that they may bring.
 // Of few lights each is asked; of many, two a sample are chosen by how much they may give (importance sampling).
 // Where the surface's own rays may find the same light, each way counts as much as it is likely to choose the direction
 // (balance heuristic, Veach and Guibas 1995), so that the sum is right and neither way is far off: small lights are
 // found by the first, what is large or near by the second.
-#pragma once
-
-#include <cstdint>
-#include <optional>
-#include <span>
-#include <vector>
-
-#include "render/appearance/appearance.h"
-#include "render/light/emissive_triangles.h"
-#include "render/light/environment.h"
-#include "render/light/path.h"
-#include "render/light/secondary_rays.h"
-
-namespace perfect_bvh {
 
 // The share of a way that chooses a direction with this density, beside one of the other density. Densities are those
 // of solid angle; this one may be infinite, as of a point of light: then it is the only way.

@@ -10,10 +10,8 @@
 
 #include "core/cancel.h"
 #include "render/appearance/appearance.h"
-#include "render/light/environment.h"
+#include "render/light/emitters.h"
 #include "render/light/next_event.h"
-#include "render/light/path.h"
-#include "render/light/secondary_rays.h"
 
 namespace perfect_bvh {
 

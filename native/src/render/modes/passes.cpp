@@ -4,9 +4,9 @@
 #include <optional>
 #include <vector>
 
-#include "query/moved_position.h"
+#include "query/round_surface.h"
 #include "query/trace.h"
-#include "render/surface/material.h"
+#include "render/surface/surface.h"
 
 namespace perfect_bvh {
 namespace {

@@ -6,9 +6,9 @@
 
 #include "core/cancel.h"
 #include "render/appearance/appearance.h"
-#include "render/sampling/shutter.h"
+#include "render/sampling/camera.h"
 #include "render/surface/surface.h"
-#include "stats/ray_counts.h"
+#include "stats/statistics.h"
 
 namespace perfect_bvh {
 

@@ -1,22 +1,106 @@
+// What to render and how: plain values, filled by the caller.
+#pragma once
+
+#include <algorithm>
+#include <array>
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <span>
+#include <string_view>
+
+#include "core/cancel.h"
+#include "math/elementary.h"
+#include "math/vec3.h"
+#include "render/appearance/appearance.h"
+#include "render/light/next_event.h"
+#include "render/light/path_tracer.h"
+#include "render/sampling/camera.h"
+#include "render/surface/surface.h"
+#include "stats/statistics.h"
+#include "traverse/ray.h"
+
+namespace perfect_bvh {
+
+enum class Mode : std::uint8_t {
+  kPreview,
+  kClay,
+  kMatcap,
+  kWireframe,
+  kNormal,
+  kUv,
+  kDepth,
+  kDistance,
+  kInstance,
+  kMaterial,
+  kCost,
+};
+
+struct ClaySettings {
+  float ao_distance = 0.0f;    // world units; 0: from the size of the scene
+  int light_rays = 1;          // towards the sky and towards the key light, for each camera sample
+  std::optional<Vec3f> color;  // instead of the materials' colours; matcap and wireframe take it, too
+};
+
+struct WireframeSettings {
+  float width = 1.0f;  // pixels
+  Vec3f color{0.02f, 0.02f, 0.025f};
+};
+
+struct RenderSettings {
+  Mode mode = Mode::kClay;
+  int width = 960, height = 540;
+  std::uint32_t samples = 1, first_sample = 0;
+  bool is_continued = false;  // whether other samples follow; if not, a single one stands at the pixel's centre
+  float filter_width = 1.5f;  // pixels to each side
+  std::uint32_t seed = 0;
+  int threads = 0;          // 0: all
+  float kept_share = 0.0f;  // of the camera rays, to be checked: see RaySubset
+  // Which tiles of the image to trace, row by row, 0 for those to leave out; all if empty. See TileGrid.
+  std::span<const std::uint8_t> wanted_tiles;
+  std::optional<Shutter> shutter;  // none: the scene stands still where it would open
+  LightPaths light_paths;          // of the mode kPreview
+  ClaySettings clay;
+  WireframeSettings wireframe;
+};
+
+// Palette -------------------------------------------------------------------------------------------------------------
+// Colours for numbers: distinct ones for ids, an even ramp for amounts.
+// Both are laid out in Oklab (Ottosson 2020), where equal steps look equal, and handed out encoded for the screen
+// (sRGB): they are codes, to be shown and stored as they are.
+
+// From Oklab's lightness (0..1), chroma and hue (in turns), with as much of the chroma as the screen can show.
+[[nodiscard]] Vec3f color_from_lch(double lightness, double chroma, double hue) noexcept;
+
+// The same colour for the same id, always; neighbouring ids look unlike.
+[[nodiscard]] Vec3f id_color(std::uint32_t id) noexcept;
+
+// From deep violet (0) through red and orange to pale yellow (1), its lightness rising evenly.
+class ColorRamp {
+ public:
+  ColorRamp();
+  [[nodiscard]] Vec3f at(float amount) const noexcept;
+
+ private:
+  static constexpr int kCells = 128;
+  std::array<Vec3f, kCells + 1> colors_;
+};
+
+// The scale of the mode "cost": logarithmic, eight doublings from 2 (violet) to 512 (pale yellow), whatever the scene.
+inline constexpr float kLeastCost = 2.0f;
+inline constexpr float kCostDoublings = 8.0f;
+
+// cost: nodes visited plus triangles tested.
+[[nodiscard]] inline Vec3f cost_color(const ColorRamp& ramp, float cost) noexcept {
+  return ramp.at(static_cast<float>(logarithm2(static_cast<double>(std::max(cost, 1.0f) / kLeastCost))) /
+                 kCostDoublings);
+}
+
+// Shading -------------------------------------------------------------------------------------------------------------
 // What a shading mode is: hits in, colours out, a whole batch at a time.
 // The tile loop traces camera rays, finds the surfaces with what the mode needs, and hands both over; the mode may
 // trace further rays in batches of its own. One virtual call a tile and sample. One file a mode;
 // those that show a number of each hit are in mode_data.cpp.
-#pragma once
-
-#include <cstdint>
-#include <memory>
-#include <span>
-
-#include "core/cancel.h"
-#include "render/appearance/appearance.h"
-#include "render/light/path_tracer.h"
-#include "render/modes/settings.h"
-#include "render/sampling/camera.h"
-#include "render/surface/surface.h"
-#include "stats/ray_counts.h"
-
-namespace perfect_bvh {
 
 // What reaches a point in the clay mode's studio.
 struct StudioLight {

@@ -4,7 +4,7 @@
 #include <cmath>
 #include <numbers>
 
-#include "render/surface/fresnel.h"
+#include "render/surface/microfacets.h"
 
 namespace perfect_bvh {
 namespace {

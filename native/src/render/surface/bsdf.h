@@ -10,11 +10,10 @@
 #include <limits>
 #include <optional>
 
-#include "render/sampling/directions.h"
-#include "render/surface/fresnel.h"
+#include "render/sampling/sampler.h"
 #include "render/surface/hair_bsdf.h"
-#include "render/surface/material.h"
 #include "render/surface/microfacets.h"
+#include "render/surface/surface.h"
 
 namespace perfect_bvh {
 

@@ -5,8 +5,8 @@
 #include <numbers>
 
 #include "math/elementary.h"
-#include "render/sampling/directions.h"
-#include "render/surface/fresnel.h"
+#include "render/sampling/sampler.h"
+#include "render/surface/microfacets.h"
 
 namespace perfect_bvh {
 namespace {

@@ -1,7 +1,5 @@
 #include "render/surface/microfacets.h"
 
-#include "render/surface/fresnel.h"
-
 namespace perfect_bvh {
 namespace {
 
