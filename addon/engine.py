@@ -15,16 +15,13 @@ import bpy
 import numpy as np
 
 from .image.data_previews import render_preview
-from .image.passes import PassSpec, enabled_passes, write_passes
 from .image.plan import RenderPlan, plan_render
-from .image.still import Frame, Images, Progress, render_frame
-from .image.throttle import Throttle
-from .settings.motion_blur import has_motion_blur
+from .image.progressive import Throttle
+from .image.still import Frame, Images, PassSpec, Progress, enabled_passes, render_frame, write_passes
 from .settings.preferences import native_error
-from .settings.scene_settings import ENGINE_NAME, preview_settings, read_settings
+from .settings.scene_settings import ENGINE_NAME, has_motion_blur, preview_settings, read_settings
 from .statistics import messages
-from .statistics.frame_statistics import FrameStatistics
-from .statistics.last_result import edits_of, remember
+from .statistics.last_result import FrameStatistics, edits_of, remember
 from .statistics.not_shown import line_in_viewports, tell
 from .statistics.words import reason_of, sentence
 from .sync.not_shown import summarize

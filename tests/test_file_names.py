@@ -7,7 +7,7 @@ from collections import Counter
 from pathlib import Path, PurePosixPath
 
 import pytest
-from perfect_bvh_addon.support.paths import find_fault
+from perfect_bvh_addon.support.files import find_fault
 
 LONGEST = 120  # of 259, as Windows counts: the rest is where users put it
 

@@ -25,7 +25,7 @@ def test_what_bears_its_name_comes_before_what_imports_it() -> None:
 
 
 def test_a_changed_test_comes_first() -> None:
-    found = near_python_tests(["tests/sync/test_state.py", "addon/sync/keys.py"])
+    found = near_python_tests(["tests/sync/test_state.py", "addon/sync/compare.py"])
     assert found.index("tests/sync/test_state.py") < found.index("tests/sync/test_keys.py")
 
 

@@ -10,8 +10,8 @@ import os
 import sys
 from collections.abc import Sequence
 
-from ..settings.cloud_formats import CLOUD_FORMATS
 from ..settings.modes import MODES
+from ..settings.scan_settings import CLOUD_FORMATS
 from .arguments import (
     EXIT_ERROR,
     EXIT_INTERRUPTED,
@@ -27,7 +27,7 @@ from .arguments import (
     parse_seed,
     parse_size,
 )
-from .console import is_reader_gone, write_any_text
+from .report import is_reader_gone, write_any_text
 
 DEFAULT_AUDIT = 1e-3
 
@@ -286,7 +286,7 @@ def main(argv: Sequence[str] | None = None, prog: str = "perfect-bvh") -> int:
 
             return run_render(arguments)
         if arguments.command == "scan":
-            from .scan import run_scan
+            from .commands import run_scan
 
             return run_scan(arguments)
         if arguments.command == "labels":
@@ -294,14 +294,14 @@ def main(argv: Sequence[str] | None = None, prog: str = "perfect-bvh") -> int:
 
             return run_labels(arguments)
         if arguments.command == "bench":
-            from .bench import run_bench
+            from .commands import run_bench
 
             return run_bench(arguments)
         if arguments.command == "calibrate":
-            from .calibrate import run_calibrate
+            from .commands import run_calibrate
 
             return run_calibrate(arguments)
-        from .info import run_info
+        from .commands import run_info
 
         return run_info(arguments)
     except CommandError as error:

@@ -47,7 +47,7 @@ def open_scene(path: Path, arguments: argparse.Namespace) -> bpy.types.Scene:
 
 def _check_libraries(arguments: argparse.Namespace) -> None:
     """Says what of linked libraries is missing; a CommandError unless that is allowed."""
-    from ..extract.libraries import find_missing_blocks, find_missing_libraries
+    from ..extract.label_values import find_missing_blocks, find_missing_libraries
 
     missing = find_missing_libraries()
     if missing and not arguments.allow_missing:

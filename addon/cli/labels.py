@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 from ..pieces.work import Done, PieceWork, Steps
 from .arguments import CommandError, check_blend_file, check_pieces, explained, parse_folder
 from .blender import StopRequest, active_view_layer, apply_settings, open_scene, stop_on_interrupt
-from .console import quiet_blender
-from .piece_work import run_pieces
+from .frames import run_pieces
+from .report import quiet_blender
 
 if TYPE_CHECKING:
     import bpy
@@ -65,8 +65,7 @@ class LabelsWork(PieceWork):
 
     def __init__(self, scene: bpy.types.Scene, stop: StopRequest, arguments: argparse.Namespace) -> None:
         from ..live.scene_view import SceneView
-        from ..pieces.folder import PieceFolder
-        from ..pieces.piece import Piece, runs_of
+        from ..pieces.piece import Piece, PieceFolder, runs_of
 
         view = SceneView("labels", scene, active_view_layer(scene), for_viewport=arguments.viewport)
         super().__init__(view, arguments.frames or (scene.frame_current,))
@@ -117,7 +116,7 @@ class LabelsWork(PieceWork):
                 join_rows(lambda: read_rows(paths), self.place.path_of(self.joined[0]))
 
     def _inputs(self) -> dict[str, object]:
-        from ..pieces.scene_inputs import scene_inputs
+        from ..pieces.piece import scene_inputs
 
         arguments = self._arguments
         return scene_inputs(

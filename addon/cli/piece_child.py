@@ -24,7 +24,7 @@ from typing import TYPE_CHECKING, Any, NoReturn, TextIO
 if TYPE_CHECKING:
     from ..pieces.work import PieceWork
     from .blender import StopRequest
-    from .piece_work import Job
+    from .frames import Job
 
 IDLE_SECONDS = 600.0  # then nobody is taken to need it any more
 EXIT_ALONE = 1
@@ -46,7 +46,7 @@ class Workbench:
         seconds: what the piece took, without opening the scene; None if it was there.
         """
         from .arguments import CommandError
-        from .piece_work import do_piece
+        from .frames import do_piece
 
         job, number = request["job"], request["piece"]
         try:
@@ -78,12 +78,12 @@ class Workbench:
 def _open(job: dict[str, Any], stop: StopRequest) -> PieceWork:
     import perfect_bvh
 
-    from ..pieces.inputs import find_difference, learn_checksums
+    from ..pieces.piece import find_difference, learn_checksums
     from .arguments import CommandError
     from .blender import open_scene
+    from .commands import scan_work
     from .frames import RenderWork
     from .labels import LabelsWork
-    from .scan import scan_work
 
     if perfect_bvh.__version__ != job["version"]:
         raise CommandError(f"it has version {perfect_bvh.__version__} of Perfect BVH, not {job['version']}")

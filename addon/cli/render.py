@@ -9,13 +9,18 @@ import sys
 import time
 from typing import TYPE_CHECKING, TextIO
 
-from .arguments import EXIT_INTERRUPTED, CommandError, Output, check_blend_file, check_mode, check_pieces
+from .arguments import (
+    EXIT_INTERRUPTED,
+    CommandError,
+    Output,
+    check_blend_file,
+    check_mode,
+    check_pieces,
+    find_ignored_output,
+)
 from .blender import StopRequest, active_view_layer, apply_settings, open_scene, stop_on_interrupt
-from .console import Teller, progress_bar, quiet_blender
-from .frames import ImageWriter, RenderWork, render_frame, warnings_of
-from .ignored_output import find_ignored_output
-from .piece_work import run_pieces
-from .report import FrameTimes, format_frame, format_header, format_summary
+from .frames import ImageWriter, RenderWork, render_frame, run_pieces, warnings_of
+from .report import FrameTimes, Teller, format_frame, format_header, format_summary, progress_bar, quiet_blender
 
 if TYPE_CHECKING:
     import bpy
@@ -65,8 +70,8 @@ class RenderSession:
     def __init__(
         self, scene: bpy.types.Scene, output: Output, out: TextIO, stop: StopRequest, arguments: argparse.Namespace
     ) -> None:
-        from ..extract.libraries import find_missing_libraries
-        from ..extract.simulations import has_simulations
+        from ..extract.label_values import find_missing_libraries
+        from ..extract.scene_in_time import has_simulations
 
         self._scene = scene
         self._output = output

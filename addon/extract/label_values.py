@@ -17,7 +17,8 @@ from typing import Any
 
 import bpy
 
-from ..sync.label_columns import MISSING, LabelTable, OwnerValues, SceneLabel
+from ..sync.lookup import MISSING, LabelTable, OwnerValues, SceneLabel
+from ..sync.not_shown import NotShown
 from ..sync.records import SceneRecord
 
 OBJECT, INSTANCER, MATERIAL, COLLECTION = "object", "instancer", "material", "collection"
@@ -280,3 +281,53 @@ def _by_number(text: str) -> tuple[int, float, str]:
     except ValueError:
         return 1, 0.0, text
     return (1, 0.0, text) if math.isnan(number) else (0, number, text)
+
+
+# Libraries -----------------------------------------------------------------------------------------------------------
+# Linked libraries that Blender did not find: what was linked from them stands there as empties without anything.
+
+
+def find_missing_libraries() -> list[NotShown]:
+    """Of the file that is open, a row for each."""
+    return [
+        NotShown("library", library.name, library.session_uid, f"the linked library {path_of(library)} is missing")
+        for library in bpy.data.libraries
+        if library.is_missing
+    ]
+
+
+def find_missing_blocks() -> list[NotShown]:
+    """What libraries that are there do not hold any more. Looks at every data-block: for once a file."""
+    return [
+        NotShown("library", block.name, block.session_uid, f"it is not in the linked library {path_of(library)}")
+        for library in bpy.data.libraries
+        if not library.is_missing
+        for block in library.users_id
+        if block.is_missing
+    ]
+
+
+def path_of(library: Any) -> str:
+    """As the file system knows it."""
+    return str(bpy.path.abspath(library.filepath, library=library.parent))
+
+
+# Scans ---------------------------------------------------------------------------------------------------------------
+# Objects that are the result of a scan, and how they are known.
+
+
+OBJECT_NAMES = "object_names"  # a custom property of the data
+# Cycles finds no attribute that is called "color" on points.
+COLOR, RADIUS = "Color", "radius"
+
+
+def has_points(obj: Any) -> bool:
+    """Whether an object is a scan that still has its colours and radii."""
+    if obj.type not in {"POINTCLOUD", "MESH"}:
+        return False
+    data: Any = obj.data
+    return (
+        OBJECT_NAMES in data
+        and {COLOR, RADIUS}.issubset(data.attributes.keys())
+        and len(data.attributes[COLOR].data) > 0
+    )

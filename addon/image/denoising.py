@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from ..settings.denoisers import denoiser_libraries
+from ..settings.modes import denoiser_libraries
 from ..support.memory import check_fits
 from .plan import GUIDES, NOISY, RenderPlan
 
@@ -134,7 +134,7 @@ class ImageDenoiser:
     ) -> Image:
         """What is no noise is put back, where it is known how much of that there is."""
         import perfect_bvh
-        from perfect_bvh._batches import share_of
+        from perfect_bvh._arrays import share_of
 
         size = images["combined"].shape[1], images["combined"].shape[0]
         given = _arguments(images)

@@ -19,8 +19,7 @@ import numpy.typing as npt
 
 from ..settings.modes import Mode, mode_of_render
 from ..settings.scene_settings import ENGINE_NAME
-from ..support.files import replacing
-from ..support.paths import is_extended
+from ..support.files import is_extended, replacing
 
 Image = npt.NDArray[np.float32]
 

@@ -15,8 +15,6 @@ coco         many labelled images as one file of the format of COCO. Knows no Bl
 from .coco import CocoFile
 from .files import save_labels
 from .label_image import label_image
-from .labels import Labels
-from .masks import Masks
-from .things import Thing
+from .labels import Labels, Masks, Thing
 
 __all__ = ["CocoFile", "Labels", "Masks", "Thing", "label_image", "save_labels"]

@@ -12,11 +12,8 @@ from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from typing import Any, TextIO
 
-from ..support.files import replacing
-from ..support.libraries import data_library
-from .labels import Labels
-from .masks import Masks
-from .run_lengths import run_lengths
+from ..support.files import data_library, replacing
+from .labels import Labels, Masks, run_lengths
 
 # What of a row are things, and whether of what is seen: those that are hidden altogether stand apart.
 SEEN, HIDDEN = "annotations", "hidden"

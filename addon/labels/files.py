@@ -16,16 +16,168 @@ import difflib
 import json
 import os
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 
-from ..support.files import prepare_folder, replacing
-from .exr import Channels, check_exr, exr_channels, write_exr
+from ..support.files import data_library, prepare_folder, replacing
+from ..sync.lookup import LabelColumn
 from .labels import ARRAYS, Labels
-from .png import MOST, Uint16Array, check_png, grey_images, write_grey
+
+# Labels as an OpenEXR file of several layers, as Blender and compositors read them. Knows no Blender.
+#
+# Channels are named LAYER.PASS.CHANNEL, as Blender names its own: depths, normals, positions, uvs, flow and labels
+# that are numbers are 32-bit floats, ids are unsigned whole numbers of 32 bits. Compressed without loss (ZIP).
+
+
+LAYER = "Labels"
+MOST_EXACT = 1 << 24  # of whole numbers as floats
+Channels = dict[str, npt.NDArray[Any]]
+
+
+def check_exr() -> None:
+    """Raises ImportError with what to install."""
+    _openexr()
+
+
+def _openexr() -> Any:
+    return data_library("OpenEXR", "EXR files need OpenEXR")
+
+
+def exr_channels(labels: Labels, plain: Mapping[str, str]) -> Channels:
+    """(H, W) float32 or uint32, by the channels' names. plain: what labels are called.
+
+    Positions are rounded to float32, as are labels with fractions. Raises ValueError for labels of whole numbers that
+    floats do not hold.
+    """
+    images: Channels = {"Depth.Z": labels.depth}
+    for name, values, axes in (
+        ("Normal", labels.normals, "XYZ"),
+        ("Position", labels.positions, "XYZ"),
+        ("UV", labels.uvs, "UV"),
+        ("Vector", labels.flow, "XYZW"),
+    ):
+        if values is not None:
+            images |= {f"{name}.{axis}": values[..., place] for place, axis in enumerate(axes)}
+    ids = {"Thing": labels.thing_ids, "Category": labels.category_ids, "Material": labels.material_ids}
+    images |= {f"{name}.X": _exr_ids(values) for name, values in ids.items()}
+    if len(labels.layer_depths) > 1:
+        for number, (depth, things) in enumerate(zip(labels.layer_depths, labels.layer_ids, strict=True), start=1):
+            images |= {f"Depth {number}.Z": depth, f"Thing {number}.X": _exr_ids(things)}
+    images |= {f"label {plain[name]}.X": _exr_label(name, label) for name, label in labels.labels.items()}
+    return {
+        f"{LAYER}.{name}": np.ascontiguousarray(image, None if image.dtype == np.uint32 else np.float32)
+        for name, image in images.items()
+    }
+
+
+def _exr_ids(values: npt.NDArray[np.int32]) -> npt.NDArray[np.uint32]:
+    return (values + 1).astype(np.uint32)
+
+
+def _exr_label(name: str, label: LabelColumn) -> npt.NDArray[Any]:
+    if label.names is not None:
+        return _exr_ids(label.values)
+    if not label.table.is_whole:
+        return label.values
+    is_there = label.values != label.table.missing
+    highest = int(np.abs(label.values.astype(np.int64)).max(where=is_there, initial=0))
+    if highest > MOST_EXACT:
+        raise ValueError(
+            f"exr: label {name!r} goes up to {highest:,}, and 32-bit floats hold whole numbers to {MOST_EXACT:,}: "
+            "choose npy or npz"
+        )
+    return np.where(is_there, label.values, np.nan)
+
+
+def write_exr(path: Path, channels: Channels) -> None:
+    """Writes channels, row 0 on top. Raises OSError, ImportError."""
+    library = _openexr()
+    header = {"type": library.scanlineimage, "compression": library.ZIP_COMPRESSION}
+    try:
+        library.File(header, dict(channels)).write(str(path))  # a copy: what it is given, it changes
+    except RuntimeError as error:
+        raise OSError(" ".join(str(error).split())) from error
+
+
+# Png -----------------------------------------------------------------------------------------------------------------
+# Images of labels as PNG files of 16 bits of grey, by Pillow. Knows no Blender.
+#
+# Depth as BOP and KITTI keep it: whole steps of a scale, 0 where there is nothing. Ids are rows and numbers + 1, 0 for
+# nothing. Files say nothing of gamma or colour profiles, so that readers give the numbers as they are.
+
+
+Uint16Array = npt.NDArray[np.uint16]
+MOST = 65535
+NOTHING_IN_SIGHT = 1e9  # depths beyond are of rays that met nothing
+
+
+def check_png() -> None:
+    """Raises ImportError with what to install."""
+    _pillow()
+
+
+def _pillow() -> Any:
+    return data_library("PIL.Image", "PNG files need Pillow")
+
+
+def grey_images(labels: Labels, depth_scale: float, plain: Mapping[str, str]) -> tuple[dict[str, Uint16Array], int]:
+    """Images by their names, (H, W), and how many pixels of all depths are too far away for 16 bits.
+
+    depth_scale: world units a step. plain: what labels are called. Raises ValueError for ids above 65,534, and for
+    labels below 0 or with fractions.
+    """
+    ids = {"things": labels.thing_ids, "categories": labels.category_ids, "materials": labels.material_ids}
+    images = {name: _png_ids(name, values) for name, values in ids.items()}
+    for name, label in labels.labels.items():
+        images[f"label_{plain[name]}"] = _png_label(name, label)
+    depths = {"depth": labels.depth}
+    if len(labels.layer_depths) > 1:
+        for number, (depth, things) in enumerate(zip(labels.layer_depths, labels.layer_ids, strict=True), start=1):
+            depths[f"depth_layer_{number}"] = depth
+            images[f"things_layer_{number}"] = _png_ids("things", things)
+    too_far = 0
+    for name, depth in depths.items():
+        steps = np.maximum(np.rint(depth.astype(np.float64) / depth_scale), 1.0)
+        is_there = depth < NOTHING_IN_SIGHT
+        is_near = is_there & (steps <= MOST)
+        too_far += int((is_there & ~is_near).sum())
+        images[name] = np.where(is_near, steps, 0.0).astype(np.uint16)
+    return images, too_far
+
+
+def _png_label(name: str, label: LabelColumn) -> Uint16Array:
+    if not label.table.is_whole:
+        raise ValueError(
+            f"png: label {name!r} has fractions, or -1 as a value: choose exr, npy or npz, or leave it out"
+        )
+    is_there = label.values != label.table.missing
+    lowest = int(label.values.min(where=is_there, initial=0))
+    if lowest < 0:
+        raise ValueError(f"png: label {name!r} has the value {lowest}, and 0 is nothing: choose exr, npy or npz")
+    return _png_ids(f"label {name!r}", np.where(is_there, label.values, -1))
+
+
+def _png_ids(name: str, values: npt.NDArray[np.int32]) -> Uint16Array:
+    highest = int(values.max(initial=-1))
+    if highest >= MOST:
+        raise ValueError(
+            f"png: numbers of {name} go up to {highest:,}, and 16 bits hold {MOST - 1:,}: choose exr, npy or npz"
+        )
+    return (values + 1).astype(np.uint16)
+
+
+def write_grey(path: Path, image: Uint16Array) -> None:
+    """Writes (H, W), row 0 on top; the same bytes for the same image. Raises ImportError without Pillow, OSError."""
+    with path.open("wb") as file:
+        _pillow().fromarray(image).save(file, format="PNG", compress_level=1)  # a frame has several: speed over size
+
+
+# Files ---------------------------------------------------------------------------------------------------------------
+
 
 FORMATS = ("npz", "npy", "png", "exr")
 DEPTH_SCALE = 0.001  # world units a step of a PNG's depth: a millimetre where a unit is a metre

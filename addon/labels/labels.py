@@ -7,16 +7,140 @@ import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
 
-from ..support.arrays import write_arrays
-from ..support.files import replacing
-from ..sync.label_columns import LabelColumn
-from .masks import Masks
-from .things import Thing
+from ..extract.label_values import collections_of_objects
+from ..support.files import replacing, write_arrays
+from ..sync.lookup import MISS, LabelColumn, LabelValue, SceneLabel
+
+if TYPE_CHECKING:
+    from ..live.scene_sync import SceneSync
+
+# What labels' numbers stand for: instances, with the names and labels that users gave their objects.
+
+
+@dataclass(frozen=True, slots=True)
+class Thing:
+    """One object, or one instance of it, in a labelled image.
+
+    name: of the object. instancer: the name of the object that shows it, "" for a plain one. instance_id: of this
+    instance; it lasts while its sync does. pass_index: the object's. category: a row of the image's categories, -1 for
+    none. collections: the names of all that hold the object itself, sorted. labels: the values of those that were asked
+    for, by name, None for none; where only materials have a label, what all of the object's agree on.
+    """
+
+    name: str
+    instancer: str
+    instance_id: int
+    pass_index: int
+    category: int = MISS
+    collections: tuple[str, ...] = ()
+    labels: Mapping[str, LabelValue] = field(default_factory=dict)
+
+
+def find_things(
+    sync: SceneSync, instance_ids: npt.NDArray[np.int32], category: SceneLabel, labels: Mapping[str, SceneLabel]
+) -> tuple[tuple[Thing, ...], tuple[str, ...]]:
+    """A thing for each of (N,) instances, and the categories' names.
+
+    category: the label that says them, of names. labels: others by their names.
+    """
+    found, rows = sync.describe(instance_ids), sync.instance_rows(instance_ids)
+    indices = {obj.session_uid: obj.pass_index for obj in sync.record.objects}
+    holders = collections_of_objects()
+    names = category.table.names or ()
+    numbers = {name: row for row, name in enumerate(names)}
+    categories = category.of_things(sync.record, rows)
+    columns = {name: label.of_things(sync.record, rows) for name, label in labels.items()}
+    things = []
+    for row, uid in enumerate(found.session_uids.tolist()):
+        things.append(
+            Thing(
+                name=str(found.names[row]),
+                instancer=str(found.parent_names[row]),
+                instance_id=int(instance_ids[row]),
+                pass_index=indices.get(uid, 0),
+                category=numbers.get(str(categories[row]), MISS) if categories[row] is not None else MISS,
+                collections=holders.get(uid, ()),
+                labels={name: values[row] for name, values in columns.items()},
+            )
+        )
+    return tuple(things), names
+
+
+# Masks ---------------------------------------------------------------------------------------------------------------
+# The pixels of many things, each with a mask of its own; they may overlap. Knows no Blender.
+
+
+Int64Array = npt.NDArray[np.int64]
+Bools = npt.NDArray[np.bool_]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Masks:
+    """N masks of images of one size, as the pixels of each, which takes no more memory than there is to tell.
+
+    size: (width, height). splits: (N + 1,) int64, where each mask begins among the pixels. pixels: (P,) int32, rising
+    in each mask: row * width + column, row 0 on top.
+    """
+
+    size: tuple[int, int]
+    splits: Int64Array
+    pixels: npt.NDArray[np.int32]
+
+    def __len__(self) -> int:
+        return len(self.splits) - 1
+
+    @property
+    def areas(self) -> Int64Array:
+        """(N,) int64: how many pixels each has."""
+        return np.diff(self.splits)
+
+    def pixels_of(self, number: int) -> npt.NDArray[np.int32]:
+        """(A,) int32: those of one mask, rising."""
+        return self.pixels[self.splits[number] : self.splits[number + 1]]
+
+    def image_of(self, number: int) -> Bools:
+        """(H, W) bool, row 0 on top."""
+        width, height = self.size
+        image = np.zeros(width * height, np.bool_)
+        image[self.pixels_of(number)] = True
+        return image.reshape(height, width)
+
+    def boxes(self) -> npt.NDArray[np.int32]:
+        """(N, 4) int32: left, top, width and height of the box around each mask; zeros around an empty one."""
+        boxes = np.zeros((len(self), 4), np.int32)
+        full = np.flatnonzero(self.areas)
+        if len(full):
+            starts = self.splits[full]
+            rows, columns = np.divmod(self.pixels, self.size[0])
+            left, right = np.minimum.reduceat(columns, starts), np.maximum.reduceat(columns, starts)
+            top, bottom = np.minimum.reduceat(rows, starts), np.maximum.reduceat(rows, starts)
+            boxes[full] = np.stack([left, top, right - left + 1, bottom - top + 1], axis=1)
+        return boxes
+
+
+def masks_of(owners: Int64Array, pixels: Int64Array, count: int, size: tuple[int, int]) -> Masks:
+    """owners, pixels: (P,) int64, whose pixel is which, in any order and any number of times. count: of masks."""
+    pixel_count = size[0] * size[1]
+    keys = distinct(owners * pixel_count + pixels)
+    splits = np.searchsorted(keys, np.arange(count + 1, dtype=np.int64) * pixel_count)
+    return Masks(size, splits.astype(np.int64), (keys % pixel_count).astype(np.int32))
+
+
+def distinct(keys: Int64Array) -> Int64Array:
+    """What np.unique gives, sooner: most of what it is asked here is runs that are sorted already."""
+    ordered = np.sort(keys, kind="stable")
+    is_first = np.ones(len(ordered), np.bool_)
+    np.not_equal(ordered[1:], ordered[:-1], out=is_first[1:])
+    return ordered[is_first]
+
+
+# Labels --------------------------------------------------------------------------------------------------------------
+
 
 Floats = npt.NDArray[np.float32]
 Int32Array = npt.NDArray[np.int32]
@@ -121,3 +245,51 @@ class Labels:
         with replacing(path) as name:
             write_arrays(name, arrays, is_compressed=True)
         return path
+
+
+# Run lengths ---------------------------------------------------------------------------------------------------------
+# Masks as run lengths in the format of COCO: all at once, from pixels sorted by columns. Knows no Blender.
+
+
+def run_lengths(masks: Masks) -> list[dict[str, Any]]:
+    """Of each mask what COCO calls uncompressed: {"size": [H, W], "counts": runs of 0, 1, 0 ..., column by column}."""
+    counts, splits = _counts(masks)
+    width, height = masks.size
+    runs = counts.tolist()
+    return [
+        {"size": [height, width], "counts": runs[first:end]}
+        for first, end in zip(splits[:-1].tolist(), splits[1:].tolist(), strict=True)
+    ]
+
+
+def _counts(masks: Masks) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
+    """All masks' runs one after the other, and where those of each begin, (N + 1,).
+
+    Each run of ones has the place where it begins, before that the end of the one before; their differences are the
+    lengths. After the last there is what is left of the image, if anything is.
+    """
+    width, height = masks.size
+    size, number = width * height, len(masks)
+    rows, columns = np.divmod(masks.pixels.astype(np.int64), width)
+    owners = np.repeat(np.arange(number, dtype=np.int64), masks.areas)
+    # One more than an image's pixels, so that a run never goes on in the next mask.
+    places = np.sort(owners * (size + 1) + columns * height + rows)
+    is_apart = np.diff(places) != 1
+    begins = places[np.concatenate([[True], is_apart])] if len(places) else places
+    ends = places[np.concatenate([is_apart, [True]])] + 1 if len(places) else places
+    runs_of = np.bincount(begins // (size + 1), minlength=number)
+    # A mask: where its image begins, then begins and ends by turns, then the image's end.
+    bounds_of = 2 * runs_of + 2
+    splits = np.concatenate([[0], np.cumsum(bounds_of)]).astype(np.int64)
+    bounds = np.empty(int(splits[-1]), np.int64)
+    is_edge = np.zeros(len(bounds), np.bool_)
+    is_edge[splits[:-1]] = is_edge[splits[1:] - 1] = True
+    starts = np.arange(number, dtype=np.int64) * (size + 1)
+    bounds[splits[:-1]], bounds[splits[1:] - 1] = starts, starts + size
+    bounds[~is_edge] = np.stack([begins, ends], axis=1).ravel()
+    lengths = np.diff(bounds, append=0)
+    is_length = np.ones(len(bounds), np.bool_)
+    is_length[splits[1:] - 1] = False  # from one mask to the next
+    is_length[splits[1:] - 2] = lengths[splits[1:] - 2] > 0  # nothing is left
+    kept = np.concatenate([[0], np.cumsum(is_length)])[splits]
+    return lengths[is_length], kept.astype(np.int64)

@@ -17,22 +17,20 @@ from functools import partial
 from typing import Any
 
 from perfect_bvh import Scene
-from perfect_bvh._batches import share_of
+from perfect_bvh._arrays import share_of
 from perfect_bvh.scene import Policy
 
 from ..extract import ReadCache, read_scene
 from ..extract.pointer_views import ArrayReader
-from ..extract.scene_in_time import read_scene_in_time
-from ..extract.shutter import FrameSet, Shutter, as_shutter
+from ..extract.scene_in_time import FrameSet, Shutter, as_shutter, read_scene_in_time
 from ..support.background_work import BackgroundWork
 from ..sync.motion import without_parting
+from ..sync.plan import find_mismatches
 from ..sync.records import AttributeRequest, SceneRecord
 from ..sync.report import SyncReport
 from ..sync.scene_difference import AppliedDifference, SceneDifference
 from ..sync.state import SceneState, TimedCommit
-from ..sync.verify import find_mismatches
-from .scene_watch import SceneWatch
-from .synced_scene import SyncedScene
+from .synced_scene import SceneWatch, SyncedScene
 
 Progress = Callable[[float], object]
 UpdateCommit = BackgroundWork[TimedCommit, SyncReport]

@@ -2,38 +2,23 @@
 
 from __future__ import annotations
 
-from . import (
-    bench,
-    color_points,
-    compare,
-    preview,
-    scan,
-    select_not_shown,
-    select_updated,
-    status_bar,
-    walk_ray,
-    walk_step,
-)
+import bpy
 
-_MODULES = (
-    status_bar,
-    preview,
-    scan,
-    color_points,
-    bench,
-    compare,
-    select_not_shown,
-    select_updated,
-    walk_ray,
-    walk_step,
+from ..bench import results
+from . import measure, preview, scan_button, scan_request, select, ticking, walk
+
+_CLASSES = tuple(
+    operator for module in (preview, scan_button, scan_request, measure, select, walk) for operator in module.CLASSES
 )
 
 
 def register() -> None:
-    for module in _MODULES:
-        module.register()
+    for operator in _CLASSES:
+        bpy.utils.register_class(operator)
 
 
 def unregister() -> None:
-    for module in reversed(_MODULES):
-        module.unregister()
+    for operator in reversed(_CLASSES):
+        bpy.utils.unregister_class(operator)
+    for module in (results, scan_request, ticking):
+        module.forget()

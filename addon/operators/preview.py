@@ -14,12 +14,11 @@ import numpy as np
 
 from ..image.progressive import Pace
 from ..image.refinement import Refinement
-from ..live.pending_commit import LOOKING_SECONDS
-from ..settings.editors import redraw_viewports
+from ..live.sync_cache import LOOKING_SECONDS
+from ..settings.preferences import redraw_viewports
 from ..statistics.last_result import note_image
-from ..view3d.rendered.awaited_view import AwaitedView, await_view, find_view
-from ..view3d.rendered.screen_image import picture_of
-from ..view3d.rendered.view_statistics import remember_view
+from ..view3d.rendered.redraws import AwaitedView, await_view, find_view
+from ..view3d.rendered.screen import picture_of, remember_view
 from .ticking import Ticking
 
 IMAGE_NAME = "Perfect BVH View"
@@ -233,9 +232,4 @@ def _show_whole(window: bpy.types.Window, area: bpy.types.Area) -> None:
     area.tag_redraw()
 
 
-def register() -> None:
-    bpy.utils.register_class(PERFECT_BVH_OT_preview)
-
-
-def unregister() -> None:
-    bpy.utils.unregister_class(PERFECT_BVH_OT_preview)
+CLASSES = (PERFECT_BVH_OT_preview,)

@@ -3,13 +3,58 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 import bpy
 
 from ..settings.preferences import native_error
 from ..statistics import messages
 from ..statistics.words import sentence
-from . import status_bar
+
+# A line in the status bar while an operator waits for clicks, or for work that goes on beside it.
+#
+# Blender keeps a text for each workspace, where it would stay if the operator ends while another one is shown. What
+# draws the bar is the same for all windows and workspaces: so that is what changes, and nothing can be left behind.
+
+
+_is_told = False
+
+
+def tell(context: bpy.types.Context, text: str) -> None:
+    """Shows a line until `clear`, or the next."""
+    global _is_told
+
+    def draw(header: Any, _context: bpy.types.Context) -> None:
+        """As Blender does, with the line in the place of what the mouse's buttons do."""
+        layout = header.layout
+        layout.label(text=text)
+        layout.separator_spacer()
+        layout.template_reports_banner()
+        layout.template_running_jobs()
+        layout.separator_spacer()
+        layout.template_status_info()
+
+    context.workspace.status_text_set(draw)
+    _is_told = True
+
+
+def clear(context: bpy.types.Context) -> None:
+    """Shows what Blender has to tell again."""
+    global _is_told
+    _is_told = False
+    workspace = context.workspace or next(iter(bpy.data.workspaces), None)  # none in a window that goes
+    if workspace is not None:
+        workspace.status_text_set(None)
+
+
+def forget() -> None:
+    """Clears what an operator told: one that is unregistered while it runs does not end."""
+    if _is_told:
+        clear(bpy.context)
+
+
+# Ticking -------------------------------------------------------------------------------------------------------------
+
 
 TIMER_SECONDS = 0.01
 # Whose names errors begin with, for scripts.
@@ -115,7 +160,7 @@ class Ticking(Checked):
         """Shows a line until the end, or the next."""
         if state != self._told:  # each call draws the status bar again
             self._told = state
-            status_bar.tell(context, state)
+            tell(context, state)
 
     def _forget_complaints(self) -> None:
         """It begins anew."""
@@ -133,5 +178,5 @@ class Ticking(Checked):
             return
         context.window_manager.event_timer_remove(self._timer)
         context.window_manager.progress_end()
-        status_bar.clear(context)
+        clear(context)
         self._timer = None

@@ -5,71 +5,48 @@ from __future__ import annotations
 import bpy
 
 from ..settings.scene_settings import ENGINE_NAME
-from . import (
-    bench,
-    borrowed,
-    camera,
-    hair,
-    light,
-    light_paths,
-    material,
-    motion_blur,
-    not_shown,
-    overlay,
-    render,
-    reports,
-    sampling,
-    scan,
-    shading,
-    trees,
-    updates,
-    view_layer,
-    view_menu,
-    visibility,
-    walk_ray,
-    world,
-)
+from . import objects, output, render, reports, viewports
 
 CLASSES = (
-    *render.CLASSES,
-    *not_shown.CLASSES,
-    *sampling.CLASSES,
-    *light_paths.CLASSES,
-    *hair.CLASSES,
-    *motion_blur.RENDER_CLASSES,
+    *render.RENDER_CLASSES,
+    *reports.NOT_SHOWN_CLASSES,
+    *render.SAMPLING_CLASSES,
+    *render.LIGHT_PATHS_CLASSES,
+    *render.HAIR_CLASSES,
+    *render.MOTION_BLUR_CLASSES,
     *render.LAST_CLASSES,
-    *overlay.CLASSES,
-    *reports.CLASSES,
-    *view_layer.CLASSES,
-    *visibility.CLASSES,
-    *motion_blur.OBJECT_CLASSES,
-    *camera.CLASSES,
-    *light.CLASSES,
-    *material.CLASSES,
-    *world.CLASSES,
-    *shading.CLASSES,
-    *scan.CLASSES,
-    *bench.CLASSES,
-    *updates.CLASSES,
-    *trees.CLASSES,
-    *walk_ray.CLASSES,
+    *viewports.OVERLAY_CLASSES,
+    *reports.REPORTS_CLASSES,
+    *output.VIEW_LAYER_CLASSES,
+    *objects.VISIBILITY_CLASSES,
+    *render.OBJECT_CLASSES,
+    *objects.CAMERA_CLASSES,
+    *objects.LIGHT_CLASSES,
+    *objects.MATERIAL_CLASSES,
+    *objects.WORLD_CLASSES,
+    *viewports.SHADING_CLASSES,
+    *output.SCAN_CLASSES,
+    *reports.BENCH_CLASSES,
+    *reports.UPDATES_CLASSES,
+    *reports.TREES_CLASSES,
+    *viewports.WALK_RAY_CLASSES,
 )
-LISTS = (*not_shown.LISTS, *updates.LISTS)
+LISTS = (*reports.NOT_SHOWN_LISTS, *reports.UPDATES_LISTS)
 
 
 def register() -> None:
     for panel in (*LISTS, *CLASSES):
         bpy.utils.register_class(panel)
-    for panel in borrowed.shared_panels():
+    for panel in objects.shared_panels():
         panel.COMPAT_ENGINES.add(ENGINE_NAME)
-    for module in (view_menu, visibility):
+    for module in (viewports, objects):
         module.register()
 
 
 def unregister() -> None:
-    for module in (visibility, view_menu):
+    for module in (objects, viewports):
         module.unregister()
-    for panel in borrowed.shared_panels():
+    for panel in objects.shared_panels():
         panel.COMPAT_ENGINES.discard(ENGINE_NAME)
     for panel in reversed((*LISTS, *CLASSES)):
         bpy.utils.unregister_class(panel)

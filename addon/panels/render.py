@@ -1,4 +1,4 @@
-"""What the image shows, its background, threads, and Blender's own Simplify settings."""
+"""The panels of the render properties: the engine's own, sampling, light paths, curves and motion blur."""
 
 from __future__ import annotations
 
@@ -6,10 +6,13 @@ from typing import ClassVar
 
 import bpy
 
-from ..settings.modes import find_mode, mode_of_render
+from ..settings.modes import denoiser_in_use, find_mode, mode_of_render
 from ..settings.preferences import native_error
+from ..settings.scene_settings import light_path_settings, object_motion_settings, rolling_shutter_settings
 from ..view3d.rendered import opening
 from .common import EnginePanel, RenderPanel, draw_lines, settings_layout
+
+# What the image shows, its background, threads, and Blender's own Simplify settings.
 
 
 class PERFECT_BVH_PT_render(RenderPanel, bpy.types.Panel):
@@ -113,7 +116,7 @@ def _draw_view_hint(context: bpy.types.Context, layout: bpy.types.UILayout) -> N
         column.prop(scene.view_settings, "view_transform", text="View Transform")
 
 
-CLASSES = (PERFECT_BVH_PT_render,)
+RENDER_CLASSES = (PERFECT_BVH_PT_render,)
 # After the panels of Sampling and of Light Paths.
 LAST_CLASSES = (
     PERFECT_BVH_PT_film,
@@ -123,3 +126,291 @@ LAST_CLASSES = (
     PERFECT_BVH_PT_performance,
     PERFECT_BVH_PT_performance_viewport,
 )
+
+
+# Sampling ------------------------------------------------------------------------------------------------------------
+# How much work goes into images, and what is done about the noise that is left: laid out as Cycles has it.
+
+
+class PERFECT_BVH_PT_sampling(EnginePanel, bpy.types.Panel):
+    """Holds the panels of viewports and of renders."""
+
+    bl_label = "Sampling"
+    bl_options: ClassVar = set()
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """Nothing of its own."""
+
+
+class PERFECT_BVH_PT_sampling_viewport(EnginePanel, bpy.types.Panel):
+    """Of Rendered viewports."""
+
+    bl_label = "Viewport"
+    bl_parent_id = "PERFECT_BVH_PT_sampling"
+    bl_options: ClassVar = set()
+
+    def draw(self, context: bpy.types.Context) -> None:
+        layout = settings_layout(self)
+        settings = context.scene.perfect_bvh
+        _draw_samples(layout, settings, "viewport_")
+        _draw_denoising(layout, settings, "use_viewport_denoising")
+
+
+class PERFECT_BVH_PT_sampling_render(EnginePanel, bpy.types.Panel):
+    """Of renders, and of views that are rendered to an image."""
+
+    bl_label = "Render"
+    bl_parent_id = "PERFECT_BVH_PT_sampling"
+    bl_options: ClassVar = set()
+
+    def draw(self, context: bpy.types.Context) -> None:
+        layout = settings_layout(self)
+        settings = context.scene.perfect_bvh
+        _draw_samples(layout, settings, "")
+        layout.prop(settings, "time_limit")
+        _draw_denoising(layout, settings, "use_denoising")
+
+
+class PERFECT_BVH_PT_sampling_advanced(EnginePanel, bpy.types.Panel):
+    """What few want to change."""
+
+    bl_label = "Advanced"
+    bl_parent_id = "PERFECT_BVH_PT_sampling"
+
+    def draw(self, context: bpy.types.Context) -> None:
+        settings_layout(self).prop(context.scene.perfect_bvh, "seed")
+
+
+def _draw_samples(layout: bpy.types.UILayout, settings: bpy.types.bpy_struct, kind: str) -> None:
+    """The threshold with its switch, and what it leaves to say. kind: what the properties' names begin with."""
+    is_noisy, is_adaptive = _is_noisy(settings), getattr(settings, f"use_{kind}noise_threshold")
+    row = layout.column(heading="Noise Threshold", align=True).row(align=True)
+    row.active = is_noisy
+    row.prop(settings, f"use_{kind}noise_threshold", text="")
+    value = row.row()
+    value.active = is_adaptive
+    value.prop(settings, f"{kind}noise_threshold", text="")
+    column = layout.column(align=True)
+    _draw_max(column, settings, kind, "Max Samples" if is_noisy and is_adaptive else "Samples")
+    if is_adaptive:
+        least = column.row()
+        least.active = is_noisy
+        least.prop(settings, f"{kind}min_samples", text="Min Samples")
+
+
+def _draw_max(layout: bpy.types.UILayout, settings: bpy.types.bpy_struct, kind: str, name: str) -> None:
+    """Of viewports: as many as a render takes, or a number of their own."""
+    if not kind:
+        layout.prop(settings, "samples", text=name)
+        return
+    layout.column(heading=name, align=True).prop(settings, "use_render_samples", text="As Render")
+    if not settings.use_render_samples:
+        layout.prop(settings, "viewport_samples", text=" ")
+
+
+def _draw_denoising(layout: bpy.types.UILayout, settings: bpy.types.bpy_struct, name: str) -> None:
+    """A switch that says by what."""
+    column = layout.column(heading="Denoise")
+    column.active = _is_noisy(settings)
+    column.prop(settings, name, text=denoiser_in_use())
+
+
+def _is_noisy(settings: bpy.types.bpy_struct) -> bool:
+    return find_mode(settings.mode.lower()).is_noisy
+
+
+SAMPLING_CLASSES = (
+    PERFECT_BVH_PT_sampling,
+    PERFECT_BVH_PT_sampling_viewport,
+    PERFECT_BVH_PT_sampling_render,
+    PERFECT_BVH_PT_sampling_advanced,
+)
+
+
+# Light paths ---------------------------------------------------------------------------------------------------------
+# How far light bounces. Cycles keeps these settings in the file, and both engines follow them.
+
+
+CYCLES_IS_OFF = "Enable the add-on Cycles Render Engine: it keeps these settings. Without it they have their defaults"
+
+
+class LightPathsPanel(EnginePanel):
+    """One of those below Light Paths: not where there is nothing to set."""
+
+    bl_parent_id = "PERFECT_BVH_PT_light_paths"
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        return super().poll(context) and light_path_settings(context.scene) is not None
+
+
+class PERFECT_BVH_PT_light_paths(EnginePanel, bpy.types.Panel):
+    """Holds the others, and says where there is nothing to set."""
+
+    bl_label = "Light Paths"
+
+    def draw(self, context: bpy.types.Context) -> None:
+        if light_path_settings(context.scene) is None:
+            draw_lines(context, self.layout, CYCLES_IS_OFF, icon="INFO")
+
+
+class PERFECT_BVH_PT_light_paths_bounces(LightPathsPanel, bpy.types.Panel):
+    """How often light turns at surfaces of each kind."""
+
+    bl_label = "Max Bounces"
+    bl_options: ClassVar = set()
+
+    def draw(self, context: bpy.types.Context) -> None:
+        layout, settings = _light_paths_layout(self, context), light_path_settings(context.scene)
+        layout.prop(settings, "max_bounces", text="Total")
+        column = layout.column(align=True)
+        column.prop(settings, "diffuse_bounces", text="Diffuse")
+        column.prop(settings, "glossy_bounces", text="Glossy")
+        column.prop(settings, "transmission_bounces", text="Transmission")
+        layout.prop(settings, "transparent_max_bounces", text="Transparent")
+
+
+class PERFECT_BVH_PT_light_paths_clamping(LightPathsPanel, bpy.types.Panel):
+    """How bright a single sample may be."""
+
+    bl_label = "Clamping"
+
+    def draw(self, context: bpy.types.Context) -> None:
+        layout, settings = _light_paths_layout(self, context), light_path_settings(context.scene)
+        column = layout.column(align=True)
+        column.prop(settings, "sample_clamp_direct", text="Direct")
+        column.prop(settings, "sample_clamp_indirect", text="Indirect")
+
+
+class PERFECT_BVH_PT_light_paths_caustics(LightPathsPanel, bpy.types.Panel):
+    """Light that mirrors and glass throw on matt surfaces."""
+
+    bl_label = "Caustics"
+
+    def draw(self, context: bpy.types.Context) -> None:
+        layout, settings = _light_paths_layout(self, context), light_path_settings(context.scene)
+        layout.prop(settings, "blur_glossy")
+        column = layout.column(heading="Caustics", align=True)
+        column.prop(settings, "caustics_reflective", text="Reflective")
+        column.prop(settings, "caustics_refractive", text="Refractive")
+
+
+def _light_paths_layout(panel: bpy.types.Panel, context: bpy.types.Context) -> bpy.types.UILayout:
+    """Greyed out in modes without light that bounces."""
+    layout = settings_layout(panel)
+    layout.active = mode_of_render(context.scene).shading
+    return layout
+
+
+LIGHT_PATHS_CLASSES = (
+    PERFECT_BVH_PT_light_paths,
+    PERFECT_BVH_PT_light_paths_bounces,
+    PERFECT_BVH_PT_light_paths_clamping,
+    PERFECT_BVH_PT_light_paths_caustics,
+)
+
+
+# Hair ----------------------------------------------------------------------------------------------------------------
+# What hair is: Cycles' settings, which this engine follows, or those of EEVEE where Cycles is off.
+
+
+class PERFECT_BVH_PT_hair(EnginePanel, bpy.types.Panel):
+    """As Cycles names and lays it out."""
+
+    bl_label = "Curves"
+    bl_options: ClassVar = {"DEFAULT_CLOSED"}
+
+    def draw(self, context: bpy.types.Context) -> None:
+        column = settings_layout(self).column()
+        cycles = getattr(context.scene, "cycles_curves", None)
+        if cycles is None:
+            column.prop(context.scene.render, "hair_type", text="Shape")
+            return
+        column.prop(cycles, "shape")
+        subdivisions = column.column()
+        subdivisions.active = cycles.shape == "RIBBONS"
+        subdivisions.prop(cycles, "subdivisions", text="Curve Subdivisions")
+
+
+HAIR_CLASSES = (PERFECT_BVH_PT_hair,)
+
+
+# Motion blur ---------------------------------------------------------------------------------------------------------
+# Motion blur: Blender's own settings, and those that Cycles keeps in the file, which both engines follow.
+
+
+MOVING_TYPES = frozenset({"MESH", "CURVE", "CURVES", "SURFACE", "FONT", "META", "POINTCLOUD", "CAMERA", "EMPTY"})
+DEFORMED_TYPES = MOVING_TYPES - {"CAMERA", "EMPTY"}
+
+
+def _motion_blur_layout(panel: bpy.types.Panel, context: bpy.types.Context) -> bpy.types.UILayout:
+    """Greyed out where nothing is blurred."""
+    layout = settings_layout(panel)
+    scene = context.scene
+    layout.active = scene.render.use_motion_blur and mode_of_render(scene).has_bounces
+    return layout
+
+
+class PERFECT_BVH_PT_motion_blur(EnginePanel, bpy.types.Panel):
+    """When the shutter is open."""
+
+    bl_label = "Motion Blur"
+
+    def draw_header(self, context: bpy.types.Context) -> None:
+        self.layout.prop(context.scene.render, "use_motion_blur", text="")
+
+    def draw(self, context: bpy.types.Context) -> None:
+        layout, render = _motion_blur_layout(self, context), context.scene.render
+        column = layout.column()
+        column.prop(render, "motion_blur_position", text="Position")
+        column.prop(render, "motion_blur_shutter")
+        settings = rolling_shutter_settings(context.scene)
+        if settings is not None:
+            column.prop(settings, "rolling_shutter_type")
+            duration = column.column()
+            duration.active = settings.rolling_shutter_type != "NONE"
+            duration.prop(settings, "rolling_shutter_duration", text="Duration")
+
+
+class PERFECT_BVH_PT_motion_blur_curve(EnginePanel, bpy.types.Panel):
+    """How far it is open when."""
+
+    bl_label = "Shutter Curve"
+    bl_parent_id = "PERFECT_BVH_PT_motion_blur"
+
+    def draw(self, context: bpy.types.Context) -> None:
+        layout, render = _motion_blur_layout(self, context), context.scene.render
+        layout.use_property_split = False
+        layout.template_curve_mapping(render, "motion_blur_shutter_curve")
+
+
+class PERFECT_BVH_PT_object_motion_blur(EnginePanel, bpy.types.Panel):
+    """What of an object's motion is shown, and how closely."""
+
+    bl_label = "Motion Blur"
+    bl_context = "object"
+    bl_options: ClassVar = {"DEFAULT_CLOSED"}
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        if not super().poll(context) or context.object is None:
+            return False
+        owner = context.object
+        return owner.type in MOVING_TYPES and object_motion_settings(owner) is not None
+
+    def draw_header(self, context: bpy.types.Context) -> None:
+        self.layout.active = context.scene.render.use_motion_blur
+        self.layout.prop(object_motion_settings(context.object), "use_motion_blur", text="")
+
+    def draw(self, context: bpy.types.Context) -> None:
+        layout, owner = _motion_blur_layout(self, context), context.object
+        settings = object_motion_settings(owner)
+        layout.active = layout.active and settings.use_motion_blur
+        column = layout.column()
+        column.prop(settings, "motion_steps", text="Steps")
+        if owner.type in DEFORMED_TYPES:
+            column.prop(settings, "use_deform_motion", text="Deformation")
+
+
+MOTION_BLUR_CLASSES = (PERFECT_BVH_PT_motion_blur, PERFECT_BVH_PT_motion_blur_curve)
+OBJECT_CLASSES = (PERFECT_BVH_PT_object_motion_blur,)

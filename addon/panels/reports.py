@@ -1,14 +1,34 @@
-"""What the last image of the scene cost, and what went wrong."""
+"""The panels that report: statistics, updates, trees, what is not shown, and the bench."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from itertools import groupby
+from typing import ClassVar
+
 import bpy
 
-from ..statistics.last_result import is_outdated, last_statistics
+from ..bench.results import HEADINGS, Row, last_results
+from ..statistics.last_result import is_outdated, last_statistics, statistics_rows
 from ..statistics.messages import messages_of
-from ..statistics.not_shown import line_of
-from ..statistics.summary import statistics_rows
-from .common import RenderPanel, draw_lines, draw_message, text_width
+from ..statistics.not_shown import line_of, told
+from ..statistics.update_list import FOLD, MORE, row_of, rows_of, updates_of
+from ..statistics.words import count_of, duration
+from ..sync.not_shown import SELECTABLE
+from .common import (
+    TABS,
+    EnginePanel,
+    RenderPanel,
+    SidebarPanel,
+    draw_lines,
+    draw_message,
+    draw_messages_of,
+    settings_layout,
+    text_width,
+)
+
+# What the last image of the scene cost, and what went wrong.
+
 
 # What a box takes of the width.
 BOX = 16
@@ -68,4 +88,302 @@ def draw_messages(context: bpy.types.Context, layout: bpy.types.UILayout) -> Non
         draw_lines(context, column, f"{line}: see Not Shown", icon="INFO", inset=BOX)
 
 
-CLASSES = (PERFECT_BVH_PT_statistics,)
+REPORTS_CLASSES = (PERFECT_BVH_PT_statistics,)
+
+
+# Updates -------------------------------------------------------------------------------------------------------------
+# What was updated for the last image: objects in a list, and what can be done about the one that is chosen.
+
+
+ICONS = {
+    "kept": "CHECKMARK",
+    "unseen": "HIDE_ON",
+    "masked": "HIDE_OFF",
+    "moved": "OBJECT_ORIGIN",
+    "recounted": "PARTICLES",
+    "replaced": "MESH_DATA",
+    "added": "ADD",
+    "removed": "REMOVE",
+    "refitted": "MOD_SIMPLEDEFORM",
+    "rotated": "FILE_REFRESH",
+    "partly_rebuilt": "MOD_REMESH",
+    "rebuilt": "MOD_BUILD",
+    "built": "ADD",
+}
+# Of a row: what a name has where there is a time beside it and where there is none; of the rest what a time has.
+NAME_PART, LONG_NAME_PART, TIME_PART = 0.46, 0.78, 0.62
+# What is left free of the sidebar's width for tabs and borders, and of a name's part for its icon, in pixels at the
+# usual resolution scale.
+LIST_BORDERS, ICON = 66, 34
+
+
+class PERFECT_BVH_UL_updates(bpy.types.UIList):
+    """A row: what happened to which objects, how long it took, which share of the render they are."""
+
+    def draw_item(
+        self,
+        context: bpy.types.Context,
+        layout: bpy.types.UILayout,
+        data: bpy.types.AnyType,
+        item: bpy.types.PropertyGroup,
+        icon: int,
+        active_data: object,
+        active_property: str,
+    ) -> None:
+        if item.state == FOLD:
+            arrow = "DOWNARROW_HLT" if data.is_unfolded else "RIGHTARROW"
+            row = layout.row(align=True)
+            row.prop(data, "is_unfolded", text="", icon=arrow, emboss=False)
+            row.label(text=item.name)
+        elif item.state == MORE:
+            layout.label(text=item.name, icon="BLANK1")
+        else:
+            draw_cells(layout, fitting_name(context, item), item.time, item.share, ICONS[item.state])
+
+    def draw_filter(self, context: bpy.types.Context, layout: bpy.types.UILayout) -> None:
+        layout.prop(self, "filter_name", text="", icon="VIEWZOOM")
+
+    def filter_items(
+        self, context: bpy.types.Context, data: bpy.types.AnyType, rows_name: str
+    ) -> tuple[list[int], list[int]]:
+        word = self.filter_name.lower()
+        shown = (
+            word in row.name.lower() and row.state not in {FOLD, MORE} if word else row.is_changed or data.is_unfolded
+            for row in getattr(data, rows_name)
+        )
+        return [self.bitflag_filter_item if is_shown else 0 for is_shown in shown], []
+
+
+class PERFECT_BVH_PT_updates(SidebarPanel, bpy.types.Panel):
+    """The list, and two sentences about its active row."""
+
+    bl_label = "What Was Updated"
+
+    def draw(self, context: bpy.types.Context) -> None:
+        layout, scene = self.layout, context.scene
+        statistics, rows = last_statistics(scene), rows_of(scene)
+        if statistics is None:
+            draw_lines(context, layout, "Nothing was rendered with Perfect BVH yet", icon="INFO", inset=TABS)
+            return
+        if rows is None:
+            layout.label(text="Being listed")
+            return
+        _draw_heading(context, layout)
+        column = layout.column(align=True)
+        draw_cells(column, "Object", "Time", "Share", "NONE")
+        column.template_list("PERFECT_BVH_UL_updates", "", rows, "rows", rows, "active", rows=5, maxrows=10)
+        _draw_active(context, layout, rows)
+
+
+def fitting_name(context: bpy.types.Context, item: bpy.types.PropertyGroup) -> str:
+    """A row's name, with the number of its objects short where there is no room for more words."""
+    width = context.region.width / context.preferences.system.ui_scale - LIST_BORDERS
+    room = width * (NAME_PART if item.time else LONG_NAME_PART) - ICON
+    return item.name if text_width(item.name) <= room else item.short_name
+
+
+def draw_cells(layout: bpy.types.UILayout, name: str, time: str, share: str, icon: str) -> None:
+    """A row of up to three columns, the numbers flush right."""
+    split = layout.split(factor=NAME_PART if time else LONG_NAME_PART)
+    split.label(text=name, icon=icon)
+    if time:
+        split = split.split(factor=TIME_PART)
+    for cell in (time, share) if time else (share,):
+        column = split.row()
+        column.alignment = "RIGHT"
+        column.label(text=cell)
+
+
+def _draw_heading(context: bpy.types.Context, layout: bpy.types.UILayout) -> None:
+    scene = context.scene
+    statistics, updates = last_statistics(scene), updates_of(scene.session_uid)
+    count = updates.changed_count
+    what = f"{count_of(count, 'object')} updated in" if count else "Nothing to update, which took"
+    text = f"{statistics.source}, frame {statistics.frame:g}: {what} {duration(statistics.report.milliseconds)}"
+    draw_lines(context, layout, text, inset=TABS)
+    if is_outdated(scene) and statistics.source != "Viewport":
+        draw_lines(context, layout, "The scene has changed since", icon="INFO", inset=TABS)
+
+
+def _draw_active(context: bpy.types.Context, layout: bpy.types.UILayout, rows: bpy.types.PropertyGroup) -> None:
+    if row_of(rows, rows.active) is None:
+        return
+    item = rows.rows[rows.active]
+    column = layout.column(align=True)
+    draw_lines(context, column, item.name, icon=ICONS[item.state], inset=TABS)
+    draw_lines(context, column, rows.done, icon="BLANK1", inset=TABS)
+    draw_lines(context, column, rows.advice, icon="INFO", inset=TABS)
+    if rows.facts:
+        draw_lines(context, column, rows.facts, icon="BLANK1", inset=TABS)
+    if rows.note:
+        draw_lines(context, column, rows.note, icon="ERROR", inset=TABS)
+
+
+UPDATES_CLASSES = (PERFECT_BVH_PT_updates,)
+UPDATES_LISTS = (PERFECT_BVH_UL_updates,)
+
+
+# Trees ---------------------------------------------------------------------------------------------------------------
+# Looking into trees: two of one object side by side.
+
+
+class PERFECT_BVH_PT_trees(SidebarPanel, bpy.types.Panel):
+    """Holds the panels below."""
+
+    bl_label = "Trees"
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """Which boxes are drawn wherever boxes are drawn."""
+        layout = settings_layout(self)
+        overlay = context.scene.perfect_bvh.overlay
+        layout.prop(overlay, "level")
+        layout.prop(overlay, "color_by")
+
+
+class TreePanel(SidebarPanel):
+    """One of the panels of what can be done with trees."""
+
+    bl_parent_id = "PERFECT_BVH_PT_trees"
+    bl_options: ClassVar = {"DEFAULT_CLOSED"}
+
+
+class PERFECT_BVH_PT_compare(TreePanel, bpy.types.Panel):
+    """Which two trees are compared, and the button."""
+
+    bl_label = "Compare"
+    bl_options: ClassVar = set()
+
+    def draw(self, context: bpy.types.Context) -> None:
+        from ..view3d.compare import compare_view
+
+        layout = settings_layout(self)
+        compare = context.scene.perfect_bvh.compare
+        column = layout.column(align=True)
+        column.prop(compare, "left")
+        column.prop(compare, "right")
+        row = layout.row(align=True)
+        row.operator("perfect_bvh.compare", icon="MOD_MIRROR")
+        if compare_view.shown() is not None:
+            row.operator("perfect_bvh.end_comparison", text="", icon="X")
+        draw_messages_of(context, layout, "Compare")
+
+
+TREES_CLASSES = (PERFECT_BVH_PT_trees, PERFECT_BVH_PT_compare)
+
+
+# Not shown -----------------------------------------------------------------------------------------------------------
+# What the last image lacks or shows otherwise than Blender's nodes and settings say, as a list to go through.
+
+
+NOT_SHOWN_ICONS = {
+    "library": "LIBRARY_DATA_BROKEN",
+    "dark": "OUTLINER_OB_LIGHT",
+    "object": "OBJECT_DATA",
+    "scan": "OUTLINER_OB_POINTCLOUD",
+    "shape": "MOD_SUBSURF",
+    "material": "MATERIAL",
+    "image": "IMAGE_DATA",
+    "light": "LIGHT",
+    "world": "WORLD",
+    "setting": "SCENE",
+}
+
+
+class PERFECT_BVH_UL_not_shown(bpy.types.UIList):
+    """A row: what it is of, and what is not shown of it. Rows of other scenes are left out."""
+
+    def draw_item(
+        self,
+        context: bpy.types.Context,
+        layout: bpy.types.UILayout,
+        data: object,
+        item: bpy.types.PropertyGroup,
+        icon: int,
+        active_data: object,
+        active_property: str,
+    ) -> None:
+        layout.label(text=f"{item.name}: {item.text}", icon=NOT_SHOWN_ICONS[item.kind])
+
+    def filter_items(
+        self, context: bpy.types.Context, data: bpy.types.AnyType, rows_name: str
+    ) -> tuple[list[int], list[int]]:
+        rows = getattr(data, rows_name)
+        uid, word = context.scene.session_uid, self.filter_name.lower()
+        shown = (row.scene_uid == uid and word in f"{row.name} {row.text}".lower() for row in rows)
+        return [self.bitflag_filter_item if is_shown else 0 for is_shown in shown], []
+
+
+class PERFECT_BVH_PT_not_shown(EnginePanel, bpy.types.Panel):
+    """The list, and a button that selects what the chosen row is about."""
+
+    bl_label = "Not Shown"
+    bl_options: ClassVar = set()
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        return super().poll(context) and bool(told(context.scene))
+
+    def draw(self, context: bpy.types.Context) -> None:
+        listed = context.window_manager.perfect_bvh_not_shown
+        draw_lines(context, self.layout, line_of(context.scene), icon="INFO")
+        self.layout.template_list("PERFECT_BVH_UL_not_shown", "", listed, "rows", listed, "active", rows=4)
+        if not 0 <= listed.active < len(listed.rows):
+            return
+        row = listed.rows[listed.active]
+        if row.scene_uid != context.scene.session_uid:
+            return
+        column = self.layout.column(align=True)
+        draw_lines(context, column, f"{row.name}: {row.text}", icon=NOT_SHOWN_ICONS[row.kind])
+        draw_lines(context, column, row.advice, icon="INFO")
+        if row.kind in SELECTABLE:
+            button = self.layout.operator("perfect_bvh.select_not_shown", icon="RESTRICT_SELECT_OFF")
+            button.kind, button.session_uid = row.kind, row.session_uid
+
+
+NOT_SHOWN_CLASSES = (PERFECT_BVH_PT_not_shown,)
+NOT_SHOWN_LISTS = (PERFECT_BVH_UL_not_shown,)
+
+
+# Bench ---------------------------------------------------------------------------------------------------------------
+# The button that measures the scene, and a table of what that has found.
+
+
+class PERFECT_BVH_PT_bench(SidebarPanel, bpy.types.Panel):
+    """Measures the scene and shows what that has found."""
+
+    bl_label = "Bench"
+
+    def draw(self, context: bpy.types.Context) -> None:
+        text = "Measures builders and policies on this scene for about a minute"
+        draw_lines(context, self.layout, text)
+        self.layout.operator("perfect_bvh.bench", icon="TIME")
+        draw_messages_of(context, self.layout, "Bench This Scene")
+        results = last_results(context.scene.session_uid)
+        if results is not None:
+            draw_table(self.layout, results.table)
+            for sentence in dict.fromkeys(results.advice.values()):
+                draw_lines(context, self.layout, sentence, icon="INFO")
+
+
+def draw_table(layout: bpy.types.UILayout, rows: Sequence[Row]) -> None:
+    """A box for each part, with a heading."""
+    for part, group in groupby(rows, key=lambda row: row.part):
+        box = layout.box().column(align=True)
+        _draw_cells(box, (part, *HEADINGS[part]), is_heading=True)
+        for row in group:
+            _draw_cells(box, (row.name, row.cost, row.gain))
+
+
+def _draw_cells(layout: bpy.types.UILayout, cells: tuple[str, str, str], *, is_heading: bool = False) -> None:
+    split = layout.split(factor=0.36)
+    split.active = not is_heading
+    split.label(text=cells[0])
+    halves = split.split(factor=0.44)
+    halves.active = not is_heading
+    for cell in cells[1:]:
+        column = halves.column()
+        column.alignment = "RIGHT"
+        column.label(text=cell)
+
+
+BENCH_CLASSES = (PERFECT_BVH_PT_bench,)

@@ -2,8 +2,15 @@
 
 from __future__ import annotations
 
+import glob
+import hashlib
+import json
 from collections.abc import Iterable
 from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from ..support.files import find_remainders, reachable, replacing
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,3 +45,208 @@ def runs_of(frames: Iterable[int], size: int, *, has_gaps: bool = False) -> list
             runs.append([])
         runs[-1].append(frame)
     return [tuple(run) for run in runs]
+
+
+# Inputs --------------------------------------------------------------------------------------------------------------
+# What the bytes of pieces depend on, but for their frames, in a form that JSON has. Knows no Blender.
+
+
+_BLOCK = 1 << 20
+_LONGEST_VALUES = 100  # characters of a message
+
+
+def checksum(path: Path) -> str:
+    """SHA-256, in hexadecimal. Raises OSError."""
+    digest = hashlib.sha256()
+    with path.open("rb") as file:
+        while block := file.read(_BLOCK):
+            digest.update(block)
+    return digest.hexdigest()
+
+
+# Of files that inputs named before, by their paths: their stamps, and their checksums.
+_known: dict[str, tuple[list[int], str]] = {}
+
+
+def _input_checksum(path: Path) -> str:
+    """Like `checksum`, but does not read a file again that is the same as before by its stamp."""
+    status = path.stat()  # before it is read: what changes later has another stamp
+    stamp = [status.st_size, status.st_mtime_ns, status.st_ctime_ns, status.st_ino]
+    known = _known.get(str(path))
+    if known is None or known[0] != stamp:
+        known = _known[str(path)] = (stamp, checksum(path))
+    return known[1]
+
+
+def known_checksums() -> dict[str, tuple[list[int], str]]:
+    """Returns what `learn_checksums` takes in another process, maybe on another machine with the same folders."""
+    return dict(_known)
+
+
+def learn_checksums(known: dict[str, tuple[list[int], str]]) -> None:
+    """Spares this process the reading of files that are here as they were where `known` was made."""
+    _known.update({path: (stamp, digest) for path, (stamp, digest) in known.items()})
+
+
+def inputs_of(files: Iterable[Path], **options: Any) -> dict[str, Any]:
+    """files: the scene's own and those that it reads, by their contents; of caches of simulations nothing is asked.
+
+    Files of one name in several folders are told together. The result is as a manifest gives it back.
+    """
+    sums: dict[str, list[str]] = {}
+    for path in sorted(set(files)):
+        if path.is_file():
+            sums.setdefault(path.name, []).append(_input_checksum(path))
+    found = {"files": {name: " ".join(each) for name, each in sums.items()}, **options}
+    made: dict[str, Any] = json.loads(json.dumps(found, allow_nan=False))
+    return made
+
+
+def find_difference(inputs: dict[str, Any], others: dict[str, Any]) -> str | None:
+    """Names the first of these inputs that `others` has not, and how it differs, as in "'steps' (3, not 2)".
+
+    Returns:
+        None if `others` has all of them.
+    """
+    name = next((name for name in inputs if name not in others or others[name] != inputs[name]), None)
+    if name is None:
+        return None
+    files, other_files = inputs[name], others.get(name)
+    if name == "files" and isinstance(other_files, dict):
+        differing = sorted(each for each in {*files, *other_files} if files.get(each) != other_files.get(each))
+        more = f" and {len(differing) - 1} more" if len(differing) > 1 else ""
+        return f"'{name}' ({differing[0]}{more})"
+    values = f"{json.dumps(other_files)}, not {json.dumps(files)}"
+    return f"'{name}' ({values})" if len(values) < _LONGEST_VALUES else f"'{name}'"
+
+
+# Folder --------------------------------------------------------------------------------------------------------------
+# Manifests of pieces: what counts as done, and what does not belong together. Knows no Blender.
+#
+# Beside the files of each piece stands its manifest, written last: its frames, facts of it, the files' checksums, and
+# the inputs that it was made from. A piece counts as done if its manifest is there, names these inputs, and the files
+# are those that it tells of: what is damaged, or half there, is done again. Several processes may write one piece at
+# once, as happens where one was given up for dead: each file is replaced as a whole, and by the same bytes.
+
+
+class OtherInputsError(ValueError):
+    """A folder holds pieces of other work."""
+
+
+class PieceFolder:
+    """Where pieces go. inputs: what they are made from. before: how names of manifests begin. what: in words."""
+
+    def __init__(self, folder: Path, inputs: dict[str, Any], before: str, what: str) -> None:
+        self.folder = folder
+        self.inputs = inputs
+        self._before = before
+        self._what = what
+
+    def prepare(self, pieces: Iterable[Piece], *others: str, resume: bool) -> None:
+        """Before the work: `check`, then `clear`; unless it is to be resumed, `forget`. Raises what these do."""
+        pieces = list(pieces)
+        self.check(pieces)
+        self.clear(pieces, *others)
+        if not resume:
+            self.forget(pieces)
+
+    def check(self, pieces: Iterable[Piece]) -> None:
+        """Raises OtherInputsError if the folder holds what these pieces cannot stand beside.
+
+        That is a piece that was made from anything else, or one that shares frames with any of these.
+        """
+        wanted = {frame: piece.frames for piece in pieces for frame in piece.frames}
+        for path in sorted(self.folder.glob(f"{glob.escape(self._before)}*.json")):
+            found = _read(path)
+            if found is None:
+                continue  # no manifest, or a damaged one: its piece counts as not done
+            frames = tuple(found["frames"])
+            other = find_difference(self.inputs, found["inputs"])
+            if any(wanted.get(frame, frames) != frames for frame in frames):
+                other = "how the frames are divided"
+            if other is not None:
+                raise OtherInputsError(
+                    f"{self.folder} holds pieces of another {self._what}: {path.name} differs in {other}; "
+                    "choose another folder, or empty this one"
+                )
+
+    def forget(self, pieces: Iterable[Piece]) -> None:
+        """From now on none of these counts as done. Raises OSError."""
+        for piece in pieces:
+            self._manifest(piece).unlink(missing_ok=True)
+
+    def is_done(self, piece: Piece) -> bool:
+        """Whether it is there, whole, from these inputs."""
+        found = _read(self._manifest(piece))
+        if found is None or found["inputs"] != self.inputs or tuple(found["frames"]) != piece.frames:
+            return False
+        return set(found["files"]) == set(piece.files) and all(
+            _is_whole(self.path_of(name), found["files"][name]) for name in piece.files
+        )
+
+    def path_of(self, name: str) -> Path:
+        """Where a file of a piece is."""
+        return self.folder / name
+
+    def finish(self, piece: Piece, **facts: Any) -> None:
+        """Writes the manifest of a piece whose files are there. Raises OSError."""
+        manifest = {
+            "frames": list(piece.frames),
+            "files": {name: checksum(reachable(self.path_of(name))) for name in piece.files},
+            **facts,
+            "inputs": self.inputs,
+        }
+        with replacing(self._manifest(piece)) as name:
+            name.write_text(json.dumps(manifest, indent=1, allow_nan=False) + "\n", encoding="utf-8")
+
+    def clear(self, pieces: Iterable[Piece], *others: str) -> None:
+        """Removes what processes that were killed have left half-written. others: names of further files.
+
+        Not while another process writes there. Raises OSError.
+        """
+        names = [name for piece in pieces for name in (*piece.files, self._manifest(piece).name)]
+        for path in find_remainders(self.folder, (*names, *others)):
+            path.unlink(missing_ok=True)
+
+    def _manifest(self, piece: Piece) -> Path:
+        return reachable(self.folder / f"{piece.stem}.json")
+
+
+def _is_whole(path: Path, expected: object) -> bool:
+    path = reachable(path)
+    try:
+        return path.is_file() and checksum(path) == expected
+    except OSError:
+        return False
+
+
+def _read(path: Path) -> dict[str, Any] | None:
+    """A manifest; None for what is none."""
+    try:
+        found = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return None
+    kinds = {"inputs": dict, "files": dict, "frames": list}
+    if not isinstance(found, dict) or not all(isinstance(found.get(name), kind) for name, kind in kinds.items()):
+        return None
+    return found if all(isinstance(frame, int) for frame in found["frames"]) else None
+
+
+# Scene inputs --------------------------------------------------------------------------------------------------------
+# What pieces of an open scene depend on: its file and all that it reads, and whose work they are.
+
+
+def scene_inputs(path: Path, *, autoexec: bool, allow_missing: bool, **options: Any) -> dict[str, Any]:
+    """path: of the file that is open. autoexec: whether its scripts may run. options: of the work."""
+    import bpy
+    import perfect_bvh
+
+    read = [Path(name) for name in bpy.utils.blend_paths(absolute=True)]
+    return inputs_of(
+        [path, *read],
+        **options,
+        autoexec=autoexec,
+        allow_missing=allow_missing,
+        blender=bpy.app.version_string,
+        version=perfect_bvh.__version__,
+    )

@@ -15,8 +15,7 @@ from typing import TYPE_CHECKING, TypeVar
 
 if TYPE_CHECKING:
     from ..live.scene_view import SceneView
-    from .folder import PieceFolder
-    from .piece import Piece
+    from .piece import Piece, PieceFolder
 
 T = TypeVar("T")
 Advance = Callable[[float], object]
@@ -77,7 +76,7 @@ class PieceWork(ABC):
     joined: tuple[str, ...] = ()  # names of files that are made of all pieces in the end
 
     def __init__(self, view: SceneView, frames: tuple[int, ...]) -> None:
-        from ..extract.simulations import has_simulations
+        from ..extract.scene_in_time import has_simulations
 
         self.view = view
         self.frames = frames

@@ -2,17 +2,24 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass, fields
+import difflib
+import math
+from collections.abc import Iterable, Iterator
+from dataclasses import asdict, dataclass, fields, replace
 from enum import IntEnum
 from typing import TYPE_CHECKING, Any
 
+import bpy
 import numpy as np
 import numpy.typing as npt
+
+from ..sync.records import VISIBLE_TO_CAMERA, SceneRecord
 
 if TYPE_CHECKING:
     from perfect_bvh import Snapshot
 
     from .patterns import Float64Array, Rays
+
 
 Outcomes = npt.NDArray[np.int8]
 BoolArray = npt.NDArray[np.bool_]
@@ -135,3 +142,132 @@ class MissJudge:
     ) -> BoolArray:
         how = {"mask": self.mask, "times": times, "threads": self.threads}
         return np.asarray(self.snapshot.test_occlusions(origins, directions, t_min=t_min, t_max=t_max, **how))
+
+
+# Mount ---------------------------------------------------------------------------------------------------------------
+# The mount of a sensor: the object that carries it, and all its children, with the instances that they make.
+
+
+@dataclass(frozen=True, slots=True)
+class Mount:
+    """name, uid: of the object that carries the sensor. uids: of it and of its children, and theirs; session uids."""
+
+    name: str
+    uid: int
+    uids: frozenset[int]
+
+    @classmethod
+    def of(cls, sensor: bpy.types.Object) -> Mount:
+        """Reads who belongs to it. A parent does not: a sensor on an empty sees the car that carries the empty."""
+        return cls(
+            sensor.name, sensor.session_uid, frozenset(obj.session_uid for obj in (sensor, *sensor.children_recursive))
+        )
+
+    def find(self, record: SceneRecord) -> npt.NDArray[np.bool_] | None:
+        """(I,) bool: which instances of a record are of the mount; None if none is."""
+        is_of = np.array([*(obj.session_uid in self.uids for obj in record.objects), False], np.bool_)
+        if not is_of.any():
+            return None
+        found: Any = is_of[record.instances.object_indices] | is_of[record.instances.parent_indices]
+        return found if found.any() else None
+
+    def hide(self, record: SceneRecord) -> SceneRecord:
+        """The record with the mount invisible to the sensor's rays."""
+        found = self.find(record)
+        if found is None:
+            return record
+        masks = np.where(found, record.instances.masks & ~np.uint32(VISIBLE_TO_CAMERA), record.instances.masks)
+        return replace(record, instances=replace(record.instances, masks=masks))
+
+
+def surrounds(sensor: bpy.types.Object) -> bool:
+    """Whether a sensor's object is a mesh around the sensor: the object's origin is inside of the mesh's bounds.
+
+    The bounds are those of the mesh itself, without modifiers: the same in every frame, so that all pieces of a scan
+    agree.
+    """
+    if sensor.type != "MESH" or not len(sensor.data.vertices):
+        return False
+    positions = np.empty(3 * len(sensor.data.vertices), np.float32)
+    sensor.data.vertices.foreach_get("co", positions)
+    rows = positions.reshape(-1, 3)
+    return bool((rows.min(axis=0) < 0.0).all() and (rows.max(axis=0) > 0.0).all())
+
+
+# Complaints ----------------------------------------------------------------------------------------------------------
+# Says in words why a scan is of no use, and what to do about it. Knows no Blender.
+#
+# The sentences hold no counts, so that those of several files of a scan are one.
+
+
+# Of rays with points: if this share hit the mount alone, the scan is one of the mount.
+ALMOST_ALL = 0.99
+# Why rays that hit something gave no point, and what to do then. Rays that hit nothing are usual: the sky is free.
+_REASONS = {
+    "out_of_range": "what they hit is mostly nearer or farther than the sensor measures{range}. Move the sensor, or "
+    "choose another",
+    "too_dark": "what they hit mostly returned too little light to be detected. Move the sensor nearer, check the "
+    "colors of materials, or leave out [detection] in the sensor's file",
+    "dropped_out": "what they hit was mostly lost to the sensor's dropout. Lower dropout in [noise] of its file",
+    "hidden": "what they hit is mostly hidden from the second eye. Move the sensor away from what is near",
+}
+_NOTHING = "they hit nothing. Check where the sensor points, and that objects around it are visible to cameras"
+
+
+def complaints_of(counts: RayCounts, limits: tuple[float, float]) -> Iterator[str]:
+    """Yields why a scan is of no use; nothing for most. limits: the sensor's range, in scene units."""
+    if not counts.cast:
+        return
+    if not counts.with_points:
+        reason = max(_REASONS, key=lambda name: counts.named[name])
+        limit = "" if math.isinf(limits[1]) else f" ({limits[0]:g} to {limits[1]:g} scene units)"
+        why = _REASONS[reason].format(range=limit) if counts.named[reason] else _NOTHING
+        yield f"No ray of the scan, or of one of its files, gave a point: {why}"
+    elif counts.on_mount >= ALMOST_ALL * counts.with_points:
+        yield (
+            "All points of the scan, or of one of its files, or almost all, are on the sensor's own object and its "
+            "children: leave these out with --exclude-mount (exclude_mount=True, or Mount in the panel)"
+        )
+
+
+def mount_left_out(name: str) -> str:
+    """Says that the default left the mount out. name: of the sensor's object."""
+    return (
+        f"{name!r} and its children are invisible to the sensor, as the sensor is inside of that mesh; "
+        "--no-exclude-mount (exclude_mount=False, or Mount in the panel) has them scanned"
+    )
+
+
+def unit_complaints(units: Any, farthest: float) -> Iterator[str]:
+    """Yields what is wrong with a sensor in metres in a scene of another unit. units: the scene's unit settings."""
+    scale = units.scale_length
+    if units.system == "NONE" or math.isclose(scale, 1.0, rel_tol=1e-3):
+        return
+    reach = (
+        "" if math.isinf(farthest) else f": it measures up to {farthest:g} units, which are {farthest * scale:.3g} m"
+    )
+    yield (
+        f"The scene's Unit Scale is {scale:g}, but the sensor takes a scene unit for a metre{reach}. Scale the scene "
+        f"by {scale:g} and set Unit Scale to 1, or write a sensor's file in the scene's units"
+    )
+
+
+# Words ---------------------------------------------------------------------------------------------------------------
+# Words of messages about what people wrote: the nearest of the names that there are. Knows no Blender.
+
+
+def nearest(name: str, names: Iterable[str]) -> str:
+    """`(is it ...?)` with the name that is most like it, "" if none is."""
+    found = difflib.get_close_matches(name, list(names), n=1, cutoff=0.5)
+    return f" (is it {found[0]!r}?)" if found else ""
+
+
+def listed(names: Iterable[str]) -> str:
+    """All of them."""
+    return ", ".join(names)
+
+
+def shown(value: Any) -> str:
+    """A value that may be long."""
+    text = repr(value)
+    return text if len(text) <= 40 else f"{text[:37]}..."

@@ -15,12 +15,9 @@ from typing import Any
 import bpy
 
 from ..live.scene_view import SceneView
-from ..pieces.folder import PieceFolder
-from ..pieces.piece import Piece, runs_of
-from ..pieces.scene_inputs import scene_inputs
+from ..pieces.piece import Piece, PieceFolder, runs_of, scene_inputs
 from ..pieces.work import Done, Outcome, PieceWork, Steps
-from .format_columns import label_columns
-from .formats import save_cloud
+from .formats import label_columns, save_cloud
 from .light.model import Light
 from .outcomes import RayCounts
 from .patterns import Pattern

@@ -25,18 +25,13 @@ from ..live.scene_sync import UpdateCommit
 from ..live.scene_view import SceneMoment, SceneView, viewport_depsgraph
 from ..support.memory import check_fits
 from ..sync.records import AttributeRequest
-from .collector import Collector
-from .complaints import complaints_of, mount_left_out, unit_complaints
-from .light.model import Light
-from .light.ray_noise import RayNoise
-from .mount import Mount, surrounds
+from .light.model import Light, RayNoise
+from .outcomes import Mount, complaints_of, mount_left_out, surrounds, unit_complaints
 from .patterns import Float64Array, Pattern, View
-from .point_cloud import PointCloud
-from .poses import Path, bend
+from .point_cloud import Collector, PointCloud
 from .sensor_files import Sensor, sensor_names
-from .stretch_sync import StretchSync
-from .stretches import Stretch, rays_before, stretches_of
-from .traced_stretch import TracedStretch
+from .stretch_sync import StretchSync, TracedStretch
+from .stretches import Path, Stretch, bend, rays_before, stretches_of
 
 Progress = Callable[[float], object]
 

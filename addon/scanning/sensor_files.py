@@ -21,12 +21,12 @@ from typing import Any
 
 import numpy as np
 
-from ..settings.sensor_items import FOLDER, SUFFIX, read_sensor_file, sensor_names
+from ..settings.scan_settings import FOLDER, SUFFIX, read_sensor_file, sensor_names
 from .light.model import Light
-from .light.tables import TABLES, read_light
+from .light.reflectance import TABLES, read_light
 from .more_patterns import DepthCamera, Raster, Rosette
+from .outcomes import listed, nearest, shown
 from .patterns import Pattern, SpinningLidar
-from .words import listed, nearest, shown
 
 KINDS: dict[str, type[Any]] = {
     "spinning": SpinningLidar,

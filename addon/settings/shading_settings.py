@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import bpy
 
-from .editors import redraw_for_setting
+from .preferences import redraw_for_setting
 from .scene_settings import MODE_ITEMS, RenderSettings, read_settings
 
 AS_RENDER = "RENDER"

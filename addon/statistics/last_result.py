@@ -11,17 +11,24 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 import bpy
+import numpy as np
+import numpy.typing as npt
 
 from ..events.changes import edit_count, listen, stop_listening
-from ..settings.editors import redraw_properties, redraw_sidebars
+from ..settings.preferences import redraw_properties, redraw_sidebars
 from ..settings.scene_settings import read_settings
+from ..sync.records import Int32Array, ObjectRecord
+from .words import duration, memory, rate
 
 if TYPE_CHECKING:
+    from perfect_bvh import Audit
+
+    from ..settings.scene_settings import RenderSettings
     from ..sync.report import SyncReport
-    from .frame_statistics import FrameStatistics
+
 
 TIMER_SECONDS = 0.2
 
@@ -158,3 +165,98 @@ def unregister() -> None:
     if bpy.app.timers.is_registered(_show_news):
         bpy.app.timers.unregister(_show_news)
     forget()
+
+
+# Frame statistics ----------------------------------------------------------------------------------------------------
+# What one image cost, however it was made.
+
+
+Source = Literal["Render", "View to Image", "Viewport"]
+
+
+@dataclass(frozen=True, slots=True)
+class FrameStatistics:
+    """What one frame cost.
+
+    source: what it was made for. size: (width, height). camera_rays: of all pixels in the border, 0 if untraced.
+    samples: of a pixel, on average. trace_milliseconds: without those of the audit. audit: what checking a share of the
+    camera rays has shown, None if it was not asked for. denoiser: its name, None if the image was not denoised;
+    trace_milliseconds are without it too.
+    complaints: what went wrong beside the scene itself, a sentence each.
+    owners: which objects show which meshes, and how much of the camera rays' work each takes.
+    has_own_mode: whether the mode is that of the viewport which it is a view of, and not the scene's.
+    """
+
+    frame: float
+    size: tuple[int, int]
+    settings: RenderSettings
+    report: SyncReport
+    trace_milliseconds: float
+    camera_rays: int
+    samples: float = 0.0
+    audit: Audit | None = None
+    audit_milliseconds: float = 0.0
+    denoiser: str | None = None
+    denoise_milliseconds: float = 0.0
+    complaints: tuple[str, ...] = ()
+    owners: Owners | None = None
+    source: Source = "Render"
+    has_own_mode: bool = False
+
+    @property
+    def rays_per_second(self) -> float:
+        """Camera rays, with all that followed from each, a second; 0 if nothing was traced."""
+        return self.camera_rays / self.trace_milliseconds * 1e3 if self.trace_milliseconds else 0.0
+
+
+# Summary -------------------------------------------------------------------------------------------------------------
+# What a frame cost and what was done for it, as short rows of text for a panel. Knows no panel.
+
+
+def statistics_rows(statistics: FrameStatistics) -> list[tuple[str, str]]:
+    """(name, value) of the steps of a frame in their order, then of what they were done to."""
+    report = statistics.report
+    width, height = statistics.size
+    rows = [
+        (statistics.source, f"Frame {statistics.frame:g}"),
+        ("Resolution", f"{width} x {height} px"),
+        ("Sync", duration(report.read_milliseconds + report.compare_milliseconds + report.apply_milliseconds)),
+        ("Build", duration(report.commit_milliseconds)),
+        ("Trace", duration(statistics.trace_milliseconds)),
+        *([("Denoise", duration(statistics.denoise_milliseconds))] if statistics.denoiser else []),
+        ("Samples", f"{statistics.samples:.4g} a pixel"),
+        ("Camera Rays", rate(statistics.rays_per_second)),
+        ("Instances", f"{report.commit.instance_count:,}"),
+        ("Memory", memory(report.byte_count)),
+    ]
+    for action in ("built", "rebuilt", "refitted", "rotated", "partly_rebuilt"):
+        count = sum(mesh.action == action for mesh in report.commit.meshes)
+        if count:
+            rows.append((action.replace("_", " ").title(), f"{count:,} of {count_meshes(report):,} trees"))
+    return rows
+
+
+def count_meshes(report: SyncReport) -> int:
+    """How many distinct meshes the scene has."""
+    return len(report.meshes) - report.count_meshes("removed")
+
+
+# Owners --------------------------------------------------------------------------------------------------------------
+# Which objects show which meshes in an image: users know their objects, the engine its meshes.
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Owners:
+    """A scene's instances, as columns of its record: nothing is copied.
+
+    mesh_ids: (M,) int32, the engine's, by mesh. mesh_rows, object_rows: (I,) int32, of each instance, rows of mesh_ids
+    and of objects; parent_rows: of the instancer, -1 for a plain object. shares: (I,), which part of the camera rays'
+    work went into those that end on each; None if nothing was traced.
+    """
+
+    mesh_ids: Int32Array
+    objects: tuple[ObjectRecord, ...]
+    mesh_rows: Int32Array
+    object_rows: Int32Array
+    parent_rows: Int32Array
+    shares: npt.NDArray[np.float64] | None = None

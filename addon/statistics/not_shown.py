@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 import bpy
 
 from ..events.changes import listen, stop_listening
-from ..settings.editors import redraw_properties
+from ..settings.preferences import redraw_properties
 from ..sync.not_shown import NotShown, is_of_looks, summarize, without_looks
 
 TIMER_SECONDS = 0.2

@@ -12,11 +12,9 @@ from typing import Any
 import bpy
 
 from ..events.changes import listen, stop_listening
-from ..settings.editors import redraw_sidebars
-from .frame_statistics import FrameStatistics
-from .last_result import last_statistics
-from .update_words import facts_of, what_to_do, what_was_done
-from .updates import UpdateRow, Updates, find_instancers, find_updates
+from ..settings.preferences import redraw_sidebars
+from .last_result import FrameStatistics, last_statistics
+from .updates import UpdateRow, Updates, facts_of, find_instancers, find_updates, what_to_do, what_was_done
 from .words import count_of, duration, share
 
 TIMER_SECONDS = 0.1

@@ -9,15 +9,12 @@ import bpy
 import numpy as np
 import numpy.typing as npt
 
-from ..settings.editors import redraw_viewports
-from ..settings.preferences import native_error
+from ..settings.preferences import native_error, redraw_viewports
 from ..settings.scene_settings import ENGINE_NAME
 from ..settings.shading_settings import mode_of
 from ..statistics.last_result import image_mode, last_render_mode
 from . import pointer
-from .color_scale import Scale
-from .draw_handler import DrawHandler
-from .legend import Section, draw_legend
+from .legend import DrawHandler, Scale, Section, draw_legend
 from .pointer import Pointed, view_of
 from .rendered.redraws import viewport_at
 

@@ -5,12 +5,15 @@ A legend stands in the lower left corner, above what Blender puts there; a tip b
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Any, Generic, TypeVar
 
 import bpy
 
-from .color_scale import Scale
+from ..events.changes import listen, stop_listening
+from ..settings.preferences import redraw_viewports
+from . import drawing
 from .drawing import (
     MARGIN,
     TEXT_SIZE,
@@ -27,6 +30,114 @@ from .drawing import (
     text_panel_size,
     text_size,
 )
+
+# What draws over editors: functions that Blender calls for each main region, and what a tool shows by them.
+
+
+T = TypeVar("T")
+
+
+class DrawHandler:
+    """Draws from `add` to `remove`.
+
+    draw: finds what it draws into in `bpy.context`.
+    when: "POST_VIEW" to draw in the scene's units, "POST_PIXEL" in the region's pixels.
+    space: the kind of editor.
+    """
+
+    def __init__(self, draw: Callable[[], None], when: str, space: Any = bpy.types.SpaceView3D) -> None:
+        self._draw, self._when, self._space = draw, when, space
+        self._handle: Any = None
+
+    def add(self) -> None:
+        self._handle = self._space.draw_handler_add(self._draw, (), "WINDOW", self._when)
+
+    def remove(self) -> None:
+        self._space.draw_handler_remove(self._handle, "WINDOW")
+        self._handle = None
+
+
+class OneShown(Generic[T]):
+    """What a tool shows over 3D viewports, one thing at a time: until `hide`, or until another file is there.
+
+    found: it, None where nothing is shown.
+    """
+
+    def __init__(self) -> None:
+        self.found: T | None = None
+
+    def show(self, what: T) -> None:
+        """Show it instead of what is shown."""
+        self.hide()
+        listen(self)
+        self.found = what
+        redraw_viewports()
+
+    def hide(self) -> None:
+        """Show nothing any more; does nothing where nothing is shown."""
+        if self.found is None:
+            return
+        self.found = None
+        stop_listening(self)
+        self.forget()
+        redraw_viewports()
+
+    def forget(self) -> None:
+        """What was kept of it goes."""
+
+    def on_change(self, what: str) -> None:
+        """It stays as it is."""
+
+    def on_file_change(self) -> None:
+        self.hide()
+
+
+# Close button --------------------------------------------------------------------------------------------------------
+# A cross in the corner of what is drawn over a 3D viewport, which closes it.
+#
+# Drawn by whatever draws the rest, since that may cover Blender's own gizmos; gizmos only ask where the mouse is.
+
+
+# In points.
+SIZE, CROSS, INSET, WIDTH = 18.0, 7.0, 6.0, 1.6
+
+
+def close_rect(right: float, top: float) -> drawing.Rect:
+    """Below and left of a corner, in pixels."""
+    inset, size = drawing.pixels(INSET), drawing.pixels(SIZE)
+    return drawing.Rect(right - inset - size, top - inset - size, right - inset, top - inset)
+
+
+def draw_close(rect: drawing.Rect, color: drawing.Color) -> None:
+    """The cross, in the middle."""
+    x, y, half = (rect.left + rect.right) / 2, (rect.bottom + rect.top) / 2, drawing.pixels(CROSS) / 2
+    for slope in (-half, half):
+        drawing.draw_lines_2d([(x - half, y - slope), (x + half, y + slope)], color, WIDTH)
+
+
+def contains(rect: drawing.Rect, x: float, y: float) -> bool:
+    """Whether a pixel is within."""
+    return rect.left <= x < rect.right and rect.bottom <= y < rect.top
+
+
+# Color scale ---------------------------------------------------------------------------------------------------------
+# What colours mean, for a legend: numbers along a bar or beside swatches. Knows no Blender.
+
+
+@dataclass(frozen=True, slots=True)
+class Scale:
+    """What colours mean. caption: what they tell. labels: places from 0 to 1, and the numbers there.
+
+    levels: how many swatches stand in the place of a bar, one a level; 0 for a bar.
+    """
+
+    caption: str
+    labels: tuple[tuple[float, str], ...]
+    levels: int = 0
+
+
+# Legend --------------------------------------------------------------------------------------------------------------
+
 
 # In points.
 SCALE_WIDTH = 220.0

@@ -11,10 +11,18 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, ClassVar, Protocol
+from typing import TYPE_CHECKING, Any, ClassVar, Protocol
 
 import bpy
 import numpy as np
+import numpy.typing as npt
+
+from ..extract.scene import read_scene
+from ..sync.records import AttributeRequest, MeshRecord, SceneRecord
+
+if TYPE_CHECKING:
+    from perfect_bvh import Snapshot
+
 
 LOOKING_SECONDS = 0.2
 
@@ -174,3 +182,133 @@ def unregister() -> None:
     _region = None
     if bpy.app.timers.is_registered(_look):
         bpy.app.timers.unregister(_look)
+
+
+# One object ----------------------------------------------------------------------------------------------------------
+# One object of a scene's record: its mesh and its place, without anything of Blender.
+
+
+@dataclass(frozen=True, slots=True)
+class OneObject:
+    """An object, and where it is.
+
+    mesh: as rays meet it. matrix: (4, 4) from its space to the world; of an object that only instances show, the first
+    of these. instance: its row of the record.
+    """
+
+    name: str
+    session_uid: int
+    mesh: MeshRecord
+    matrix: npt.NDArray[np.float64]
+    instance: int
+
+
+def find_object(record: SceneRecord, session_uid: int) -> OneObject | None:
+    """None if rays meet no such object. One that is a plain object as well as instances: the object."""
+    rows = [row for row, shown in enumerate(record.objects) if shown.session_uid == session_uid]
+    places = np.flatnonzero(np.isin(record.instances.object_indices, rows))
+    if not len(places):
+        return None
+    own = places[record.instances.parent_indices[places] < 0]
+    place = int(own[0] if len(own) else places[0])
+    matrix = np.eye(4)
+    matrix[:3] = record.instances.transforms[place]
+    mesh = record.meshes[record.instances.mesh_indices[place]]
+    name = record.objects[record.instances.object_indices[place]].name
+    return OneObject(name, session_uid, mesh, matrix, place)
+
+
+# Reading -------------------------------------------------------------------------------------------------------------
+# An object as rays meet it, read from Blender: now, or in another frame.
+
+
+# Trees need no more than triangles.
+NOTHING_BESIDE = AttributeRequest(material_slots=False)
+
+
+def read_object(context: bpy.types.Context, obj: bpy.types.Object, frame: int | None = None) -> OneObject:
+    """Raises ValueError if rays cannot meet it. frame: after which the current one is shown again; None for that."""
+    scene = context.scene
+    if frame is None or frame == scene.frame_current:
+        return find_in(read_record(context.evaluated_depsgraph_get()), obj.name, obj.session_uid)
+    name, session_uid = obj.name, obj.session_uid
+    before = scene.frame_current, scene.frame_subframe
+    try:
+        scene.frame_set(frame)
+        return find_in(read_record(context.evaluated_depsgraph_get()), name, session_uid)
+    finally:
+        scene.frame_set(before[0], subframe=before[1])
+
+
+def read_record(depsgraph: bpy.types.Depsgraph) -> SceneRecord:
+    """Triangles and places of what viewports show."""
+    return read_scene(depsgraph, NOTHING_BESIDE, for_viewport=True)
+
+
+def find_in(record: SceneRecord, name: str, session_uid: int) -> OneObject:
+    """Raises ValueError if rays cannot meet the object."""
+    shown = find_object(record, session_uid)
+    if shown is None or not len(shown.mesh.triangles):
+        raise ValueError(f"{name} has no triangles that rays could meet in frame {record.frame:g}")
+    return shown
+
+
+# Sample rays ---------------------------------------------------------------------------------------------------------
+# A few thousand rays that trees are tried with, the same ones whenever the box is the same. Knows no Blender.
+#
+# Primary rays go as a camera's do: from one point, side by side. Diffuse ones go as light does: from where those have
+# met something on into any direction, weighted by the cosine.
+
+
+Float64Array = npt.NDArray[np.float64]
+Rays = tuple[Float64Array, Float64Array]
+
+SIDE = 64  # rays in a row, and rows
+TOWARDS = np.array([0.53, 0.75, -0.39])  # from above, aslant to all axes
+
+
+@dataclass(frozen=True, slots=True)
+class RayCost:
+    """What a ray has met in the mean. nodes: of the trees that rays are traced through."""
+
+    nodes: float
+    triangles: float
+
+
+def primary_rays(lower: npt.ArrayLike, upper: npt.ArrayLike) -> Rays:
+    """Origins and directions (R, 3), from outside of a box at all of it. lower, upper: (3,)."""
+    low, high = np.asarray(lower, np.float64), np.asarray(upper, np.float64)
+    middle, radius = (low + high) / 2, max(float(np.linalg.norm(high - low)) / 2, 1e-12)
+    towards = TOWARDS / np.linalg.norm(TOWARDS)
+    across = np.cross(towards, (0.0, 0.0, 1.0))
+    across /= np.linalg.norm(across)
+    up = np.cross(across, towards)
+    half = (high - low) / 2
+    width, height = np.abs(across) @ half, np.abs(up) @ half
+    steps = (np.arange(SIDE) + 0.5) / SIDE * 2.0 - 1.0
+    x, y = (values.reshape(-1, 1) for values in np.meshgrid(steps, steps))
+    targets = middle + x * (width * across) + y * (height * up)
+    origins = np.broadcast_to(middle - 4.0 * radius * towards, targets.shape)
+    return np.ascontiguousarray(origins), targets - origins
+
+
+def diffuse_rays(snapshot: Snapshot, primary: Rays) -> Rays | None:
+    """As many, from what primary rays meet; None if that is nothing. Ask one snapshot, and cast them in many."""
+    hits = snapshot.cast_rays(*primary, fields=("t_hit", "positions", "geometric_normals"))
+    rows = np.flatnonzero(np.isfinite(hits.t_hit))
+    if not len(rows):
+        return None
+    rows = np.resize(rows, len(primary[0]))
+    normals = hits.geometric_normals[rows].astype(np.float64)
+    normals *= np.where(np.einsum("ij,ij->i", normals, primary[1][rows]) > 0.0, -1.0, 1.0)[:, None]
+    starts = hits.positions[rows].astype(np.float64)
+    reach = float(np.abs(starts).max() + np.ptp(starts))
+    around = np.random.default_rng(5).normal(size=normals.shape)
+    bounced = around / np.linalg.norm(around, axis=-1, keepdims=True) + 1.0001 * normals
+    return starts + 1e-5 * reach * normals, bounced
+
+
+def cost_of(snapshot: Snapshot, rays: Rays) -> RayCost:
+    """As the engine counts."""
+    hits = snapshot.cast_rays(*rays, fields=("t_hit", "nodes_visited", "primitives_tested"))
+    return RayCost(float(hits.nodes_visited.mean()), float(hits.primitives_tested.mean()))

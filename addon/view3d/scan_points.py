@@ -14,10 +14,10 @@ import bpy
 import numpy as np
 
 from ..events.changes import FRAME_CHANGED, listen, stop_listening, watch_again
-from ..extract.scans import has_points
+from ..extract.label_values import has_points
 from ..scanning.point_data import may_have_points, read_points
 from ..settings.scene_settings import ENGINE_NAME
-from .draw_handler import DrawHandler
+from .legend import DrawHandler
 
 if TYPE_CHECKING:
     import gpu

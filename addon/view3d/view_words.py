@@ -5,8 +5,7 @@ from __future__ import annotations
 import bpy
 
 from . import cost_scale
-from .draw_handler import DrawHandler
-from .legend import draw_legend, draw_tip
+from .legend import DrawHandler, draw_legend, draw_tip
 from .tree_overlay import overlay
 
 

@@ -20,7 +20,7 @@ import numpy.typing as npt
 import perfect_bvh
 from benchmarks.moving_meshes import MovingMesh, exploding
 from benchmarks.rounds import Spread
-from perfect_bvh_addon.bench.subject import rays_from_around
+from perfect_bvh_addon.bench.measurements import rays_from_around
 from perfect_bvh_addon.sync.records import InstanceRecords, MeshRecord, ObjectRecord, SceneRecord
 from perfect_bvh_addon.sync.state import SceneState
 

@@ -6,8 +6,8 @@ from types import SimpleNamespace
 
 from blender.long_builds import TIMER, FakeOperator, FakeWindow
 from mathutils import Matrix
-from perfect_bvh_addon.operators import walk_ray as operators
-from perfect_bvh_addon.view3d.rendered import awaited_view
+from perfect_bvh_addon.operators import walk as operators
+from perfect_bvh_addon.view3d.rendered import redraws
 
 
 class Viewport:
@@ -28,7 +28,7 @@ class Viewport:
             region_3d=data,
             as_pointer=lambda: 7,
         )
-        for name in awaited_view.TYPE_FILTERS:
+        for name in redraws.TYPE_FILTERS:
             setattr(space, name, True)
         main = SimpleNamespace(type="WINDOW", x=100, y=50, width=200, height=200, data=data)
         panel = SimpleNamespace(type="UI", x=260, y=50, width=40, height=200)

@@ -7,7 +7,7 @@ from pathlib import Path
 import bpy
 from perfect_bvh_addon import unregister
 from perfect_bvh_addon.cli import build_parser, main
-from perfect_bvh_addon.cli.bench import run_bench
+from perfect_bvh_addon.cli.commands import run_bench
 from perfect_bvh_addon.cli.render import run_render
 
 

@@ -39,9 +39,9 @@ from perfect_bvh_addon.extract import read_scene
 from perfect_bvh_addon.extract.geometry import instancer_survey
 from perfect_bvh_addon.extract.pointer_views import ArrayReader
 from perfect_bvh_addon.sync.lookup import SceneLookup
+from perfect_bvh_addon.sync.plan import find_mismatches
 from perfect_bvh_addon.sync.records import AttributeRequest, ObjectRecord, SceneRecord
 from perfect_bvh_addon.sync.state import SceneState
-from perfect_bvh_addon.sync.verify import find_mismatches
 
 ALL_ATTRIBUTES = AttributeRequest(corner_normals=True, corner_uvs=True, shading=True)
 # What the scene holds: objects alone; and instances that can be read from their geometry; and any others.

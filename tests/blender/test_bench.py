@@ -19,12 +19,10 @@ from blender.long_builds import TIMER, FakeOperator, FakeWindow, Gate, building_
 from limits import full_disk
 from oracles.png import load_image
 from perfect_bvh_addon import register
-from perfect_bvh_addon.bench.advice import advice
-from perfect_bvh_addon.bench.from_blender import subject_of
-from perfect_bvh_addon.bench.measurements import SceneBench
-from perfect_bvh_addon.bench.results import HOW_TO_GET_CHARTS, forget, last_results, write
-from perfect_bvh_addon.bench.table import Row, format_table, table
-from perfect_bvh_addon.operators.bench import PERFECT_BVH_OT_bench
+from perfect_bvh_addon.bench.charts import advice
+from perfect_bvh_addon.bench.measurements import SceneBench, subject_of
+from perfect_bvh_addon.bench.results import HOW_TO_GET_CHARTS, Row, forget, format_table, last_results, table, write
+from perfect_bvh_addon.operators.measure import PERFECT_BVH_OT_bench
 
 PARTS = {"builders", "total_time", "answers", "frames", "decay"}
 WITH_CHARTS = PARTS - {"answers"}

@@ -11,7 +11,7 @@ from oracles import meshes
 
 pytest.importorskip("bpy")
 
-from perfect_bvh_addon.view3d.tree_overlay.box_pick import BoxPicker, rows_of_cut
+from perfect_bvh_addon.view3d.tree_overlay.tree_lines import BoxPicker, rows_of_cut
 
 ALONG_X = np.array([1.0, 0.0, 0.0])
 

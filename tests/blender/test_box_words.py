@@ -11,8 +11,8 @@ from oracles import meshes
 
 pytest.importorskip("bpy")
 
-from perfect_bvh_addon.view3d.box_lines import ramp_colors, shares
-from perfect_bvh_addon.view3d.tree_overlay.box_words import (
+from perfect_bvh_addon.view3d.drawing import ramp_colors, shares
+from perfect_bvh_addon.view3d.tree_overlay.tree_lines import (
     Shown,
     describe,
     describe_box,

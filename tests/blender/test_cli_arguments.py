@@ -11,7 +11,7 @@ import pytest
 from blender.command_lines import run_command
 from perfect_bvh_addon.cli import build_parser
 from perfect_bvh_addon.cli.arguments import CommandError, Output, check_blend_file, check_mode, parse_frames, parse_size
-from perfect_bvh_addon.cli.console import format_table
+from perfect_bvh_addon.cli.report import format_table
 from perfect_bvh_addon.support.files import replacing
 from wine_gaps import symbolic_links
 

@@ -15,7 +15,7 @@ from oracles.png import read_png
 from perfect_bvh_addon import unregister
 from perfect_bvh_addon.cli import blender_command
 from perfect_bvh_addon.settings.modes import MODE_NAMES
-from perfect_bvh_addon.support.paths import reachable
+from perfect_bvh_addon.support.files import reachable
 
 
 @pytest.mark.parametrize("mode", [*MODE_NAMES, "lit"])

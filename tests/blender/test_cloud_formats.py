@@ -21,10 +21,12 @@ pytest.importorskip("bpy")
 
 from perfect_bvh_addon import PointCloud, save_cloud  # noqa: E402
 from perfect_bvh_addon.scanning import formats  # noqa: E402
-from perfect_bvh_addon.scanning.format_columns import label_columns  # noqa: E402
-from perfect_bvh_addon.scanning.formats import check_format  # noqa: E402
+from perfect_bvh_addon.scanning.formats import (  # noqa: E402
+    check_format,
+    label_columns,
+)
 from perfect_bvh_addon.scanning.point_cloud import COLUMNS, SINGULAR  # noqa: E402
-from perfect_bvh_addon.sync.label_columns import LabelColumn, LabelTable  # noqa: E402
+from perfect_bvh_addon.sync.lookup import LabelColumn, LabelTable  # noqa: E402
 
 ODD = "Größe / a name of more than 32 bytes"
 NAMES = ("Würfel", 'a "quoted" name', "Ground\nfloor")

@@ -12,15 +12,25 @@ import pytest
 bpy: Any = pytest.importorskip("bpy")
 
 from blender.long_builds import ESCAPE, TIMER, FakeOperator, FakeWindow  # noqa: E402
-from perfect_bvh_addon.operators.compare import PERFECT_BVH_OT_compare  # noqa: E402
-from perfect_bvh_addon.settings.tree_settings import CHOICES, REFITTED, choice_of  # noqa: E402
+from perfect_bvh_addon.operators.measure import PERFECT_BVH_OT_compare  # noqa: E402
+from perfect_bvh_addon.settings.view_settings import CHOICES, REFITTED, choice_of  # noqa: E402
 from perfect_bvh_addon.view3d.compare import compare_view, half_picture  # noqa: E402
-from perfect_bvh_addon.view3d.compare.compare_trees import compare  # noqa: E402
-from perfect_bvh_addon.view3d.compare.compare_words import Row, heading_of, level_line, rows_of  # noqa: E402
+from perfect_bvh_addon.view3d.compare.compare_trees import (  # noqa: E402  # noqa: E402
+    BRIGHTEST,
+    DARKEST,
+    Row,
+    compare,
+    heading_of,
+    level_line,
+    rows_of,
+    shade,
+)
 from perfect_bvh_addon.view3d.compare.half_picture import FILLS, Framing, cut_of, frame_box  # noqa: E402
-from perfect_bvh_addon.view3d.compare.shaded_mesh import BRIGHTEST, DARKEST, shade  # noqa: E402
-from perfect_bvh_addon.view3d.reading import read_object  # noqa: E402
-from perfect_bvh_addon.view3d.sample_rays import SIDE, primary_rays  # noqa: E402
+from perfect_bvh_addon.view3d.pointer import (  # noqa: E402
+    SIDE,
+    primary_rays,
+    read_object,
+)
 
 pytestmark = pytest.mark.usefixtures("scene", "registered")
 
@@ -199,7 +209,7 @@ def shown(monkeypatch: pytest.MonkeyPatch) -> list[Any]:
     """What would be shown in a viewport."""
     found: list[Any] = []
     monkeypatch.setattr(compare_view, "show", lambda comparison, *_: found.append(comparison))
-    monkeypatch.setattr("perfect_bvh_addon.operators.compare.find_space", lambda context: 7)
+    monkeypatch.setattr("perfect_bvh_addon.operators.measure.find_space", lambda context: 7)
     return found
 
 

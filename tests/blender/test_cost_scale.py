@@ -13,7 +13,7 @@ from oracles import meshes
 bpy = pytest.importorskip("bpy")
 
 from perfect_bvh import Camera, cost_to_color  # noqa: E402
-from perfect_bvh_addon.image.costs import trace_visits  # noqa: E402
+from perfect_bvh_addon.image.plan import trace_visits  # noqa: E402
 from perfect_bvh_addon.view3d import cost_scale  # noqa: E402
 from perfect_bvh_addon.view3d.rendered import redraws  # noqa: E402
 

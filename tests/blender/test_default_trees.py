@@ -20,7 +20,7 @@ from makers.zoo import thin_triangles  # noqa: E402
 from perfect_bvh import BuildConfig  # noqa: E402
 from perfect_bvh.build_config import BUILDERS  # noqa: E402
 from perfect_bvh_addon import SceneSync  # noqa: E402
-from perfect_bvh_addon.bench.subject import make_scene, rays_from_around  # noqa: E402
+from perfect_bvh_addon.bench.measurements import make_scene, rays_from_around  # noqa: E402
 from perfect_bvh_addon.sync.records import SceneRecord  # noqa: E402
 
 MILLION = 1_000_000

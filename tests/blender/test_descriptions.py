@@ -19,15 +19,8 @@ from perfect_bvh_addon.view3d import pointer  # noqa: E402
 OPERATORS = [
     found
     for module in (
-        *(
-            operators.preview,
-            operators.scan,
-            operators.color_points,
-            operators.bench,
-            operators.compare,
-        ),
-        *(operators.select_updated, operators.select_not_shown),
-        *(operators.walk_ray, operators.walk_step, pointer),
+        *(operators.preview, operators.scan_button, operators.scan_request, operators.measure),
+        *(operators.select, operators.walk, pointer),
     )
     for found in vars(module).values()
     if isinstance(found, type) and issubclass(found, bpy.types.Operator)
@@ -140,12 +133,10 @@ def test_a_grey_button_says_why(call: str, spoil: Callable[[], None], reason: st
         operator()
 
 
-@pytest.mark.parametrize(
-    "module", [operators.preview, operators.scan, operators.bench], ids=lambda module: module.__name__
-)
-def test_without_the_engine_what_needs_it_is_grey_and_says_so(module: Any, monkeypatch) -> None:
+@pytest.mark.parametrize("name", ["preview", "scan", "bench"])
+def test_without_the_engine_what_needs_it_is_grey_and_says_so(name: str, monkeypatch) -> None:
     reason = "The native engine could not be loaded: a damaged file"
     monkeypatch.setattr(operators.ticking, "native_error", lambda: reason)
-    (operator,) = [found for found in OPERATORS if found.__module__ == module.__name__]
+    (operator,) = [found for found in OPERATORS if found.bl_idname == f"perfect_bvh.{name}"]
     with pytest.raises(RuntimeError, match=reason):
         call_of(operator)()

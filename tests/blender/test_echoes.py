@@ -7,7 +7,7 @@ import pytest
 
 pytest.importorskip("bpy")
 
-from perfect_bvh_addon.scanning.light.echoes import are_detected, choose, merge, numbered
+from perfect_bvh_addon.scanning.light.beams import are_detected, choose, merge, numbered
 from perfect_bvh_addon.scanning.light.model import Detection
 
 

@@ -18,7 +18,7 @@ from oracles.png import read_png  # noqa: E402
 from perfect_bvh_addon import engine  # noqa: E402
 from perfect_bvh_addon.engine import RenderJob, attend  # noqa: E402
 from perfect_bvh_addon.extract.camera import border_pixels, panorama_settings  # noqa: E402
-from perfect_bvh_addon.image.throttle import SHOW_SECONDS  # noqa: E402
+from perfect_bvh_addon.image.progressive import SHOW_SECONDS  # noqa: E402
 from perfect_bvh_addon.statistics import last_result  # noqa: E402
 
 BACKGROUND_DEPTH = 1e10

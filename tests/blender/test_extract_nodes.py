@@ -8,7 +8,7 @@ import pytest
 from blender.builders import evaluated, mesh_object
 from blender.node_setups import add, grouped, image_node, new_red, shader, surface
 from perfect_bvh_addon.extract import read_scene
-from perfect_bvh_addon.extract.looks.color_math import BLENDS, blackbody
+from perfect_bvh_addon.extract.looks.values import BLENDS, blackbody
 from perfect_bvh_addon.extract.scene import ReadCache
 from perfect_bvh_addon.sync.records import AttributeRequest, SceneRecord
 

@@ -541,12 +541,12 @@ def test_a_blender_of_a_worker_reads_no_file_again_that_the_run_has_read(
     from perfect_bvh_addon.cli.blender import StopRequest, open_scene
     from perfect_bvh_addon.cli.farm.run import _job_of
     from perfect_bvh_addon.cli.labels import LabelsWork
-    from perfect_bvh_addon.pieces import inputs
+    from perfect_bvh_addon.pieces import piece
 
     read: list[str] = []
-    true_checksum = inputs.checksum
-    monkeypatch.setattr(inputs, "checksum", lambda path: read.append(path.name) or true_checksum(path))
-    monkeypatch.setattr(inputs, "_known", {})
+    true_checksum = piece.checksum
+    monkeypatch.setattr(piece, "checksum", lambda path: read.append(path.name) or true_checksum(path))
+    monkeypatch.setattr(piece, "_known", {})
     bpy.ops.wm.open_mainfile(filepath=str(folder / "small.blend"))
     bpy.data.images.new("wood", 4, 4).save(filepath=str(tmp_path / "wood.png"))
     bpy.data.images.load(str(tmp_path / "wood.png")).use_fake_user = True
@@ -557,7 +557,7 @@ def test_a_blender_of_a_worker_reads_no_file_again_that_the_run_has_read(
         scene = open_scene(Path(arguments.file), arguments)
         job = json.loads(json.dumps(_job_of(LabelsWork(scene, StopRequest(), arguments), arguments, 1)))
         assert sorted(read) == ["linked.blend", "wood.png"]
-        inputs._known.clear()  # as in the worker's process
+        piece._known.clear()  # as in the worker's process
         assert child._open(job, StopRequest()).place.inputs == job["inputs"]
     finally:
         perfect_bvh_addon.unregister()

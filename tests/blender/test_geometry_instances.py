@@ -18,8 +18,8 @@ from blender.instancer_scenes import FAST, PARTLY, SLOW, made_meshes, several_ob
 from perfect_bvh_addon.extract import ReadCache, read_scene
 from perfect_bvh_addon.extract.geometry import instancer_survey, listing
 from perfect_bvh_addon.extract.pointer_views import ArrayReader
+from perfect_bvh_addon.sync.plan import find_mismatches
 from perfect_bvh_addon.sync.records import SceneRecord
-from perfect_bvh_addon.sync.verify import find_mismatches
 
 pytestmark = pytest.mark.skipif(
     not hasattr(bpy.types.Object, "evaluated_geometry"), reason="Blender before 4.5 does not give its geometry"
@@ -41,7 +41,7 @@ def no_list(monkeypatch: pytest.MonkeyPatch) -> list[str]:
         used.append("list")
         return original(*arguments)
 
-    monkeypatch.setattr("perfect_bvh_addon.extract.geometry.instances.list_instances", spy)
+    monkeypatch.setattr("perfect_bvh_addon.extract.geometry.geometry_instances.list_instances", spy)
     return used
 
 

@@ -13,7 +13,7 @@ bpy = pytest.importorskip("bpy")
 from blender.light_scenes import ONE_RAY, add_plate, diffuse, empty_scene, names_of, principled, simple  # noqa: E402
 from perfect_bvh.appearance import ImageTexture  # noqa: E402
 from perfect_bvh_addon import Beam, Light, Optics, Raster, scan  # noqa: E402
-from perfect_bvh_addon.scanning.light.image_lookup import look_up  # noqa: E402
+from perfect_bvh_addon.scanning.light.surface_reader import look_up  # noqa: E402
 
 CALIBRATED = Light(Beam(returns=4), Optics(calibrated=True))
 

@@ -21,7 +21,7 @@ from blender.command_lines import run  # noqa: E402
 from blender.labelled_room import PARTS, make_labelled_room  # noqa: E402
 from oracles.png import load_image  # noqa: E402
 from perfect_bvh_addon import CameraGrid, CocoFile, Labels, label_image, save_labels, scan  # noqa: E402
-from perfect_bvh_addon.labels import png  # noqa: E402
+from perfect_bvh_addon.labels import files as png  # noqa: E402
 from perfect_bvh_addon.labels.files import check_formats, file_names  # noqa: E402
 
 SIZE = (200, 20)

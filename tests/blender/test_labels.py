@@ -15,8 +15,10 @@ coco_mask = pytest.importorskip("pycocotools.mask")
 
 from blender.builders import camera_object, collection, collection_instance, mesh_object  # noqa: E402
 from perfect_bvh_addon import CocoFile, Labels, SceneSync, label_image  # noqa: E402
-from perfect_bvh_addon.labels.masks import masks_of  # noqa: E402
-from perfect_bvh_addon.labels.run_lengths import run_lengths  # noqa: E402
+from perfect_bvh_addon.labels.labels import (  # noqa: E402
+    masks_of,
+    run_lengths,
+)
 
 SCENES = Path(__file__).parents[2] / "blend_scenes"
 SIZE = (96, 54)

@@ -14,9 +14,10 @@ bpy = pytest.importorskip("bpy")
 from blender.drawn_texts import drawn  # noqa: E402
 from perfect_bvh_addon.engine import RenderJob, attend  # noqa: E402
 from perfect_bvh_addon.panels import reports  # noqa: E402
-from perfect_bvh_addon.settings import editors  # noqa: E402
+from perfect_bvh_addon.settings import preferences  # noqa: E402
 from perfect_bvh_addon.settings.scene_settings import read_settings  # noqa: E402
-from perfect_bvh_addon.statistics import last_result, summary  # noqa: E402
+from perfect_bvh_addon.statistics import last_result  # noqa: E402
+from perfect_bvh_addon.statistics import last_result as summary  # noqa: E402
 from perfect_bvh_addon.statistics.updates import find_updates  # noqa: E402
 
 OUTDATED = "The scene has changed since"
@@ -162,7 +163,7 @@ def test_panels_are_drawn_again_by_the_main_thread_alone(monkeypatch) -> None:
     context = SimpleNamespace(window_manager=SimpleNamespace(windows=[window, window]))
     last_result._show_news()
     scene, statistics = bpy.context.scene, last_result.last_statistics(bpy.context.scene)
-    monkeypatch.setattr(editors, "bpy", SimpleNamespace(context=context))
+    monkeypatch.setattr(preferences, "bpy", SimpleNamespace(context=context))
     assert last_result._show_news() == last_result.TIMER_SECONDS
     assert not drawn
     thread = threading.Thread(target=last_result.remember, args=(scene, statistics, last_result.edits_of(scene)))

@@ -21,7 +21,7 @@ from oracles.png import read_png  # noqa: E402
 from perfect_bvh_addon import SceneSync  # noqa: E402
 from perfect_bvh_addon.extract.camera import panorama_settings  # noqa: E402
 from perfect_bvh_addon.live.sync_cache import clear_syncs  # noqa: E402
-from perfect_bvh_addon.view3d.rendered.region_camera import camera_of  # noqa: E402
+from perfect_bvh_addon.view3d.rendered.screen import camera_of  # noqa: E402
 from perfect_bvh_addon.view3d.rendered.viewport import _camera_key  # noqa: E402
 
 SIZE, PATCH, SAMPLES = 64, 8, 64

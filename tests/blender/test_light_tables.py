@@ -13,7 +13,7 @@ pytest.importorskip("bpy")
 
 from perfect_bvh_addon import Beam, Detection, Light, Noise, Optics, load_sensor, sensor_names
 from perfect_bvh_addon.scanning import sensor_files
-from perfect_bvh_addon.scanning.light.tables import TABLES
+from perfect_bvh_addon.scanning.light.reflectance import TABLES
 from perfect_bvh_addon.scanning.piece_scan import light_input
 
 RULES = Path(sensor_files.__file__).parent / "light" / "README.md"

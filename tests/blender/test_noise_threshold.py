@@ -12,7 +12,7 @@ from perfect_bvh_addon.cli import build_parser  # noqa: E402
 from perfect_bvh_addon.cli.blender import apply_settings  # noqa: E402
 from perfect_bvh_addon.image.plan import plan_render  # noqa: E402
 from perfect_bvh_addon.settings.scene_settings import read_settings  # noqa: E402
-from perfect_bvh_addon.statistics.summary import statistics_rows  # noqa: E402
+from perfect_bvh_addon.statistics.last_result import statistics_rows  # noqa: E402
 
 COMMAND = ("render", "scene.blend", "-o", "out.png")
 

@@ -10,7 +10,7 @@ import bpy
 import pytest
 from blender.named_rows import link, rows, sentences
 from blender.node_setups import SETUPS, image_node, one_sided
-from perfect_bvh_addon.extract.looks.shown_nodes import IGNORED_INPUTS, SHOWN_NODES, SIMPLIFIED_NODES
+from perfect_bvh_addon.extract.looks.node_graph import IGNORED_INPUTS, SHOWN_NODES, SIMPLIFIED_NODES
 
 # Nodes of which the output, or what they are given, decides.
 SHOWN_AT_TIMES = {

@@ -11,8 +11,8 @@ import pytest
 bpy = pytest.importorskip("bpy")
 
 from blender.followed_trees import synced  # noqa: E402
-from perfect_bvh_addon.settings import editors, overlay_settings  # noqa: E402
-from perfect_bvh_addon.view3d.box_lines import RAMP, box_lines, shares  # noqa: E402
+from perfect_bvh_addon.settings import preferences, view_settings  # noqa: E402
+from perfect_bvh_addon.view3d.drawing import RAMP, box_lines, shares  # noqa: E402
 from perfect_bvh_addon.view3d.tree_overlay import scene_overlay, tree_lines  # noqa: E402
 
 pytestmark = pytest.mark.usefixtures("scene", "registered")
@@ -148,10 +148,10 @@ def test_what_a_script_changes_is_drawn(scene) -> None:
     redrawn = []
     area = SimpleNamespace(type="VIEW_3D", tag_redraw=lambda: redrawn.append(1))
     windows = [SimpleNamespace(screen=SimpleNamespace(areas=[area, SimpleNamespace(type="PROPERTIES")]))]
-    editors.redraw_for_setting(settings, SimpleNamespace(window_manager=SimpleNamespace(windows=windows)))
+    preferences.redraw_for_setting(settings, SimpleNamespace(window_manager=SimpleNamespace(windows=windows)))
     assert redrawn == [1]
     called = []
-    code = editors.redraw_for_setting.__code__
+    code = preferences.redraw_for_setting.__code__
     changes = {
         "show_top_level": True,
         "show_active": True,
@@ -160,7 +160,7 @@ def test_what_a_script_changes_is_drawn(scene) -> None:
         "color_by": "COST",
         "use_in_front": True,
     }
-    assert set(changes) == set(overlay_settings.PERFECT_BVH_PG_overlay.__annotations__)
+    assert set(changes) == set(view_settings.PERFECT_BVH_PG_overlay.__annotations__)
     sys.setprofile(lambda frame, event, _: called.append(1) if event == "call" and frame.f_code is code else None)
     try:
         for name, value in changes.items():

@@ -18,7 +18,7 @@ from blender.particle_hair import CHILDREN, COUNT, add_hair, emitter, hair_of, k
 from perfect_bvh_addon import SceneSync
 from perfect_bvh_addon.extract import read_scene
 from perfect_bvh_addon.extract.pointer_views import ArrayReader
-from perfect_bvh_addon.sync.verify import find_mismatches
+from perfect_bvh_addon.sync.plan import find_mismatches
 
 FIELDS = ("t_hit", "primitive_ids", "primitive_uvs", "geometric_normals")
 

@@ -14,7 +14,7 @@ from blender.builders import SQUARE, evaluated, mesh_data, mesh_object
 from blender.syncing import PASSED_OVER, deform, reasons
 from perfect_bvh_addon import AttributeRequest, SceneSync
 from perfect_bvh_addon.events import changes
-from perfect_bvh_addon.events.evaluation_log import EvaluationLog
+from perfect_bvh_addon.events.asking import EvaluationLog
 from perfect_bvh_addon.sync.state import SceneState
 from process_memory import held_megabytes
 

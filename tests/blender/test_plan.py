@@ -11,9 +11,12 @@ bpy: Any = pytest.importorskip("bpy")
 
 from blender.builders import collection, evaluated, mesh_data, mesh_object  # noqa: E402
 from perfect_bvh_addon import SceneSync  # noqa: E402
-from perfect_bvh_addon.image.costs import owners_of  # noqa: E402
-from perfect_bvh_addon.statistics.update_words import what_to_do, what_was_done  # noqa: E402
-from perfect_bvh_addon.statistics.updates import find_updates  # noqa: E402
+from perfect_bvh_addon.image.plan import owners_of  # noqa: E402
+from perfect_bvh_addon.statistics.updates import (  # noqa: E402
+    find_updates,
+    what_to_do,
+    what_was_done,
+)
 
 
 def classes_of(path: Path, frames: int) -> list[dict[str, tuple[str, str, int]]]:

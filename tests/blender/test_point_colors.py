@@ -12,9 +12,9 @@ bpy = pytest.importorskip("bpy")
 
 from blender.scanned_room import LIDAR, values_of  # noqa: E402
 from perfect_bvh_addon import CameraGrid, PointCloud, scan  # noqa: E402
-from perfect_bvh_addon.scanning.collector import LUMINANCE  # noqa: E402
-from perfect_bvh_addon.scanning.point_colors import COLUMNS, colors_of, colors_of_column  # noqa: E402
-from perfect_bvh_addon.settings.point_color_items import POINT_COLORS, items  # noqa: E402
+from perfect_bvh_addon.scanning.point_cloud import LUMINANCE  # noqa: E402
+from perfect_bvh_addon.scanning.point_data import COLOR_COLUMNS, colors_of, colors_of_column  # noqa: E402
+from perfect_bvh_addon.settings.scan_settings import POINT_COLORS, items  # noqa: E402
 
 pytestmark = pytest.mark.usefixtures("registered")
 
@@ -56,7 +56,7 @@ def test_choices_keep_their_numbers_in_files() -> None:
     numbers = {identifier: number for identifier, _, _, number in items()}
     first = {"DISTANCE": 0, "OBJECT": 1, "INTENSITY": 2, "HEIGHT": 3, "INSTANCE": 4, "MATERIAL": 5, "INCIDENCE": 6}
     assert first.items() <= numbers.items() and len(set(numbers.values())) == len(numbers)
-    assert {color.column for color in POINT_COLORS} == set(COLUMNS)
+    assert {color.column for color in POINT_COLORS} == set(COLOR_COLUMNS)
 
 
 def test_colors_tell_near_from_far_and_one_thing_from_another(room: Any) -> None:

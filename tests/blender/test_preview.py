@@ -13,7 +13,7 @@ import perfect_bvh  # noqa: E402
 from perfect_bvh_addon.extract.camera import read_camera, read_frame  # noqa: E402
 from perfect_bvh_addon.live.sync_cache import syncs_of  # noqa: E402
 from perfect_bvh_addon.statistics import last_result  # noqa: E402
-from perfect_bvh_addon.view3d.rendered import awaited_view  # noqa: E402
+from perfect_bvh_addon.view3d.rendered import redraws  # noqa: E402
 
 NAME = "Perfect BVH View"
 
@@ -95,8 +95,8 @@ def shading(scene, cube, monkeypatch: pytest.MonkeyPatch):
     space = areas[0].spaces.active
     space.region_3d.view_perspective = "CAMERA"
     region = SimpleNamespace(width=32, height=18)
-    monkeypatch.setattr(awaited_view, "find_view", lambda context: (space, region))
-    monkeypatch.setattr(awaited_view, "camera_of", lambda *_: (camera_record(), None))
+    monkeypatch.setattr(redraws, "find_view", lambda context: (space, region))
+    monkeypatch.setattr(redraws, "camera_of", lambda *_: (camera_record(), None))
     scene.render.engine = "PERFECT_BVH"
     kept = (space.shading.type, space.shading.perfect_bvh.mode, space.shading.use_scene_lights_render)
     yield space.shading

@@ -14,8 +14,8 @@ bpy = pytest.importorskip("bpy")
 
 from blender.light_scenes import add_plate, diffuse, empty_scene, simple  # noqa: E402
 from perfect_bvh_addon import Beam, Light, Noise, PointCloud, Raster, SpinningLidar, scan  # noqa: E402
-from perfect_bvh_addon.scanning import traced_stretch  # noqa: E402
-from perfect_bvh_addon.scanning.light.ray_noise import RayNoise, _mixed, _normal_of  # noqa: E402
+from perfect_bvh_addon.scanning import stretch_sync  # noqa: E402
+from perfect_bvh_addon.scanning.light.model import RayNoise, _mixed, _normal_of  # noqa: E402
 from perfect_bvh_addon.scanning.point_cloud import COLUMNS  # noqa: E402
 
 COUNT = 20_000
@@ -147,7 +147,7 @@ def test_batches_and_threads_change_no_byte(moving, monkeypatch: pytest.MonkeyPa
     whole = scan(lidar, head, frames=(1, 4), light=LIGHT, seed=11)
     assert len(whole) > 700 and whole.return_counts.max() > 1
     for size, threads in ((700, 1), (64, 2)):
-        monkeypatch.setattr(traced_stretch, "RAYS_IN_A_STEP", size)
+        monkeypatch.setattr(stretch_sync, "RAYS_IN_A_STEP", size)
         other = scan(lidar, head, frames=(1, 4), light=LIGHT, seed=11, threads=threads)
         for name in COLUMNS:
             if not name.endswith(("object_ids", "instance_ids", "material_ids")):

@@ -12,7 +12,7 @@ from blender.builders import SQUARE, camera_object, collection, collection_insta
 from blender.node_setups import new_red, shader
 from blender.syncing import height
 from perfect_bvh_addon import AttributeRequest, SceneSync
-from perfect_bvh_addon.events.evaluation_log import EvaluationLog
+from perfect_bvh_addon.events.asking import EvaluationLog
 from perfect_bvh_addon.extract import scene as reading
 
 

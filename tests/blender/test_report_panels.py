@@ -12,8 +12,12 @@ bpy = pytest.importorskip("bpy")
 
 from blender.drawn_texts import drawn, render_a_cube  # noqa: E402
 from perfect_bvh_addon import panels  # noqa: E402
-from perfect_bvh_addon.bench.results import Results, forget, remember  # noqa: E402
-from perfect_bvh_addon.bench.table import Row  # noqa: E402
+from perfect_bvh_addon.bench.results import (  # noqa: E402
+    Results,
+    Row,
+    forget,
+    remember,
+)
 from perfect_bvh_addon.panels import reports  # noqa: E402
 from perfect_bvh_addon.settings.scene_settings import ENGINE_NAME  # noqa: E402
 from perfect_bvh_addon.statistics import last_result, not_shown  # noqa: E402

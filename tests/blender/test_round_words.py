@@ -14,13 +14,11 @@ from blender.command_lines import run
 from blender.hair_and_points import cloud_object, hair_object, make_poly, set_points, set_radii, upright
 from perfect_bvh_addon import SceneSync
 from perfect_bvh_addon.cli.report import describe_changes
-from perfect_bvh_addon.image.costs import owners_of
-from perfect_bvh_addon.statistics.update_words import facts_of
-from perfect_bvh_addon.statistics.updates import find_updates
+from perfect_bvh_addon.image.plan import owners_of
+from perfect_bvh_addon.statistics.updates import facts_of, find_updates
 from perfect_bvh_addon.view3d.tree_overlay.hovered_box import HoveredBox
 from perfect_bvh_addon.view3d.walk.walk_legend import rows_of
-from perfect_bvh_addon.view3d.walk.walk_steps import Counters
-from perfect_bvh_addon.view3d.walk.walk_words import WalkWords
+from perfect_bvh_addon.view3d.walk.walk_steps import Counters, WalkWords
 
 DOWN = (0.0, 0.0, -1.0)
 

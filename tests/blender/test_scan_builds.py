@@ -26,7 +26,7 @@ from blender.long_builds import (  # noqa: E402
 )
 from blender.scanned_room import LIDAR  # noqa: E402
 from perfect_bvh_addon import CameraGrid, PointCloud, scan  # noqa: E402
-from perfect_bvh_addon.operators.scan import PERFECT_BVH_OT_scan  # noqa: E402
+from perfect_bvh_addon.operators.scan_button import PERFECT_BVH_OT_scan  # noqa: E402
 from perfect_bvh_addon.scanning import Scanner  # noqa: E402
 
 COLUMNS = ("positions", "distances", "normals", "object_ids", "instance_ids", "times", "ray_ids", "intensities")

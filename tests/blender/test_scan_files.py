@@ -15,10 +15,10 @@ import perfect_bvh_addon  # noqa: E402
 from blender.command_lines import run  # noqa: E402
 from blender.long_builds import ESCAPE, TIMER, FakeOperator, FakeWindow, patiently  # noqa: E402
 from blender.sensor_flight import SENSOR, contents, save_flight  # noqa: E402
-from perfect_bvh_addon.operators import scan as scan_operator  # noqa: E402
-from perfect_bvh_addon.operators import scanned_file  # noqa: E402
-from perfect_bvh_addon.operators.scan import PERFECT_BVH_OT_scan  # noqa: E402
-from perfect_bvh_addon.scanning.point_colors import colors_of_column  # noqa: E402
+from perfect_bvh_addon.operators import scan_button as scan_operator  # noqa: E402
+from perfect_bvh_addon.operators import scan_request  # noqa: E402
+from perfect_bvh_addon.operators.scan_button import PERFECT_BVH_OT_scan  # noqa: E402
+from perfect_bvh_addon.scanning.point_data import colors_of_column  # noqa: E402
 
 
 @pytest.fixture
@@ -239,7 +239,7 @@ def test_points_are_added_as_well_if_that_is_chosen_an_object_a_piece(small_file
 
 
 def test_a_scene_that_is_not_saved_is_recognised_until_it_is_edited(small_file: Path, monkeypatch: Any) -> None:
-    monkeypatch.setattr(scanned_file, "is_dirty", lambda: True)
+    monkeypatch.setattr(scan_request, "is_dirty", lambda: True)
     folder = small_file.parent / "panel"
     assert bpy.ops.perfect_bvh.scan() == {"FINISHED"}
     times = {path: path.stat().st_mtime_ns for path in folder.glob("*.npz")}
@@ -250,7 +250,7 @@ def test_a_scene_that_is_not_saved_is_recognised_until_it_is_edited(small_file: 
     bpy.data.objects["Sheet"].location.z += 0.1
     with pytest.raises(RuntimeError, match="differs in 'files'"):
         bpy.ops.perfect_bvh.scan()
-    monkeypatch.setattr(scanned_file, "is_dirty", lambda: False)
+    monkeypatch.setattr(scan_request, "is_dirty", lambda: False)
     with pytest.raises(RuntimeError, match="differs in 'files'"):
         bpy.ops.perfect_bvh.scan()
 
@@ -259,7 +259,7 @@ def test_an_edit_during_the_scan_ends_it_with_the_pieces_before(small_file: Path
     folder = small_file.parent / "panel"
     operator, window = started()
     tick_until(operator, window, lambda: (folder / "points_0001-0002.json").exists())
-    monkeypatch.setattr(scanned_file, "is_dirty", lambda: True)
+    monkeypatch.setattr(scan_request, "is_dirty", lambda: True)
     bpy.data.objects["Sheet"].location.z += 0.1
     bpy.context.view_layer.update()
     for _ in patiently("it goes on"):

@@ -10,7 +10,7 @@ bpy = pytest.importorskip("bpy")
 import perfect_bvh  # noqa: E402
 from blender.scanned_room import LIDAR  # noqa: E402
 from perfect_bvh_addon import CameraGrid, scan  # noqa: E402
-from perfect_bvh_addon.scanning import Scanner, traced_stretch  # noqa: E402
+from perfect_bvh_addon.scanning import Scanner, stretch_sync  # noqa: E402
 
 pytestmark = pytest.mark.usefixtures("registered")
 
@@ -67,7 +67,7 @@ def test_progress_can_stop_a_scan(room) -> None:
 
 def test_large_scans_are_cast_in_pieces(room, monkeypatch) -> None:
     whole = scan(CameraGrid(32, 18))
-    monkeypatch.setattr(traced_stretch, "RAYS_IN_A_STEP", 100)
+    monkeypatch.setattr(stretch_sync, "RAYS_IN_A_STEP", 100)
     monkeypatch.setitem(scan.__globals__, "BUILD_STEP_SECONDS", 60.0)  # the trees are no step, however slow the machine
     scanner = Scanner(CameraGrid(32, 18))
     done = list(scanner.steps())

@@ -34,7 +34,7 @@ from perfect_bvh_addon import (  # noqa: E402
     SpinningLidar,
     scan,
 )
-from perfect_bvh_addon.scanning.light.beam_rays import disc_places  # noqa: E402
+from perfect_bvh_addon.scanning.light.model import disc_places  # noqa: E402
 
 ALL = Beam(returns=8)
 TIGHT = {"rel": 2e-6}  # materials and intensities are float32

@@ -11,7 +11,7 @@ bpy = pytest.importorskip("bpy")
 
 from blender.scanned_room import LIDAR, lidar_rays, values_of  # noqa: E402
 from perfect_bvh_addon import CameraGrid, SceneSync, scan  # noqa: E402
-from perfect_bvh_addon.extract import scans  # noqa: E402
+from perfect_bvh_addon.extract import label_values  # noqa: E402
 from perfect_bvh_addon.scanning.point_data import ATTRIBUTES, may_have_points, read_points  # noqa: E402
 from perfect_bvh_addon.view3d import scan_points  # noqa: E402
 from perfect_bvh_addon.view3d.scan_points import shown_scans  # noqa: E402
@@ -108,7 +108,7 @@ def test_scans_are_looked_up_again_only_when_something_but_the_frame_has_changed
     def asked() -> set[str]:
         """Which objects are asked, and what is found is right."""
         names: set[str] = set()
-        has_points = scans.has_points
+        has_points = label_values.has_points
 
         def ask(obj: bpy.types.Object) -> bool:
             names.add(obj.name)

@@ -16,7 +16,7 @@ bpy = pytest.importorskip("bpy")
 from blender.command_lines import run  # noqa: E402
 from oracles.exr import read_exr  # noqa: E402
 from perfect_bvh_addon import CameraGrid, label_image, load_sensor, scan  # noqa: E402
-from perfect_bvh_addon.bench.from_blender import subject_of  # noqa: E402
+from perfect_bvh_addon.bench.measurements import subject_of  # noqa: E402
 
 HALF = 0.4  # of a cube's side
 SIDE = 64  # pixels

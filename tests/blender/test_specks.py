@@ -18,7 +18,7 @@ bpy = pytest.importorskip("bpy")
 
 from oracles.cycles import preserved, render_noisy  # noqa: E402
 from perfect_bvh_addon import SceneSync  # noqa: E402
-from perfect_bvh_addon.settings.light_paths import read_light_paths  # noqa: E402
+from perfect_bvh_addon.settings.scene_settings import read_light_paths  # noqa: E402
 from perfect_bvh_addon.sync.records import AttributeRequest  # noqa: E402
 
 Image = npt.NDArray[np.float32]

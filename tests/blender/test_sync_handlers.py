@@ -19,7 +19,8 @@ from blender.builders import (
 )
 from blender.syncing import assert_stale, height, installed
 from perfect_bvh_addon import SceneSync
-from perfect_bvh_addon.events import asking, changes, edits
+from perfect_bvh_addon.events import asking, changes
+from perfect_bvh_addon.events import changes as edits
 from perfect_bvh_addon.live import scene_sync, sync_cache
 from perfect_bvh_addon.live.sync_cache import sync_of
 

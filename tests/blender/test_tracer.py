@@ -15,8 +15,7 @@ import pytest
 from blender.clay_sphere import view_of_a_sphere
 from blender.long_builds import PATIENCE, wait_until
 from perfect_bvh_addon.image.progressive import Pace
-from perfect_bvh_addon.image.refinement import Refinement, View
-from perfect_bvh_addon.image.tracer import Tracer
+from perfect_bvh_addon.image.refinement import Refinement, Tracer, View
 from perfect_bvh_addon.support import background_work
 
 SIZE = (96, 128)

@@ -18,7 +18,7 @@ bpy = pytest.importorskip("bpy")
 from blender.node_setups import add, new_red, shader  # noqa: E402
 from blender.test_layers_cycles import PATCH, SIDE, check, emissive, floor_mesh, scene  # noqa: E402, F401
 from perfect_bvh_addon import AttributeRequest, SceneSync  # noqa: E402
-from perfect_bvh_addon.extract.looks.image_tiles import temporary_data  # noqa: E402
+from perfect_bvh_addon.extract.looks.images import temporary_data  # noqa: E402
 from perfect_bvh_addon.sync.records import ImageRecord  # noqa: E402
 from wine_gaps import plain_files  # noqa: E402
 

@@ -17,7 +17,7 @@ from blender.builders import (  # noqa: E402
     mesh_data,
     mesh_object,
 )
-from perfect_bvh_addon.panels.updates import PERFECT_BVH_UL_updates, fitting_name  # noqa: E402
+from perfect_bvh_addon.panels.reports import PERFECT_BVH_UL_updates, fitting_name  # noqa: E402
 from perfect_bvh_addon.statistics import update_list  # noqa: E402
 
 

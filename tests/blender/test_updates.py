@@ -19,11 +19,18 @@ from blender.builders import (  # noqa: E402
     mesh_object,
 )
 from perfect_bvh_addon import SceneSync  # noqa: E402
-from perfect_bvh_addon.image.costs import owners_of  # noqa: E402
+from perfect_bvh_addon.image.plan import owners_of  # noqa: E402
 from perfect_bvh_addon.statistics import updates  # noqa: E402
-from perfect_bvh_addon.statistics.owners import Owners  # noqa: E402
-from perfect_bvh_addon.statistics.update_words import facts_of, what_to_do, what_was_done  # noqa: E402
-from perfect_bvh_addon.statistics.updates import UpdateRow, Updates, find_instancers, find_updates  # noqa: E402
+from perfect_bvh_addon.statistics.last_result import Owners  # noqa: E402
+from perfect_bvh_addon.statistics.updates import (  # noqa: E402  # noqa: E402
+    UpdateRow,
+    Updates,
+    facts_of,
+    find_instancers,
+    find_updates,
+    what_to_do,
+    what_was_done,
+)
 
 
 def update(sync: SceneSync) -> Updates:

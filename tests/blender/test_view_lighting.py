@@ -14,7 +14,8 @@ bpy = pytest.importorskip("bpy")
 from perfect_bvh_addon import SceneSync  # noqa: E402
 from perfect_bvh_addon.settings.shading_settings import read_view_settings  # noqa: E402
 from perfect_bvh_addon.sync.records import AttributeRequest  # noqa: E402
-from perfect_bvh_addon.view3d.rendered import studio_images, view_lighting  # noqa: E402
+from perfect_bvh_addon.view3d.rendered import view_lighting  # noqa: E402
+from perfect_bvh_addon.view3d.rendered import view_lighting as studio_images  # noqa: E402
 from wine_gaps import plain_files  # noqa: E402
 
 ATTRIBUTES = AttributeRequest(corner_normals=True, shading=True)

@@ -11,8 +11,8 @@ import pytest
 bpy = pytest.importorskip("bpy")
 
 from perfect_bvh_addon.extract.camera import panorama_settings  # noqa: E402
-from perfect_bvh_addon.view3d.rendered.awaited_view import TYPE_FILTERS, filter_of  # noqa: E402
-from perfect_bvh_addon.view3d.rendered.region_camera import WHOLE, border_of, camera_of  # noqa: E402
+from perfect_bvh_addon.view3d.rendered.redraws import TYPE_FILTERS, filter_of  # noqa: E402
+from perfect_bvh_addon.view3d.rendered.screen import WHOLE, border_of, camera_of  # noqa: E402
 
 
 @pytest.fixture

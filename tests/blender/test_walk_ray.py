@@ -11,10 +11,11 @@ bpy: Any = pytest.importorskip("bpy")
 
 from blender.clicked_viewport import Viewport  # noqa: E402
 from blender.long_builds import TIMER, FakeOperator, FakeWindow, Gate  # noqa: E402
-from perfect_bvh_addon.operators import walk_ray as operators  # noqa: E402
+from perfect_bvh_addon.operators import walk as operators  # noqa: E402
 from perfect_bvh_addon.statistics.messages import messages_of  # noqa: E402
-from perfect_bvh_addon.view3d.walk import walk_reading, walk_view  # noqa: E402
-from perfect_bvh_addon.view3d.walk.shown_walk import CHANGED  # noqa: E402
+from perfect_bvh_addon.view3d.walk import walk_view  # noqa: E402
+from perfect_bvh_addon.view3d.walk import walk_view as walk_reading  # noqa: E402
+from perfect_bvh_addon.view3d.walk.walk_picture import CHANGED  # noqa: E402
 
 pytestmark = pytest.mark.usefixtures("scene", "registered")
 

@@ -18,12 +18,14 @@ from perfect_bvh.calibration import current_calibration  # noqa: E402
 from perfect_bvh.ray_walk import BOX_TESTS, TRIANGLE_TESTS  # noqa: E402
 from perfect_bvh_addon.sync.appearance import as_camera  # noqa: E402
 from perfect_bvh_addon.sync.records import CameraRecord  # noqa: E402
-from perfect_bvh_addon.view3d.walk.pixel_ray import pixel_ray  # noqa: E402
 from perfect_bvh_addon.view3d.walk.walk_legend import rows_of  # noqa: E402
 from perfect_bvh_addon.view3d.walk.walk_picture import picture_of  # noqa: E402
-from perfect_bvh_addon.view3d.walk.walk_reading import written_length  # noqa: E402
-from perfect_bvh_addon.view3d.walk.walk_steps import steps_of  # noqa: E402
-from perfect_bvh_addon.view3d.walk.walk_words import WalkWords  # noqa: E402
+from perfect_bvh_addon.view3d.walk.walk_steps import (  # noqa: E402
+    WalkWords,
+    pixel_ray,
+    steps_of,
+)
+from perfect_bvh_addon.view3d.walk.walk_view import written_length  # noqa: E402
 
 pytestmark = pytest.mark.usefixtures("scene", "registered")
 SIZE = (12, 8)

@@ -8,10 +8,8 @@ import bpy
 import numpy as np
 import perfect_bvh
 from oracles import meshes
-from perfect_bvh_addon.view3d.walk.shown_walk import SceneState, ShownWalk
-from perfect_bvh_addon.view3d.walk.walk_picture import WalkedRay
-from perfect_bvh_addon.view3d.walk.walk_steps import steps_of
-from perfect_bvh_addon.view3d.walk.walk_words import WalkWords
+from perfect_bvh_addon.view3d.walk.walk_picture import SceneState, ShownWalk, WalkedRay
+from perfect_bvh_addon.view3d.walk.walk_steps import WalkWords, steps_of
 
 DOWN = np.array([0.0, 0.0, -1.0])
 

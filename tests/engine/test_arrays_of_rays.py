@@ -6,7 +6,7 @@ import numpy as np
 import perfect_bvh
 import pytest
 from oracles import meshes
-from perfect_bvh._batches import ray_batch
+from perfect_bvh._arrays import ray_batch
 
 FIELDS = tuple(perfect_bvh.hits.FIELD_TYPES)
 
@@ -94,7 +94,7 @@ def test_one_origin_or_direction_for_all(scene, dtype):
 
 
 def test_broadcast_in_part_in_pieces(scene, monkeypatch):
-    monkeypatch.setattr("perfect_bvh._batches.PIECE_ROWS", 70)
+    monkeypatch.setattr("perfect_bvh._arrays.PIECE_ROWS", 70)
     rays = rows_of_six((1, 50), np.float32, 11)
     origins = np.random.default_rng(12).uniform(-2.0, 2.0, (30, 1, 3)).astype(np.float32)
     copies = [np.broadcast_to(each, (30, 50, 3)).copy() for each in (origins, rays[..., 3:])]
@@ -160,7 +160,7 @@ def test_occlusion_is_written_where_it_is_wanted(scene, monkeypatch, pieces):
     expected = scene.test_occlusions(origins, directions)
     assert expected.any() and not expected.all()
     if pieces:
-        monkeypatch.setattr("perfect_bvh._batches.PIECE_ROWS", 100)
+        monkeypatch.setattr("perfect_bvh._arrays.PIECE_ROWS", 100)
         origins = origins.astype(np.float16).astype(">f4")
         expected = scene.test_occlusions(origins.astype(np.float32), directions)
     for fill in (False, True):

@@ -8,7 +8,14 @@ import numpy as np
 import numpy.typing as npt
 import perfect_bvh
 import pytest
-from perfect_bvh import Appearance, Camera, ImageTexture, Scene, World, _bright_skies
+from perfect_bvh import (
+    Appearance,
+    Camera,
+    ImageTexture,
+    Scene,
+    World,
+    denoise,
+)
 
 Floats = npt.NDArray[np.float32]
 
@@ -46,15 +53,15 @@ def test_the_picture_is_the_same_whether_it_is_kept_or_not() -> None:
 
 def test_it_is_found_once_and_forgotten_with_the_image(monkeypatch: pytest.MonkeyPatch) -> None:
     made = []
-    make = _bright_skies._core.make_bright_sky
-    monkeypatch.setattr(_bright_skies._core, "make_bright_sky", lambda *given: made.append(1) or make(*given))
-    before = len(_bright_skies._found)
+    make = denoise._core.make_bright_sky
+    monkeypatch.setattr(denoise._core, "make_bright_sky", lambda *given: made.append(1) or make(*given))
+    before = len(denoise._found)
     image = closed(sun_at(10))
     show(image), show(image)
-    assert len(made) == 1 and len(_bright_skies._found) == before + 1
+    assert len(made) == 1 and len(denoise._found) == before + 1
     del image
     gc.collect()
-    assert len(_bright_skies._found) == before
+    assert len(denoise._found) == before
 
 
 def test_what_is_written_into_an_image_is_seen() -> None:

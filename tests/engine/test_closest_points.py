@@ -135,7 +135,7 @@ def test_same_for_builders_isas_threads_and_pieces(monkeypatch):
             perfect_bvh.set_active_isa(isa)
             answers += [scene.compute_closest_points(points, threads=threads) for threads in (1, 2)]
         perfect_bvh.set_active_isa("")
-    monkeypatch.setattr("perfect_bvh._batches.PIECE_ROWS", 700)
+    monkeypatch.setattr("perfect_bvh._arrays.PIECE_ROWS", 700)
     answers.append(scene.compute_closest_points(np.asfortranarray(points)))
     for answer in answers[1:]:
         for name in ("points", "distances", "instance_ids", "mesh_ids", "primitive_ids", "primitive_uvs"):

@@ -140,7 +140,7 @@ def test_batches_in_pieces(monkeypatch):
     whole = scene.list_intersections(origins, directions)
     closest, occluded = scene.cast_rays(origins, directions), scene.test_occlusions(origins, directions)
     for rows in (1, 7, 64):
-        monkeypatch.setattr("perfect_bvh._batches.PIECE_ROWS", rows)
+        monkeypatch.setattr("perfect_bvh._arrays.PIECE_ROWS", rows)
         shares = []
         pieces = scene.list_intersections(
             np.asfortranarray(origins), directions[:, ::-1][:, ::-1], progress=shares.append

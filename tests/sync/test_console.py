@@ -9,7 +9,7 @@ import sys
 
 import pytest
 from child_process import environment_with_paths
-from perfect_bvh_addon.cli.console import is_reader_gone
+from perfect_bvh_addon.cli.report import is_reader_gone
 
 NAMES = "Würfel, 立方体"
 
@@ -23,7 +23,7 @@ def run(code: str, **options: object) -> subprocess.CompletedProcess[bytes]:
 
 
 OWN_WORDS = f"""
-from perfect_bvh_addon.cli.console import quiet_blender
+from perfect_bvh_addon.cli.report import quiet_blender
 with quiet_blender() as out:
     out.write({NAMES!a})
 """
@@ -51,7 +51,7 @@ def test_what_the_encoding_lacks_is_written_as_an_escape(code: str) -> None:
 
 CHATTER = f"""
 import ctypes, os, sys
-from perfect_bvh_addon.cli.console import quiet_blender
+from perfect_bvh_addon.cli.report import quiet_blender
 c = ctypes.CDLL("ucrtbase" if os.name == "nt" else None)
 c.puts(b"before")
 with quiet_blender() as out:

@@ -6,7 +6,7 @@ import os
 from pathlib import Path, PurePosixPath, PureWindowsPath
 
 import pytest
-from perfect_bvh_addon.support.paths import extended_name, find_fault, reachable
+from perfect_bvh_addon.support.files import extended_name, find_fault, reachable
 
 LONG = "\\".join(["x" * 50] * 6)
 

@@ -8,11 +8,18 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from perfect_bvh_addon.cli.farm.costs import Costs
-from perfect_bvh_addon.pieces import inputs
-from perfect_bvh_addon.pieces.folder import OtherInputsError, PieceFolder
-from perfect_bvh_addon.pieces.inputs import find_difference, inputs_of, known_checksums, learn_checksums
-from perfect_bvh_addon.pieces.piece import Piece, runs_of
+from perfect_bvh_addon.cli.farm.run import Costs
+from perfect_bvh_addon.pieces import piece as inputs
+from perfect_bvh_addon.pieces.piece import (
+    OtherInputsError,
+    Piece,
+    PieceFolder,
+    find_difference,
+    inputs_of,
+    known_checksums,
+    learn_checksums,
+    runs_of,
+)
 from perfect_bvh_addon.support.files import find_remainders
 
 INPUTS: dict[str, Any] = {"files": {"a.blend": "1"}, "steps": 1}

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from perfect_bvh_addon.image.throttle import SHOW_SECONDS, Throttle
+from perfect_bvh_addon.image.progressive import SHOW_SECONDS, Throttle
 
 
 def test_the_first_is_shown_at_once_and_others_at_intervals() -> None:

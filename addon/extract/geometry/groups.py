@@ -10,9 +10,9 @@ import numpy as np
 
 from ...sync.not_shown import Kind, NotShown
 from ...sync.records import NO_LAYERS, LayerRequest, MeshRecord, ObjectRecord, UnseenMesh
+from ..label_values import has_points
 from ..looks.lights import LIGHT_LINKING, LIGHTS_ALL, lights_few
 from ..looks.materials import MaterialReader
-from ..scans import has_points
 from ..visibility import VisibilityReader
 from .curves_and_points import kind_of
 from .mesh_table import NO_MESH, STRANDS, MeshTable

@@ -20,23 +20,78 @@ import hashlib
 import zlib
 from collections import Counter
 from collections.abc import Hashable
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import bpy
 import numpy.typing as npt
 from perfect_bvh.bulk import are_equal
 
-from ...events.evaluation_log import EvaluationLog
+from ...events.asking import EvaluationLog
 from ...sync.compare import have_same_layers
 from ...sync.not_shown import NotShown
 from ...sync.records import MESH_COLUMNS, NO_LAYERS, AttributeRequest, LayerRequest, MeshRecord
 from ..pointer_views import ArrayReader
 from .curves_and_points import kind_of, read_curves_or_points
-from .mesh_cache import CachedMesh, MeshCache, place_of
+from .instancer_survey import find_remaker, guess_usage
 from .meshes import read_mesh
 from .particle_hair import ParticleHair, read_particle_hair
-from .usage import find_remaker, guess_usage
+
+# The meshes of the last reading: what has not been evaluated since is not read, and what is equal is not copied.
+
+
+Place = tuple[float, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class CachedMesh:
+    """place: where the mesh was, see `place_of`. uids: whose evaluation would have changed it."""
+
+    record: MeshRecord
+    place: Place
+    uids: tuple[int, ...]
+
+
+@dataclass(slots=True)
+class MeshCache:
+    """One reading's meshes by token, and what the log of evaluations said then.
+
+    A token names a mesh before it is read: what it comes from, and a number among others from there.
+    """
+
+    meshes: dict[Hashable, CachedMesh] = field(default_factory=dict)
+    attributes: AttributeRequest | None = None
+    graph: int = 0
+    since: int = -1  # the log's time, -1 if there was no log
+
+    def find_untouched(
+        self, token: Hashable, mesh: Any, uids: tuple[int, ...], reading: MeshCache, log: EvaluationLog | None
+    ) -> CachedMesh | None:
+        """The cached mesh if it is sure to be what a reading would give. reading: the cache that is being made.
+
+        That the mesh lies where it lay proves nothing, but that it does not is reason enough to read it.
+        """
+        cached = self.meshes.get(token)
+        if cached is None or log is None or self.since < 0:
+            return None
+        if self.graph != reading.graph or self.attributes != reading.attributes:
+            return None
+        if not log.is_untouched(self.graph, (*uids, *cached.uids), self.since) or cached.place != place_of(mesh):
+            return None
+        return cached
+
+
+def place_of(mesh: Any) -> Place:
+    """Addresses and sizes of an evaluated mesh's arrays; of particle hair what it is made by, too."""
+    if isinstance(mesh, ParticleHair):
+        return mesh.place()
+    positions, corners = (mesh.attributes[name].data for name in ("position", ".corner_vert"))
+    sizes = (len(positions), len(corners), len(mesh.polygons))
+    return (*(array[0].as_pointer() if len(array) else 0 for array in (positions, corners)), *sizes)
+
+
+# Mesh table ----------------------------------------------------------------------------------------------------------
+
 
 NO_MESH = -1
 _NOTHING = AttributeRequest(material_slots=False)

@@ -14,13 +14,11 @@ from mathutils import Euler
 from ...sync.not_shown import NotShown
 from ...sync.records import ImageRecord, LightRecords, WorldRecord
 from ..visibility import VisibilityReader
-from .color_math import BLENDS
 from .images import ImageReader
-from .node_graph import GROUPS, Scope, find_output, trace_back
+from .node_graph import GROUPS, Omissions, Scope, find_output, name_of, trace_back
 from .node_values import HALF, ValueReader
-from .shown_nodes import Omissions, name_of
 from .sky import name_of_older_model, read_sky
-from .values import Value, constant
+from .values import BLENDS, Value, constant
 
 _KINDS = {"POINT": "point", "SUN": "sun", "SPOT": "spot"}
 _DEEPEST = 64

@@ -13,14 +13,37 @@ from typing import Any
 import numpy as np
 
 from ...sync.records import HairRecord
-from .color_math import Pixels
-from .hair import HairReader, fixed, sum_hair
-from .lobes import DIFFUSE, Color, Lobes, Part, Tint, add_translucent, averaged, base_share, mix_lobes, plain_number
-from .node_graph import GROUPS, USES_NODES, Scope, find_output, inputs_of, is_fed, trace_back
+from .lobes import (
+    DIFFUSE,
+    Color,
+    HairReader,
+    Lobes,
+    Part,
+    Tint,
+    add_translucent,
+    averaged,
+    base_share,
+    fixed,
+    mix_lobes,
+    plain_number,
+    sum_hair,
+)
+from .node_graph import DIFFUSE as DIFFUSE_SURFACE
+from .node_graph import (
+    GROUPS,
+    IGNORED_INPUTS,
+    SHOWN_NODES,
+    SIMPLIFIED_NODES,
+    USES_NODES,
+    Omissions,
+    Scope,
+    find_output,
+    inputs_of,
+    is_fed,
+    trace_back,
+)
 from .node_values import HALF, ValueReader
-from .shown_nodes import DIFFUSE as DIFFUSE_SURFACE
-from .shown_nodes import IGNORED_INPUTS, SHOWN_NODES, SIMPLIFIED_NODES, Omissions
-from .values import AskInstances, ImageMeans, Source, Value, constant, same_value
+from .values import AskInstances, ImageMeans, Pixels, Source, Value, constant, same_value
 
 BLACK = constant(0.0, 0.0, 0.0)
 WHOLE = constant(1.0)

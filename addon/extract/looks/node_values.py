@@ -14,21 +14,26 @@ from typing import Any
 import numpy as np
 
 from ...sync.records import UNMAPPED, Extension
-from .color_math import BLENDS, MATHS, Pixels, adjust_hsv, average, blackbody, clamp, grey
-from .node_graph import GROUPS, Scope, is_fed, trace_back
-from .shown_nodes import Omissions
+from .node_graph import GROUPS, Omissions, Scope, find_coordinates, is_fed, trace_back
 from .sky import read_sky
-from .uv_mapping import find_coordinates
 from .values import (
     ATTRIBUTE_KINDS,
+    BLENDS,
+    MATHS,
     OBJECT_INFO,
     AskInstances,
     ImageMeans,
+    Pixels,
     Source,
     Texture,
     Value,
+    adjust_hsv,
+    average,
+    blackbody,
+    clamp,
     constant,
     first_channel,
+    grey,
     guess,
 )
 

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from .color_math import tristimulus_curves, xyz_to_rgb
+from .values import tristimulus_curves, xyz_to_rgb
 
 Floats = npt.NDArray[np.float64]
 

@@ -11,6 +11,8 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
+from perfect_bvh._arrays import check_count
 
 LUMINANCE = (0.2126, 0.7152, 0.0722)  # of linear Rec. 709
 RULES = ("first", "strongest", "last")
@@ -156,3 +158,189 @@ def _check_count(table: str, name: str, value: Any, least: int, most: int) -> No
     is_whole = isinstance(value, (int, np.integer)) and not isinstance(value, bool)
     if not is_whole or not least <= value <= most:
         raise ValueError(f"{table}: {name} must be a whole number from {least} to {most}, got {value!r}")
+
+
+# Beam rays -----------------------------------------------------------------------------------------------------------
+# The rays that stand for a beam: its middle, and others evenly over its disc. Knows no Blender.
+
+
+# Vogel 1979: each seed of a sunflower is turned by so much of a turn from the one before.
+GOLDEN_TURN = math.pi * (3.0 - math.sqrt(5.0))
+
+
+def disc_places(count: int) -> Float64Array:
+    """(count, 2) places in the unit disc, the first its middle; each stands for the same share of it."""
+    numbers = np.arange(count, dtype=np.float64)
+    radii, angles = np.sqrt(numbers / max(count - 0.5, 1.0)), numbers * GOLDEN_TURN
+    return np.stack([radii * np.cos(angles), radii * np.sin(angles)], axis=1)
+
+
+def axis_across(directions: Float64Array) -> Float64Array:
+    """(R, 3) unit vectors at right angles to (R, 3) directions: Duff et al. 2017, without a branch."""
+    x, y, z = unit(directions).T
+    sign = np.where(z < 0.0, -1.0, 1.0)
+    share = -1.0 / (sign + z)
+    return np.stack([1.0 + sign * x * x * share, sign * x * y * share, -sign * x], axis=1)
+
+
+def spread_over_disc(
+    directions: Float64Array, across: Float64Array, places: Float64Array, divergence: float
+) -> Float64Array:
+    """(R * K, 3) directions, the K of each beam one after the other, as long as the beam's own.
+
+    across: (R, 3) unit vectors at right angles to the directions. places: (K, 2) of `disc_places`. divergence: the full
+    angle, in milliradians. The first of each beam is its own direction, bit for bit.
+    """
+    if len(places) == 1:
+        return directions
+    lengths = length_of(directions)[:, None]
+    ahead = directions / lengths
+    other = np.cross(ahead, across)
+    aside = math.tan(divergence * 5e-4) * places
+    spread = ahead[:, None] + aside[:, :1] * across[:, None] + aside[:, 1:] * other[:, None]
+    spread *= (lengths / np.sqrt(1.0 + (aside * aside).sum(axis=1)))[:, :, None]
+    spread[:, 0] = directions
+    return spread.reshape(-1, 3)
+
+
+def dot(first: Float64Array, second: Float64Array) -> Float64Array:
+    """(N,) of (N, 3) each, summed in one order, whatever stands beside them."""
+    return first[:, 0] * second[:, 0] + first[:, 1] * second[:, 1] + first[:, 2] * second[:, 2]
+
+
+def length_of(vectors: Float64Array) -> Float64Array:
+    """(N,) of (N, 3)."""
+    return np.sqrt(dot(vectors, vectors))
+
+
+def unit(vectors: Float64Array) -> Float64Array:
+    """(N, 3), each as long as 1; those without a length, as normals at the tips of curves are, stay so."""
+    return vectors / np.maximum(length_of(vectors), 1e-300)[:, None]
+
+
+# Ray noise -----------------------------------------------------------------------------------------------------------
+# Random numbers that belong to rays: of the seed, the ray's number and a channel alone. Knows no Blender.
+#
+# Whatever is cast beside it, in whichever order, by however many workers: a ray has the same ones, and on every system
+# the same bits: nothing but whole numbers, sums, products, quotients and square roots is used.
+
+
+Float64Array = npt.NDArray[np.float64]
+UInt64Array = npt.NDArray[np.uint64]
+
+_GOLDEN = np.uint64(0x9E3779B97F4A7C15)
+_LN2 = 0.6931471805599453
+_SQRT_HALF = 0.7071067811865476
+# Wichura 1988, algorithm AS 241, PPND7: ratios of polynomials, lowest power first.
+_CENTRAL = (
+    (3.3871327179, 50.434271938, 159.29113202, 59.109374720),
+    (1.0, 17.895169469, 78.757757664, 67.187563600),
+)
+_TAIL = ((1.4234372777, 2.7568153900, 1.3067284816, 0.17023821103), (1.0, 0.73700164250, 0.12021132975))
+_FAR_TAIL = (
+    (6.6579051150, 3.0812263860, 0.42868294337, 0.017337203997),
+    (1.0, 0.24197894225, 0.012258202635),
+)
+
+
+@dataclass(frozen=True, slots=True)
+class RayNoise:
+    """seed: an integer, 0 to 2 ** 31 - 1."""
+
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        check_count("scan", "seed", self.seed, 0)
+
+    def uniform(self, ids: npt.NDArray[Any], channels: npt.ArrayLike) -> Float64Array:
+        """(N,) float64 above 0 and below 1, of (N,) whole numbers, and a channel or (N,) of them."""
+        start = _mixed(np.array([self.seed], np.uint64) + _GOLDEN)
+        steps = np.atleast_1d(np.asarray(channels, np.uint64)) * _GOLDEN
+        mixed = _mixed(_mixed(start + np.asarray(ids).astype(np.uint64)) + steps)
+        return ((mixed >> np.uint64(12)).astype(np.float64) + 0.5) * 2.0**-52
+
+    def normal(self, ids: npt.NDArray[Any], channels: npt.ArrayLike) -> Float64Array:
+        """(N,) float64 of mean 0 and standard deviation 1, of the same."""
+        return _normal_of(self.uniform(ids, channels))
+
+
+def _mixed(values: UInt64Array) -> UInt64Array:
+    """The finaliser of SplitMix64 (Steele, Lea and Flood 2014; its constants are Stafford's mix 13); wraps around."""
+    values = (values ^ (values >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
+    values = (values ^ (values >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
+    return values ^ (values >> np.uint64(31))
+
+
+def _normal_of(shares: Float64Array) -> Float64Array:
+    """What so large a share of a normal distribution is below; to seven digits."""
+    aside = shares - 0.5
+    middle = 0.180625 - aside * aside
+    central = aside * _ratio(_CENTRAL, np.maximum(middle, 0.0))
+    depth = np.sqrt(-_logarithm(np.minimum(shares, 1.0 - shares)))
+    tail = np.where(depth <= 5.0, _ratio(_TAIL, depth - 1.6), _ratio(_FAR_TAIL, depth - 5.0))
+    return np.where(np.abs(aside) <= 0.425, central, np.where(aside < 0.0, -tail, tail))
+
+
+def _ratio(polynomials: tuple[tuple[float, ...], tuple[float, ...]], values: Float64Array) -> Float64Array:
+    above, below = (_polynomial(each, values) for each in polynomials)
+    return above / below
+
+
+def _polynomial(factors: tuple[float, ...], values: Float64Array) -> Float64Array:
+    found = np.full_like(values, factors[-1])
+    for factor in factors[-2::-1]:
+        found = found * values + factor
+    return found
+
+
+def _logarithm(values: Float64Array) -> Float64Array:
+    """The natural one, by the series of the inverse hyperbolic tangent: libraries round the last digit as they like."""
+    parts, exponents = np.frexp(values)
+    is_low = parts < _SQRT_HALF
+    parts, exponents = np.where(is_low, parts * 2.0, parts), exponents - is_low
+    ratio = (parts - 1.0) / (parts + 1.0)
+    series = _polynomial(tuple(1.0 / (2 * term + 1) for term in range(11)), ratio * ratio)
+    return exponents * _LN2 + 2.0 * ratio * series
+
+
+# Measuring -----------------------------------------------------------------------------------------------------------
+# Where a sensor says that echoes are: with its noise, bias and dropout, which belong to each ray. Knows no Blender.
+
+
+IntArray = npt.NDArray[Any]
+
+# Channels of a ray's random numbers; distances have one for each return, from the last of these on.
+DROPOUT, ACROSS, UP, DISTANCE = 0, 1, 2, 3
+LINE = 1 << 32  # of lines, which are no rays
+
+
+def are_lost(noise: Noise, random: RayNoise, ray_ids: IntArray) -> npt.NDArray[np.bool_]:
+    """(N,) whether each ray returns nothing, whatever it met."""
+    if noise.dropout <= 0.0:
+        return np.zeros(len(ray_ids), np.bool_)
+    return random.uniform(ray_ids, DROPOUT) < noise.dropout
+
+
+def measured_distances(
+    noise: Noise, random: RayNoise, distances: Float64Array, ray_ids: IntArray, return_ids: IntArray, ring_ids: IntArray
+) -> Float64Array:
+    """(N,) what is measured of distances, at least 0."""
+    found = distances + noise.bias
+    if noise.range or noise.range_square:
+        sigma = noise.range + noise.range_square * distances * distances
+        found = found + sigma * random.normal(ray_ids, DISTANCE + return_ids.astype(np.uint64))
+    if noise.line_bias:
+        found = found + noise.line_bias * random.normal(ring_ids, LINE)
+    return np.maximum(found, 0.0)
+
+
+def measured_directions(
+    noise: Noise, random: RayNoise, directions: Float64Array, across: Float64Array, ray_ids: IntArray
+) -> Float64Array:
+    """(N, 3) unit vectors: where the sensor says that rays went. across: (N, 3) unit, at right angles to them."""
+    ahead = unit(directions)
+    if noise.angle <= 0.0:
+        return ahead
+    sigma = noise.angle * 1e-3
+    aside, up = (sigma * random.normal(ray_ids, channel)[:, None] for channel in (ACROSS, UP))
+    return unit(ahead + aside * across + up * np.cross(ahead, across))

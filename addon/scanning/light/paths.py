@@ -14,9 +14,8 @@ import numpy as np
 import numpy.typing as npt
 
 from ..patterns import Float64Array
-from ..second_eye import drop_hidden
-from .beam_rays import dot, length_of, unit
-from .model import Optics
+from ..stretches import drop_hidden
+from .model import Optics, dot, length_of, unit
 from .reflectance import Surfaces
 from .surface_reader import SurfaceReader
 

@@ -14,10 +14,129 @@ import numpy.typing as npt
 import perfect_bvh
 from perfect_bvh import BuildConfig
 
-from ...settings.tree_settings import REFITTED, TreeChoice
-from ..one_object import OneObject
-from ..sample_rays import RayCost, Rays, cost_of, diffuse_rays, primary_rays
-from .shaded_mesh import ShadedMesh, shade
+from ...settings.view_settings import REFITTED, TreeChoice
+from ...statistics.words import count_of, duration
+from ...sync.records import MeshRecord
+from ..pointer import OneObject, RayCost, Rays, cost_of, diffuse_rays, primary_rays
+
+# What is written under two trees that are compared: rows of a name, a value and a ratio. Knows no Blender.
+
+
+SAME = 0.005  # ratios as near to 1 as that are told to be 1
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """ratio: to the other side's value, None where there is none to compare with; below 1 is better."""
+
+    name: str
+    value: str
+    ratio: float | None = None
+
+    @property
+    def ratio_text(self) -> str:
+        """Such as "0.76 x"."""
+        if self.ratio is None:
+            return ""
+        return f"{self.ratio:.2f} x" if self.ratio < 9.995 else f"{self.ratio:,.0f} x"
+
+    @property
+    def is_better(self) -> bool:
+        """Noticeably."""
+        return self.ratio is not None and self.ratio < 1.0 - SAME
+
+    @property
+    def is_worse(self) -> bool:
+        """Noticeably."""
+        return self.ratio is not None and self.ratio > 1.0 + SAME
+
+
+def rows_of(side: Side, other: Side | None = None) -> list[Row]:
+    """Of one side; other: what it is compared with."""
+    ratio = _ratio if other is not None else _no_ratio
+    built = f" (built: {side.built_sah:,.1f})" if side.is_refitted else ""
+    rows = [Row("SAH", f"{side.sah:,.1f}{built}", ratio(side.sah, other and other.sah))]
+    if side.epo is not None:
+        rows.append(Row("End-Point Overlap", f"{side.epo:,.2f}", ratio(side.epo, other and other.epo)))
+    rows.append(Row("Nodes", f"{side.nodes:,}"))
+    rows.append(Row("Leaves", f"{side.leaves:,}"))
+    name = "Refit" if side.is_refitted else "Build"
+    rows.append(Row(name, duration(side.milliseconds), ratio(side.milliseconds, other and other.milliseconds)))
+    rows.append(_of_rays("Primary Ray", side.primary, other and other.primary))
+    if side.diffuse is not None:
+        rows.append(_of_rays("Diffuse Ray", side.diffuse, other and other.diffuse))
+    return rows
+
+
+def heading_of(comparison: Comparison) -> str:
+    """What is compared."""
+    triangles = count_of(len(comparison.shown.mesh.triangles), "triangle")
+    return f"{comparison.shown.name}, frame {comparison.frame}: {triangles}"
+
+
+def level_line(level: int, depth: int, count: int) -> str:
+    """Which boxes of a side are drawn."""
+    return f"Level {min(level, depth)} of {depth}: {count_of(count, 'box', 'boxes')}"
+
+
+def _of_rays(name: str, cost: RayCost, other: RayCost | None) -> Row:
+    value = f"{cost.nodes:.1f} nodes, {cost.triangles:.1f} triangles"
+    if other is None:
+        return Row(name, value)
+    return Row(name, value, _ratio(cost.nodes + cost.triangles, other.nodes + other.triangles))
+
+
+def _ratio(value: float, other: float | None) -> float | None:
+    return value / other if other else None
+
+
+def _no_ratio(value: float, other: float | None) -> float | None:
+    return None
+
+
+# Shaded mesh ---------------------------------------------------------------------------------------------------------
+# A mesh with a color at each vertex, as if lit from above: an object beside its boxes. Knows no Blender.
+
+
+Float32Array = npt.NDArray[np.float32]
+
+# More take long to hand to a graphics card; boxes are shown without the object then.
+MOST_TRIANGLES = 1_000_000
+LIGHT = np.array([0.35, -0.5, 0.8]) / np.linalg.norm([0.35, -0.5, 0.8])
+# Of what light does not reach, and of what faces it.
+DARKEST, BRIGHTEST = 0.22, 0.7
+
+
+@dataclass(frozen=True, slots=True)
+class ShadedMesh:
+    """positions: (V, 3) float32. colors: (V, 4) float32 RGBA. triangles: (T, 3) int32."""
+
+    positions: Float32Array
+    colors: Float32Array
+    triangles: npt.NDArray[np.int32]
+
+
+def shade(mesh: MeshRecord) -> ShadedMesh | None:
+    """None if there are more triangles than can be drawn."""
+    if len(mesh.triangles) > MOST_TRIANGLES:
+        return None
+    positions = mesh.positions.astype(np.float64)
+    corners = positions[mesh.triangles]
+    areas = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    normals = np.empty_like(positions)
+    for axis in range(3):
+        of_corners = np.repeat(areas[:, axis], 3)
+        normals[:, axis] = np.bincount(mesh.triangles.ravel(), of_corners, minlength=len(positions))
+    lengths = np.linalg.norm(normals, axis=1, keepdims=True)
+    facing = (normals / np.where(lengths > 0.0, lengths, 1.0)) @ LIGHT
+    grey = DARKEST + (BRIGHTEST - DARKEST) * (0.5 + 0.5 * facing)
+    colors = np.ones((len(positions), 4), np.float32)
+    colors[:, :3] = grey[:, None]
+    return ShadedMesh(mesh.positions.astype(np.float32), colors, np.ascontiguousarray(mesh.triangles, np.int32))
+
+
+# Compare trees -------------------------------------------------------------------------------------------------------
+
 
 Progress = Callable[[float], object]
 

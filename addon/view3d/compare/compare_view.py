@@ -14,9 +14,8 @@ import bpy
 
 from ...events.changes import edit_count, watch_again
 from .. import drawing
-from ..close_button import close_rect, contains, draw_close
-from ..draw_handler import DrawHandler, OneShown
-from .compare_words import Row, heading_of, level_line, rows_of
+from ..legend import DrawHandler, OneShown, close_rect, contains, draw_close
+from .compare_trees import Row, heading_of, level_line, rows_of
 from .half_picture import Framing, HalfPicture, background_color, frame_box
 
 if TYPE_CHECKING:

@@ -14,14 +14,13 @@ import numpy as np
 import numpy.typing as npt
 
 from .. import drawing
-from ..box_lines import MOST_BOXES, BoxLines, box_lines
+from ..drawing import MOST_BOXES, BoxLines, box_lines
 
 if TYPE_CHECKING:
     import gpu
     from perfect_bvh import Snapshot, TreeBoxes
 
-    from .compare_trees import Comparison, Side
-    from .shaded_mesh import ShadedMesh
+    from .compare_trees import Comparison, ShadedMesh, Side
 
 Float64Array = npt.NDArray[np.float64]
 

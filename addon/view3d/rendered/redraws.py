@@ -10,12 +10,29 @@ from __future__ import annotations
 
 import time
 import weakref
-from dataclasses import dataclass
-from typing import Protocol
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Protocol
 
 import bpy
 
 from ...events.changes import listen, stop_listening
+from ...image.plan import RenderPlan, plan_render, plan_view
+from ...image.progressive import Pace
+from ...image.refinement import Refinement, View
+from ...image.still import missing_camera
+from ...settings.scene_settings import ENGINE_NAME, RenderSettings, read_settings
+from ...settings.shading_settings import AS_RENDER, mode_of
+from ...statistics import not_shown
+from ...statistics.last_result import edits_of
+from ...sync.not_shown import without_looks
+from .screen import camera_of
+from .view_lighting import ViewLighting, lighting_of
+
+if TYPE_CHECKING:
+    from perfect_bvh import Camera
+
+    from ...live.scene_sync import SceneSync, UpdateCommit
+
 
 # Of all time, what redraws for the sake of new images may take.
 SHARE = 0.1
@@ -165,3 +182,138 @@ def unregister() -> None:
     _viewports.clear()
     if bpy.app.timers.is_registered(_tick):
         bpy.app.timers.unregister(_tick)
+
+
+# Awaited view --------------------------------------------------------------------------------------------------------
+# One view of a scene: which one it is, what its trees must hold, and its image once they are there.
+#
+# What needs the native engine is imported where it is used: without it the add-on must still register, and say why.
+
+
+TYPE_FILTERS = (
+    "show_object_viewport_mesh",
+    "show_object_viewport_curve",
+    "show_object_viewport_surf",
+    "show_object_viewport_meta",
+    "show_object_viewport_font",
+)
+
+
+def find_view(context: bpy.types.Context) -> tuple[bpy.types.SpaceView3D, bpy.types.Region] | None:
+    """The current 3D viewport, or else the largest in the window; None if there is none that anybody sees."""
+    if bpy.app.background or context.window is None:
+        return None
+    areas = [area for area in context.window.screen.areas if area.type == "VIEW_3D"]
+    if context.area in areas:
+        areas = [context.area]
+    if not areas:
+        return None
+    area = max(areas, key=lambda area: area.width * area.height)
+    return area.spaces.active, next(region for region in area.regions if region.type == "WINDOW")
+
+
+@dataclass(frozen=True, slots=True)
+class AwaitedView:
+    """One view of a scene that was read, and whose trees are being built.
+
+    camera: None for the scene's. edits: of the scene, when it was read. has_own_mode: whether it is the viewport's and
+    not the scene's.
+    """
+
+    sync: SceneSync
+    building: UpdateCommit
+    camera: Camera | None
+    plan: RenderPlan
+    edits: int
+    lighting: ViewLighting
+    has_own_mode: bool = False
+
+    def refine(self, pace: Pace) -> Refinement:
+        """The image, not begun yet. Waits for the trees; raises what the engine raises, `Cancelled` without any."""
+        import perfect_bvh
+
+        self.building.result()
+        if not self.sync.scene.is_current:
+            raise perfect_bvh.Cancelled("another view has other trees built")
+        camera = self.camera or self.sync.camera
+        assert camera is not None
+        view = View.of(self.sync, camera, self.plan)
+        lit = self.lighting.light(view.appearance, self.sync.record.lights.of_world)
+        return Refinement(replace(view, appearance=lit), pace)
+
+
+def await_view(context: bpy.types.Context) -> AwaitedView:
+    """Of what `find_view` finds, or else of what the scene's camera sees: read now, built while Blender goes on.
+
+    A viewport that this engine renders is shown in its own mode and under its own light, anything else in the scene's.
+
+    Raises ValueError if there is neither, and what the engine raises.
+    """
+    from ...live.scene_sync import SceneSync
+    from ...live.sync_cache import sync_of
+    from ...sync.appearance import as_camera
+
+    depsgraph = context.evaluated_depsgraph_get()
+    found = find_view(context)
+    is_filtered = found is not None and any(filter_of(found[0]))
+    sync = SceneSync(watch=False) if is_filtered else sync_of(depsgraph)
+    filtering = found[0] if found is not None and is_filtered else None
+    edits = edits_of(context.scene)
+    if found is None:
+        settings = read_settings(context.scene)
+        plan = _scaled(plan_render(depsgraph.scene, settings), context.scene)
+        building = begin_view(sync, depsgraph, plan, None)
+        _tell_of(sync, depsgraph, plan)
+        if sync.camera is None:
+            building.stop()
+            raise ValueError(missing_camera(depsgraph.scene, sync))
+        return AwaitedView(sync, building, None, plan, edits, ViewLighting())
+    space, region = found
+    settings, lighting, has_own_mode = _look_of(space.shading, depsgraph.scene)
+    plan = _scaled(plan_view(settings, (region.width, region.height)), context.scene)
+    building = begin_view(sync, depsgraph, plan, filtering)
+    _tell_of(sync, depsgraph, plan)
+    camera, _ = camera_of(space.region_3d, space, depsgraph)
+    if camera is None:
+        building.stop()
+        raise ValueError("the 3D viewport has no usable view: its matrix is not finite")
+    return AwaitedView(sync, building, as_camera(camera), plan, edits, lighting, has_own_mode)
+
+
+def _look_of(shading: bpy.types.View3DShading, scene: bpy.types.Scene) -> tuple[RenderSettings, ViewLighting, bool]:
+    """What a viewport shows of a scene, under which light, and whether the mode is its own."""
+    settings = read_settings(scene)
+    if shading.type != "RENDERED" or scene.render.engine != ENGINE_NAME:
+        return settings, ViewLighting(), False
+    has_own_mode = shading.perfect_bvh.mode != AS_RENDER
+    return replace(settings, mode=mode_of(scene, shading)), lighting_of(shading, scene), has_own_mode
+
+
+def _scaled(plan: RenderPlan, scene: bpy.types.Scene) -> RenderPlan:
+    """As large as the image is to be that the view is rendered to."""
+    percentage = scene.perfect_bvh.preview_percentage
+    width, height = (max(1, round(length * percentage / 100)) for length in plan.size)
+    return plan_view(plan.settings, (width, height))
+
+
+def begin_view(
+    sync: SceneSync, depsgraph: bpy.types.Depsgraph, plan: RenderPlan, space: bpy.types.SpaceView3D | None
+) -> UpdateCommit:
+    """Has a scene read with what the plan of a view needs, and its trees built.
+
+    space: the viewport whose filters count; none do for the trees that all share, whichever view has them updated.
+    """
+    sync.request(plan.attributes)
+    return sync.begin_update(depsgraph, plan.expected_rays, space=space)
+
+
+def _tell_of(sync: SceneSync, depsgraph: bpy.types.Depsgraph, plan: RenderPlan) -> None:
+    """What the image will lack. Views that share the trees may have had more read than this one asks for."""
+    read = sync.record.not_shown
+    not_shown.tell(depsgraph.scene, read if plan.attributes.shading else without_looks(read))
+
+
+def filter_of(space: bpy.types.SpaceView3D) -> tuple[bool, ...]:
+    """What makes a viewport show other objects than the rest do; all False where nothing does."""
+    hidden_types = (not getattr(space, name) for name in TYPE_FILTERS)
+    return (space.local_view is not None, space.use_local_collections, *hidden_types)

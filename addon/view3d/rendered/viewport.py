@@ -19,23 +19,19 @@ from typing import TYPE_CHECKING, Any
 
 import bpy
 
-from ...image.costs import trace_visits
-from ...image.plan import RenderPlan, plan_view
+from ...image.plan import RenderPlan, plan_view, trace_visits
 from ...image.progressive import Pace
-from ...image.refinement import DEFAULT_INTERVAL, Refinement, View
-from ...image.tracer import Tracer
-from ...live.pending_commit import PendingCommit
+from ...image.refinement import DEFAULT_INTERVAL, Refinement, Tracer, View
+from ...live.sync_cache import PendingCommit
 from ...settings.shading_settings import read_view_settings
 from ...statistics import not_shown
 from ...statistics.last_result import confirm_view, edits_of
 from ...statistics.words import reason_of
 from ...sync.records import AttributeRequest, CameraRecord
 from . import redraws
-from .awaited_view import begin_view, filter_of
-from .region_camera import camera_of
-from .screen_image import ScreenImage, draw_patches
+from .redraws import begin_view, filter_of
+from .screen import ScreenImage, camera_of, draw_patches, remember_view
 from .view_lighting import ViewLighting, lighting_of
-from .view_statistics import remember_view
 
 if TYPE_CHECKING:
     from ...live.scene_sync import SceneSync, UpdateCommit

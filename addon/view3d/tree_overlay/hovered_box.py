@@ -9,10 +9,8 @@ import bpy
 import numpy as np
 
 from ...statistics.words import primitive_of
-from ..box_lines import CORNERS, EDGES
-from ..drawing import pixels
-from .box_words import describe_box
-from .tree_lines import TreeLines
+from ..drawing import CORNERS, EDGES, pixels
+from .tree_lines import TreeLines, describe_box
 
 if TYPE_CHECKING:
     import gpu

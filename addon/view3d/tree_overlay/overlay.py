@@ -7,11 +7,9 @@ from __future__ import annotations
 
 import bpy
 
-from ...settings.editors import redraw_viewports
-from ...settings.preferences import native_error
+from ...settings.preferences import native_error, redraw_viewports
 from .. import pointer
-from ..draw_handler import DrawHandler
-from ..legend import Section
+from ..legend import DrawHandler, Section
 from .scene_overlay import SceneOverlay
 
 _overlays: dict[tuple[int, str], SceneOverlay] = {}

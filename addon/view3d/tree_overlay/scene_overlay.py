@@ -20,16 +20,15 @@ from typing import TYPE_CHECKING, Any
 import bpy
 import numpy as np
 
-from ...live.pending_commit import PendingCommit
-from ...settings.editors import redraw_viewports
+from ...live.sync_cache import PendingCommit
+from ...settings.preferences import redraw_viewports
 from ...statistics.words import reason_of
-from .. import one_object
-from ..box_lines import ramp_colors
+from .. import pointer
+from ..drawing import ramp_colors
 from ..legend import Section
 from ..pointer import Pointed, view_of
-from .box_words import describe
 from .hovered_box import HoveredBox, HoveredPicture, box_under
-from .tree_lines import TreeLines
+from .tree_lines import TreeLines, describe
 
 if TYPE_CHECKING:
     from ...live.scene_sync import SceneSync
@@ -220,7 +219,7 @@ def find_object(sync: SceneSync, obj: bpy.types.Object | None) -> tuple[int, Any
     if obj is None:
         return None
     record = sync.record
-    found = one_object.find_object(record, obj.session_uid)
+    found = pointer.find_object(record, obj.session_uid)
     if found is None:
         return None
     return int(sync.mesh_ids[record.instances.mesh_indices[found.instance]]), found.matrix

@@ -10,6 +10,7 @@
 """
 
 from ._core import __version__
+from ._render_arguments import LightPaths
 from .adaptive_sampling import AdaptiveSampling
 from .appearance import (
     Appearance,
@@ -24,15 +25,13 @@ from .appearance import (
 from .audit import Audit, RenderAudit
 from .build_config import BuildConfig
 from .calibration import Calibration
-from .camera import Camera, Lens
+from .camera import Camera, Lens, Shutter
 from .closest_points import ClosestPoints
-from .denoise import Denoiser, denoise, denoiser_name
+from .denoise import Denoiser, denoise, denoiser_name, restore_detail
 from .errors import Cancelled, EngineError, StaleSceneError
 from .hits import Hits
-from .isa import active_isa, available_isas, set_active_isa
-from .light_paths import LightPaths
 from .queries import Intersections, Queries
-from .ray_walk import RayWalk, WalkEvent
+from .ray_walk import RayWalk, TreeBoxes, WalkEvent
 from .render import (
     MODES,
     PASSES,
@@ -44,12 +43,17 @@ from .render import (
     render_progressively,
 )
 from .report import Alternative, CommitReport, MeshReport, SceneStatistics, TopLevelReport, TreeStatistics
-from .restore_detail import restore_detail
-from .scene import Scene
-from .shutter import Shutter
-from .snapshot import Snapshot
-from .threads import StopFlag, make_stop_flag, set_thread_count, shutdown_threads, thread_count
-from .tree_boxes import TreeBoxes
+from .scene import Scene, Snapshot
+from .threads import (
+    StopFlag,
+    active_isa,
+    available_isas,
+    make_stop_flag,
+    set_active_isa,
+    set_thread_count,
+    shutdown_threads,
+    thread_count,
+)
 
 __all__ = [
     "MODES",

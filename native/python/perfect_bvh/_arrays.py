@@ -5,7 +5,11 @@ The native module takes C-contiguous arrays of the exact dtype only; where a cop
 
 from __future__ import annotations
 
+import itertools
+import math
 import operator
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -138,3 +142,224 @@ def as_time_range(function: str, value: object) -> tuple[float, float]:
     if not (np.isfinite(begin) and np.isfinite(end) and end - begin >= 1e-6 and abs(begin) <= 1e6 and end <= 1e6):
         raise ValueError(f"{function}: time_range must rise by 1e-6 or more, within 1e6 of zero, got {value!r}")
     return float(begin), float(end)
+
+
+# Batches -------------------------------------------------------------------------------------------------------------
+# Rays and points as columns: checked once, then handed to the engine in pieces.
+#
+# The engine takes arrays of the exact dtype: numbers contiguous, vectors as rows at any distance from each other, and
+# one vector for all rays as it is. Such arrays are handed over at once. Others (of another dtype, broadcast in part)
+# are copied a piece at a time: however many rays they make, the copies are no larger than a piece.
+
+
+PIECE_ROWS = 1 << 20
+
+Progress = Callable[[float], object]
+Columns = tuple[npt.NDArray[Any], ...]
+Index = tuple[Any, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Piece:
+    """index: of the batch's shape. rows: the same in the flattened batch. columns: as the engine takes them."""
+
+    index: Index
+    rows: slice
+    columns: Columns
+    progress: Progress | None
+
+
+@dataclass(frozen=True, slots=True)
+class _Column:
+    """One argument: values broadcast to one row a ray; `width` 3 for vectors, 0 for one number a ray.
+
+    is_strided: whether the engine takes vectors with gaps between them, and one for all.
+    """
+
+    values: npt.NDArray[Any]
+    dtype: type[np.generic]
+    width: int
+    is_strided: bool = False
+
+    @property
+    def is_shared(self) -> bool:
+        """Whether there is one value for all rays."""
+        return self.values.size == max(self.width, 1) and (self.is_strided or not self.width)
+
+    def is_ready(self, shape: tuple[int, ...]) -> bool:
+        """Whether the engine can take the array as it is."""
+        full = (*shape, self.width) if self.width else shape
+        return self.is_shared or (self.values.shape == full and self._fits(self.values))
+
+    def take(self, shape: tuple[int, ...], index: Index) -> npt.NDArray[Any]:
+        """What the engine takes: (rows, width), (rows,), or a single row that is every ray's."""
+        if self.is_shared:
+            part = _as_contiguous(self.values, self.dtype)
+        else:
+            full = (*shape, self.width) if self.width else shape
+            part = np.broadcast_to(self.values, full)[index]
+            part = part if self._fits(part) else _as_contiguous(part, self.dtype)
+        return part.reshape(-1, self.width) if self.width else part.reshape(-1)
+
+    def _fits(self, part: npt.NDArray[Any]) -> bool:
+        """Whether the engine reads a part that has a row for each ray where it stands."""
+        if part.dtype != self.dtype or not part.flags.aligned:
+            return False
+        return part.flags.c_contiguous or (self.is_strided and _are_rows(part))
+
+
+def _as_contiguous(values: npt.NDArray[Any], dtype: type[np.generic]) -> npt.NDArray[Any]:
+    """The values as a C-contiguous, aligned array of that dtype; themselves if they are one."""
+    if values.dtype == dtype and values.flags.aligned:
+        return np.ascontiguousarray(values)
+    with np.errstate(over="ignore", invalid="ignore"):  # what float32 cannot hold is infinite
+        return np.array(values, dtype=dtype, order="C")
+
+
+def _are_rows(vectors: npt.NDArray[Any]) -> bool:
+    """Whether (..., 3) vectors lie at one distance from each other, their numbers side by side."""
+    *shape, _ = vectors.shape
+    *strides, last = vectors.strides
+    axes = [(size, stride) for size, stride in zip(shape, strides, strict=True) if size != 1]
+    if last != vectors.itemsize or any(stride % last for _, stride in axes):
+        return False
+    return all(outer == size * inner for (_, outer), (size, inner) in itertools.pairwise(axes))
+
+
+class Batch:
+    """The checked arguments of a query: rays or points in any shape, one row each."""
+
+    __slots__ = ("_columns", "shape")
+
+    def __init__(self, shape: tuple[int, ...], columns: tuple[_Column, ...]) -> None:
+        self.shape = shape
+        self._columns = columns
+
+    @property
+    def count(self) -> int:
+        """How many rays or points."""
+        return math.prod(self.shape)
+
+    @property
+    def arrays(self) -> Columns:
+        """What the query reads while it writes."""
+        return tuple(column.values for column in self._columns)
+
+    def gather(self, rows: npt.NDArray[np.int64]) -> Columns:
+        """The columns of some rows of the flattened batch, contiguous; of a shared value a single row."""
+        index = np.unravel_index(rows, self.shape) if self.shape else (...,)
+        return tuple(column.take(self.shape, index) for column in self._columns)
+
+    def pieces(self, progress: Progress | None) -> Iterator[Piece]:
+        """The batch in order, in one piece if nothing has to be copied."""
+        is_ready = all(column.is_ready(self.shape) for column in self._columns)
+        done, count = 0, self.count
+        for index, rows in _split(self.shape, max(count, 1) if is_ready else PIECE_ROWS):
+            columns = tuple(column.take(self.shape, index) for column in self._columns)
+            share = progress if rows == count else share_of(progress, done / count, rows / count)
+            yield Piece(index, slice(done, done + rows), columns, share)
+            done += rows
+
+
+def _split(shape: tuple[int, ...], limit: int) -> Iterator[tuple[Index, int]]:
+    """Indices, in C order, of parts of at most `limit` rows, and how many each has."""
+    count = math.prod(shape)
+    if count <= limit:
+        yield (...,), count  # not (): an index of no axes takes a number out of an array of none
+        return
+    inner = math.prod(shape[1:])
+    if inner <= limit:
+        step = limit // inner
+        for start in range(0, shape[0], step):
+            stop = min(start + step, shape[0])
+            yield (slice(start, stop), ...), (stop - start) * inner
+        return
+    for row in range(shape[0]):
+        yield from (((row, *index), rows) for index, rows in _split(shape[1:], limit))
+
+
+def share_of(progress: Progress | None, start: float, share: float) -> Progress | None:
+    """What a part of a longer call tells its progress to."""
+    return None if progress is None else lambda fraction: progress(start + share * fraction)
+
+
+def _vectors(function: str, name: str, value: npt.ArrayLike) -> _Column:
+    array = as_array(function, name, value)
+    if array.ndim == 0 or array.shape[-1] != 3:
+        raise ValueError(f"{function}: {name} must have shape (..., 3), got {array.shape}")
+    return _Column(array, vector_dtype(array.dtype), 3, is_strided=True)
+
+
+def _numbers(
+    function: str, name: str, value: npt.ArrayLike, shape: tuple[int, ...], dtype: type[np.generic]
+) -> _Column:
+    array = check_integers(function, name, value, np.uint32) if dtype is np.uint32 else as_array(function, name, value)
+    try:
+        if array.ndim:
+            np.broadcast_to(array, shape)
+    except ValueError:
+        rows = "points" if function == "compute_closest_points" else "rays"
+        raise ValueError(
+            f"{function}: {name} must be a number or one for each, got shape {array.shape} for {rows} of shape {shape}"
+        ) from None
+    return _Column(array, dtype, 0)
+
+
+def ray_batch(
+    function: str,
+    origins: npt.ArrayLike,
+    directions: npt.ArrayLike,
+    t_min: npt.ArrayLike,
+    t_max: npt.ArrayLike,
+    mask: npt.ArrayLike,
+    times: npt.ArrayLike,
+    cull: str,
+    threads: int,
+) -> Batch:
+    """Columns origins, directions, t_min, t_max, masks, times."""
+    if cull not in ("none", "back", "front"):
+        raise ValueError(f"{function}: cull must be 'none', 'back' or 'front', got {cull!r}")
+    check_count(function, "threads", threads, 0)
+    first = _vectors(function, "origins", origins)
+    second = _vectors(function, "directions", directions)
+    try:
+        shape = np.broadcast_shapes(first.values.shape, second.values.shape)[:-1]
+    except ValueError:
+        raise ValueError(
+            f"{function}: origins and directions must have shapes that broadcast to one, got {first.values.shape} "
+            f"and {second.values.shape}, which do not fit together"
+        ) from None
+    return Batch(
+        shape,
+        (
+            first,
+            second,
+            _numbers(function, "t_min", t_min, shape, np.float32),
+            _numbers(function, "t_max", t_max, shape, np.float32),
+            _numbers(function, "mask", mask, shape, np.uint32),
+            _numbers(function, "times", times, shape, np.float32),
+        ),
+    )
+
+
+def point_batch(
+    function: str,
+    points: npt.ArrayLike,
+    max_distance: npt.ArrayLike,
+    mask: npt.ArrayLike,
+    times: npt.ArrayLike,
+    threads: int,
+) -> Batch:
+    """Columns points (float64), max_distances, masks, times."""
+    check_count(function, "threads", threads, 0)
+    given = _vectors(function, "points", points)
+    shape = given.values.shape[:-1]
+    return Batch(
+        shape,
+        (
+            _Column(given.values, np.float64, 3),
+            _numbers(function, "max_distance", max_distance, shape, np.float64),
+            _numbers(function, "mask", mask, shape, np.uint32),
+            _numbers(function, "times", times, shape, np.float32),
+        ),
+    )

@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from . import _core
-from ._batches import Batch, Progress, share_of
+from ._arrays import Batch, Progress, share_of
 
 AUDITED_FIELDS = ("t_hit", "instance_ids", "primitive_ids")
 

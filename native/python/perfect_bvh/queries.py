@@ -9,8 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from . import _core
-from ._arrays import LARGEST_COUNT, check_count
-from ._batches import Batch, Progress, point_batch, ray_batch, share_of
+from ._arrays import LARGEST_COUNT, Batch, Progress, check_count, point_batch, ray_batch, share_of
 from .audit import AUDITED_FIELDS, audit_answers
 from .build_config import COSTS, checked_number
 from .closest_points import ClosestPoints, allocate_closest

@@ -11,19 +11,22 @@ import numpy as np
 import numpy.typing as npt
 
 from . import _core
-from ._arrays import check_count
-from ._batches import Progress, share_of
-from ._bright_skies import find_bright_sky
-from ._camera_arguments import camera_arguments, shutter_arguments
-from ._render_arguments import appearance_arguments, check_choice, check_color, check_number, check_size
+from ._arrays import Progress, check_count, share_of
+from ._render_arguments import (
+    LightPaths,
+    appearance_arguments,
+    check_choice,
+    check_color,
+    check_number,
+    check_size,
+    light_path_arguments,
+)
 from .adaptive_sampling import TILE_SIZE, AdaptiveSampling
 from .appearance import Appearance
 from .audit import RenderAudit
-from .camera import Camera
-from .light_paths import LightPaths, light_path_arguments
-from .scene import Scene
-from .shutter import Shutter
-from .snapshot import Snapshot
+from .camera import Camera, Shutter, camera_arguments, shutter_arguments
+from .denoise import find_bright_sky
+from .scene import Scene, Snapshot
 
 Mode = Literal[
     "preview", "clay", "matcap", "wireframe", "normal", "uv", "depth", "distance", "instance", "material", "cost"

@@ -1,0 +1,353 @@
+"""The Scan button: casts the rays that the panel describes and makes a point cloud, or files, of what they meet.
+
+In a window it works in steps of a timer while Blender goes on, builds trees beside it, and Esc gives it up at any time;
+in the scene nothing is made before the end, while files of whole pieces stay.
+Without one, or when a script calls it, it does the same in one go.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Generator
+from contextlib import closing
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, ClassVar
+
+import bpy
+
+from ..settings.scan_settings import label_names
+from ..statistics import messages
+from ..statistics.words import duration
+from ..support.files import prepare_folder
+from .scan_request import (
+    ScannedFile,
+    check_colors,
+    exclude_mount_of,
+    folder_of,
+    frames_of,
+    plan_of,
+    sensor_of,
+    threads_of,
+)
+from .ticking import Ticking
+
+if TYPE_CHECKING:
+    from ..pieces.piece import Piece
+    from ..scanning import PointCloud
+    from ..scanning.outcomes import RayCounts
+
+
+STEP_SECONDS = 0.1
+
+
+class PERFECT_BVH_OT_scan(Ticking, bpy.types.Operator):
+    """Steps through a scan in a timer."""
+
+    bl_idname = "perfect_bvh.scan"
+    bl_label = "Scan"
+    bl_description = "Cast the sensor's rays, and make a point cloud or files of what they meet. Esc stops it"
+    bl_options: ClassVar = {"REGISTER", "UNDO"}
+
+    # Blender evaluates these annotations, and the scanner's module needs the native engine.
+    _job: Any
+    _file: Any
+    _colors: tuple[str, str]
+    _steps: Generator[float, None, None]
+    _started: float
+
+    @classmethod
+    def _find_complaint(cls, context: bpy.types.Context) -> str | None:
+        from ..extract.camera import has_camera
+
+        scene = context.scene
+        settings = scene.perfect_bvh.scan
+        if context.mode != "OBJECT":
+            return "Points are added as an object: leave the mode of the active one first"
+        if settings.sensor is None and not has_camera(scene):
+            return "There is neither a sensor nor an active camera"
+        if not settings.use_points and not settings.use_files:
+            return "Nothing would be made: choose Points in Scene, Files, or both"
+        if settings.use_points and scene.library is not None:
+            return "The scene is linked from another file: nothing can be added to it"
+        return None
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        from ..live.scene_view import SceneView
+
+        if not self._begin(context):
+            return {"CANCELLED"}
+        settings = context.scene.perfect_bvh.scan
+        view = SceneView("scan", context.scene, context.view_layer, for_viewport=settings.use_viewport)
+        done: float | None = None
+        try:
+            done = view.hold(self._run)
+        except ValueError as problem:
+            self._complain(problem)
+        finally:
+            self._end(context)
+        return self._give_up(context) if done is None else self._finish(context)
+
+    # The parts -------------------------------------------------------------------------------------------------------
+
+    def _begin(self, context: bpy.types.Context) -> bool:
+
+        self._forget_complaints()
+        self._kept: list[tuple[str, PointCloud]] = []
+        self._started = time.perf_counter()
+        settings = context.scene.perfect_bvh.scan
+        # As it is now: the panel may say something else when the points are there.
+        self._colors = settings.point_color, settings.point_column
+        self._file = ScannedFile(context.scene, context.view_layer) if settings.use_files else None
+        try:
+            self._job = PointsJob(context.scene) if self._file is None else FilesJob(context.scene, self._file)
+        except (ValueError, OSError) as problem:
+            self._complain(problem)
+            return False
+        self._steps = self._job.steps()
+        return True
+
+    def _run(self) -> float | None:
+        """All steps, in one go."""
+        done: float | None = 0.0
+        while done is not None and done < 1.0:
+            done = self._step(STEP_SECONDS)
+        return done
+
+    def _step(self, seconds: float) -> float | None:
+        """Work for about `seconds`; the share done, None if the scan has failed, with the reason reported."""
+        import perfect_bvh
+
+        deadline = time.perf_counter() + seconds
+        try:
+            for done in self._steps:
+                # While trees are built there is nothing to do but let Blender go on.
+                if time.perf_counter() >= deadline or self._job.built_share is not None:
+                    # The last step is over when the iterator is: it sets the frame back.
+                    return min(done, 0.999)
+        except OSError as problem:
+            # The points are kept if they are asked for: only a file is missing.
+            self._kept = self._job.result()[0]
+            self._complain(problem)
+            return None
+        except (ValueError, perfect_bvh.EngineError, MemoryError) as problem:
+            self._complain(problem)
+            return None
+        return 1.0
+
+    def _tick(self, context: bpy.types.Context) -> set[str] | None:
+        done = self._step(STEP_SECONDS)
+        if done is None:
+            self._end(context)
+            return self._give_up(context)
+        context.window_manager.progress_update(100 * done)
+        self._show_state(context)
+        if done < 1.0:
+            return None
+        self._end(context)
+        return self._finish(context)
+
+    def _stopped(self) -> str:
+        return str(self._job.stopped())
+
+    def _show_state(self, context: bpy.types.Context) -> None:
+        built = self._job.built_share
+        state = "Scanning" if built is None else f"Building trees {built:.0%}"
+        self._tell(context, f"{state}{self._job.where}: Esc stops it")
+
+    def _end(self, context: bpy.types.Context) -> None:
+        self._steps.close()
+        self._job.release()
+        self._end_ticking(context)
+
+    def _finish(self, context: bpy.types.Context) -> set[str]:
+        clouds, warnings = self._job.result()
+        for warning in warnings:
+            self._complain(warning, "WARNING")
+        outcomes = self._job.ray_outcomes()
+        if outcomes.cast:
+            messages.add(context.scene, self.bl_label, str(outcomes), is_note=True)
+        if not clouds and self._file is None:
+            return {"CANCELLED"}
+        made = self._add(context, clouds)
+        self.report({"INFO"}, self._job.summary(made, time.perf_counter() - self._started))
+        return {"FINISHED"}
+
+    def _give_up(self, context: bpy.types.Context) -> set[str]:
+        if not self._kept:
+            return {"CANCELLED"}
+        made = self._add(context, self._kept)
+        self._complain(f"The points of what could not be written are in the scene: {', '.join(made)}", "WARNING")
+        return {"FINISHED"}
+
+    def _add(self, context: bpy.types.Context, clouds: list[tuple[str, PointCloud]]) -> list[str]:
+        """The names of the objects."""
+        made = [_add_object(context, cloud, name, self._colors).name for name, cloud in clouds]
+        if made and self._file is not None:
+            self._file.points_were_added(context.scene, context.view_layer)
+        return made
+
+
+def _add_object(context: bpy.types.Context, cloud: PointCloud, name: str, colors: tuple[str, str]) -> bpy.types.Object:
+    """The points as an object in the active collection, or the scene's if that is linked.
+
+    Not selected: its outlines would hide its colours, and the next scan shall find what is selected and active now.
+    """
+    from ..scanning import make_point_object
+
+    made = make_point_object(cloud, name, *colors)
+    is_linked = context.collection.library is not None
+    (context.scene.collection if is_linked else context.collection).objects.link(made)
+    return made
+
+
+CLASSES = (PERFECT_BVH_OT_scan,)
+
+
+# Scan jobs -----------------------------------------------------------------------------------------------------------
+# The work of the Scan button, in steps: points of all frames at once, or pieces of the frames into files.
+
+
+_folders_in_use: set[Path] = set()
+
+
+class PointsJob:
+    """All points, as one object. Raises ValueError for what cannot be scanned."""
+
+    def __init__(self, scene: bpy.types.Scene) -> None:
+        from ..scanning import Scanner
+
+        settings = scene.perfect_bvh.scan
+        check_colors(settings)
+        self._scanner: Any = Scanner(
+            sensor_of(settings),
+            settings.sensor,
+            frames=frames_of(scene),
+            steps_per_frame=settings.steps_per_frame,
+            threads=threads_of(scene),
+            labels=label_names(settings),
+            seed=settings.seed,
+            exclude_mount=exclude_mount_of(scene),
+            for_viewport=settings.use_viewport,
+        )
+        self.where = ""
+        """What is worked on, for the status bar."""
+
+    @property
+    def built_share(self) -> float | None:
+        return self._scanner.built_share
+
+    def steps(self) -> Generator[float, None, None]:
+        """Yields the share done, 0 to 1."""
+        yield from self._scanner.steps()
+
+    def release(self) -> None:
+        """At the end, however it came."""
+
+    def stopped(self) -> str:
+        """What to tell who has stopped it."""
+        return "The scan was stopped: nothing was made"
+
+    def result(self) -> tuple[list[tuple[str, PointCloud]], list[str]]:
+        """Points to be added, with the names of their objects, and warnings."""
+        cloud = self._scanner.result()
+        if not len(cloud):
+            return [], [*cloud.warnings, "No points were made"]
+        return [("Scan", cloud)], list(cloud.warnings)
+
+    def ray_outcomes(self) -> RayCounts:
+        """What became of the rays."""
+        return self._scanner.result().ray_outcomes
+
+    def summary(self, names: list[str], seconds: float) -> str:
+        """What was made, in a sentence. names: of the objects that were."""
+        cloud = self._scanner.result()
+        found = f"{len(cloud):,} points on {len(cloud.object_names):,} objects, {cloud.ray_count:,} rays"
+        return f"{names[0]}: {found}, {duration(1e3 * seconds)}"
+
+
+class FilesJob:
+    """Pieces of the frames, as files, and as objects as well if that is asked for: one a piece.
+
+    Raises ValueError for what cannot be scanned and for a folder of another scan, OSError for one that takes no files.
+    """
+
+    def __init__(self, scene: bpy.types.Scene, file: ScannedFile) -> None:
+        from ..pieces.work import Outcome
+        from ..scanning.piece_scan import ScanWork
+
+        settings = scene.perfect_bvh.scan
+        if settings.use_points:
+            check_colors(settings)
+        plan, carrier = plan_of(scene), settings.sensor
+        plan.scanner(plan.pieces()[0], carrier)  # what cannot be scanned is refused before a folder is made
+        self._folder: Path = folder_of(settings).resolve()
+        if self._folder in _folders_in_use:
+            raise ValueError(f"Another scan is writing into {self._folder}: let it end, or stop it with Esc")
+        prepare_folder(self._folder)
+        self._file = file
+        self._keeps = settings.use_points
+        self._clouds: list[tuple[str, PointCloud]] = []
+        place = plan.folder(self._folder, file.inputs_of(plan, carrier))
+        place.prepare(plan.pieces(), resume=settings.use_resume)
+        self._work = ScanWork(plan, carrier, place, self._take)
+        self._outcome = Outcome()
+        self._resumes = settings.use_resume
+        _folders_in_use.add(self._folder)
+
+    @property
+    def built_share(self) -> float | None:
+        return self._work.built_share
+
+    @property
+    def where(self) -> str:
+        """What is worked on, for the status bar."""
+        return f", piece {self._outcome.number} of {len(self._work.pieces)}"
+
+    def steps(self) -> Generator[float, None, None]:
+        """Yields the share done, 0 to 1."""
+        from ..pieces.work import do_pieces
+
+        scene = self._work.view.find()
+        frame = scene.frame_current, scene.frame_subframe, scene.camera.session_uid if scene.camera else 0
+        try:
+            with closing(do_pieces(self._work, self._outcome)) as steps:
+                for done in steps:
+                    yield done / len(self._work.pieces)
+        finally:
+            self._work.view.set_frame_back(*frame)
+
+    def release(self) -> None:
+        """At the end, however it came: other scans may write there."""
+        _folders_in_use.discard(self._folder)
+
+    def stopped(self) -> str:
+        """What to tell who has stopped it."""
+        how = "Start Scan goes on" if self._resumes else "Start Scan goes on if Resume is chosen"
+        done = self._outcome.there
+        count = f"{done} of {len(self._work.pieces)} pieces {'is' if done == 1 else 'are'} whole"
+        return f"The scan was stopped: {count} in {self._folder}; {how}"
+
+    def result(self) -> tuple[list[tuple[str, PointCloud]], list[str]]:
+        """Points to be added, with the names of their objects, and warnings."""
+        warnings, kept = list(self._outcome.warnings), self._outcome.kept
+        if self._keeps and kept:
+            warnings.append(f"The points of {kept} pieces that were there are not added; without Resume all are")
+        return [(name, cloud) for name, cloud in self._clouds if len(cloud)], warnings
+
+    def ray_outcomes(self) -> RayCounts:
+        """What became of the rays of the pieces that were scanned."""
+        from ..scanning.piece_scan import ray_counts
+
+        return ray_counts(self._outcome)
+
+    def summary(self, names: list[str], seconds: float) -> str:
+        """What was made, in a sentence. names: of the objects that were."""
+        added = f", {len(names)} objects" if self._keeps else ""
+        count = self._outcome.words(len(self._work.pieces), "pieces written")
+        points = self._work.summary(self._outcome)[0]
+        return f"{self._folder}: {count}; {points}{added}, {duration(1e3 * seconds)}"
+
+    def _take(self, piece: Piece, cloud: PointCloud) -> None:
+        self._file.check_unedited(piece.first)
+        if self._keeps:
+            self._clouds.append((f"Scan {piece.first}-{piece.last}", cloud))

@@ -1,0 +1,157 @@
+"""The panels of what comes out beside the picture: a view layer's passes and scans."""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+import bpy
+
+from ..settings.modes import denoising_data_settings, mode_of_render
+from ..settings.scan_settings import OTHER
+from ..statistics.messages import notes_of
+from .common import TABS, RenderPanel, SidebarPanel, draw_lines, draw_messages_of, settings_layout
+
+# What the Scan button casts, what becomes of the points, and the button.
+
+
+class PERFECT_BVH_PT_scan(SidebarPanel, bpy.types.Panel):
+    """From where which rays are cast, and what becomes of the points."""
+
+    bl_label = "Scan"
+
+    def draw(self, context: bpy.types.Context) -> None:
+        layout = settings_layout(self)
+        settings = context.scene.perfect_bvh.scan
+        _draw_sensor(layout, settings)
+        _draw_frames(layout, settings)
+        _draw_points(layout, settings)
+        _draw_files(context, layout, settings)
+        layout.operator("perfect_bvh.scan", text="Start Scan", icon="OUTLINER_OB_POINTCLOUD")
+        draw_messages_of(context, layout, "Scan")
+        for note in notes_of(context.scene, "Scan"):
+            draw_lines(context, layout, note, "INFO", TABS)
+
+
+def _draw_sensor(layout: bpy.types.UILayout, settings: bpy.types.PropertyGroup) -> None:
+    layout.prop(settings, "pattern")
+    column = layout.column(align=True)
+    if settings.pattern == "CAMERA":
+        column.prop(settings, "width")
+        column.prop(settings, "height", text="Y")
+    elif settings.pattern == "LIDAR":
+        column.prop(settings, "elevations")
+        column.prop(settings, "columns")
+        column.prop(settings, "rate")
+        column.prop(settings, "max_distance")
+    elif settings.pattern == "FILE":
+        column.prop(settings, "sensor_file")
+    if settings.pattern not in ("CAMERA", "LIDAR"):  # which have no noise
+        layout.prop(settings, "seed")
+    layout.prop(settings, "sensor")
+    layout.prop(settings, "mount")
+    layout.prop(settings, "labels")
+    layout.prop(settings, "use_viewport")
+
+
+def _draw_frames(layout: bpy.types.UILayout, settings: bpy.types.PropertyGroup) -> None:
+    layout.prop(settings, "frames")
+    column = layout.column(align=True)
+    if settings.frames == "RANGE":
+        column.prop(settings, "frame_start")
+        column.prop(settings, "frame_end")
+    if settings.frames != "CURRENT":
+        column.prop(settings, "steps_per_frame")
+
+
+def _draw_points(layout: bpy.types.UILayout, settings: bpy.types.PropertyGroup) -> None:
+    layout.prop(settings, "use_points")
+    # Not grey where none are added: those of the last scan can be colored, too.
+    column = layout.column(align=True)
+    row = column.row(align=True)
+    row.prop(settings, "point_color")
+    row.operator("perfect_bvh.color_points", text="", icon="FILE_REFRESH")
+    if settings.point_color == OTHER:
+        column.prop(settings, "point_column")
+
+
+def _draw_files(context: bpy.types.Context, layout: bpy.types.UILayout, settings: bpy.types.PropertyGroup) -> None:
+    layout.prop(settings, "use_files")
+    if not settings.use_files:
+        return
+    from ..scanning.formats import how_to_get  # here: it needs the engine, which may be missing
+
+    column = layout.column(align=True)
+    column.prop(settings, "folder")
+    column.prop(settings, "file_format")
+    missing = how_to_get(f".{settings.file_format}")
+    if missing is not None:
+        draw_lines(context, layout, missing, "ERROR", TABS)
+    if settings.frames != "CURRENT":
+        layout.prop(settings, "frames_per_file")
+    layout.prop(settings, "use_resume")
+
+
+SCAN_CLASSES = (PERFECT_BVH_PT_scan,)
+
+
+# View layer ----------------------------------------------------------------------------------------------------------
+# The passes that the engine writes beside Combined.
+
+
+class PERFECT_BVH_PT_passes(RenderPanel, bpy.types.Panel):
+    """The passes that the engine writes beside Combined."""
+
+    bl_label = "Data"
+    bl_context = "view_layer"
+    bl_parent_id = "VIEWLAYER_PT_layer_passes"
+
+    def draw(self, context: bpy.types.Context) -> None:
+        layout = settings_layout(self)
+        view_layer = context.view_layer
+        column = layout.column(heading="Include", align=True)
+        column.prop(view_layer, "use_pass_z")
+        column.prop(view_layer, "use_pass_normal")
+        vector = column.column()
+        vector.active = not context.scene.render.use_motion_blur
+        vector.prop(view_layer, "use_pass_vector")
+        column = layout.column(heading="Indexes", align=True)
+        column.prop(view_layer, "use_pass_object_index", text="Object")
+        column.prop(view_layer, "use_pass_material_index", text="Material")
+        threshold = layout.column()
+        threshold.active = mode_of_render(context.scene).shading
+        threshold.prop(view_layer, "pass_alpha_threshold")
+        denoising = denoising_data_settings(view_layer)
+        if denoising is not None:
+            layout.column(heading="Denoising").prop(denoising, "denoising_store_passes", text="Data")
+
+
+class PERFECT_BVH_PT_filter(RenderPanel, bpy.types.Panel):
+    """What a view layer may be without."""
+
+    bl_label = "Filter"
+    bl_context = "view_layer"
+    bl_options: ClassVar = {"DEFAULT_CLOSED"}
+
+    def draw(self, context: bpy.types.Context) -> None:
+        column = settings_layout(self).column(heading="Include")
+        column.active = context.scene.render.use_motion_blur
+        column.prop(context.view_layer, "use_motion_blur", text="Motion Blur")
+
+
+class PERFECT_BVH_PT_override(RenderPanel, bpy.types.Panel):
+    """Blender before 5.0 has it with its own engines only."""
+
+    bl_label = "Override"
+    bl_context = "view_layer"
+    bl_options: ClassVar = {"DEFAULT_CLOSED"}
+
+    def draw(self, context: bpy.types.Context) -> None:
+        settings_layout(self).prop(context.view_layer, "material_override")
+
+
+HAS_OVERRIDE = hasattr(bpy.types, "VIEWLAYER_PT_override")
+VIEW_LAYER_CLASSES = (
+    PERFECT_BVH_PT_passes,
+    PERFECT_BVH_PT_filter,
+    *(() if HAS_OVERRIDE else (PERFECT_BVH_PT_override,)),
+)

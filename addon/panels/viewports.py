@@ -1,0 +1,173 @@
+"""The panels of 3D viewports: overlays, shading, the view menu and the walk of a ray."""
+
+from __future__ import annotations
+
+from typing import Any, ClassVar
+
+import bpy
+
+from ..settings.modes import find_mode
+from ..settings.preferences import native_error
+from ..settings.scene_settings import ENGINE_NAME
+from ..settings.shading_settings import mode_of
+from .common import draw_messages_of
+from .reports import TreePanel
+
+# Which boxes of the trees are drawn over 3D viewports; what they tell stands in the viewports themselves.
+
+
+class PERFECT_BVH_PT_overlay(bpy.types.Panel):
+    """The trees' boxes, level by level, with any render engine."""
+
+    bl_label = "Tree Overlay"
+    bl_space_type = "VIEW_3D"
+    bl_region_type = "HEADER"
+    bl_parent_id = "VIEW3D_PT_overlay"
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        return native_error() is None
+
+    def draw(self, context: bpy.types.Context) -> None:
+        layout = self.layout
+        settings = context.scene.perfect_bvh.overlay
+        layout.active = context.space_data.overlay.show_overlays
+        row = layout.row()
+        row.prop(settings, "show_top_level")
+        row.prop(settings, "show_active")
+        column = layout.column()
+        column.active = settings.show_top_level or settings.show_active
+        column.prop(settings, "level")
+        row = column.row()
+        row.prop(settings, "use_all_to_level")
+        row.prop(settings, "use_in_front")
+        split = column.split(factor=0.25)
+        split.label(text="Color")
+        split.row(align=True).prop(settings, "color_by", expand=True)
+
+
+OVERLAY_CLASSES = (PERFECT_BVH_PT_overlay,)
+
+
+# Shading -------------------------------------------------------------------------------------------------------------
+# The Viewport Shading popover in Rendered shading: what a viewport shows, and under which light.
+
+
+class ShadingPanel:
+    """In the popover of a viewport that this engine renders."""
+
+    bl_space_type = "VIEW_3D"
+    bl_region_type = "HEADER"
+    bl_parent_id = "VIEW3D_PT_shading"
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        is_shown = context.engine == ENGINE_NAME and context.space_data.shading.type == "RENDERED"
+        return is_shown and native_error() is None
+
+
+class PERFECT_BVH_PT_shading_lighting(ShadingPanel, bpy.types.Panel):
+    """The scene's own light, or Blender's studio."""
+
+    bl_label = "Lighting"
+
+    def draw(self, context: bpy.types.Context) -> None:
+        layout, shading = self.layout, context.space_data.shading
+        layout.active = find_mode(mode_of(context.scene, shading)).shading
+        layout.prop(shading, "use_scene_lights_render")
+        layout.prop(shading, "use_scene_world_render")
+        if not shading.use_scene_world_render:
+            _draw_studio(layout, shading)
+
+
+class PERFECT_BVH_PT_shading_render_pass(ShadingPanel, bpy.types.Panel):
+    """What this viewport shows."""
+
+    bl_label = "Render Pass"
+
+    def draw(self, context: bpy.types.Context) -> None:
+        self.layout.prop(context.space_data.shading.perfect_bvh, "mode", text="")
+
+
+def _draw_studio(layout: bpy.types.UILayout, shading: Any) -> None:
+    """As Blender's own engines have it, but for blurring, which Cycles lacks as well."""
+    split = layout.split(factor=0.9)
+    row = split.column().row()
+    row.scale_y = 0.6
+    row.template_icon_view(shading, "studio_light", scale_popup=3.0)
+    split.operator("screen.userpref_show", emboss=False, text="", icon="PREFERENCES").section = "LIGHTS"
+    column = layout.split(factor=0.9).column()
+    column.prop(shading, "studiolight_rotate_z", text="Rotation")
+    column.prop(shading, "studiolight_intensity")
+    column.prop(shading, "studiolight_background_alpha")
+
+
+SHADING_CLASSES = (PERFECT_BVH_PT_shading_lighting, PERFECT_BVH_PT_shading_render_pass)
+
+
+# View menu -----------------------------------------------------------------------------------------------------------
+# The View menu of 3D viewports, where Blender renders viewports to images as well.
+
+
+def _draw(menu: bpy.types.Menu, context: bpy.types.Context) -> None:
+    if native_error() is None:
+        menu.layout.separator()
+        menu.layout.operator("perfect_bvh.preview", icon="RENDER_STILL")
+
+
+def register() -> None:
+    bpy.types.VIEW3D_MT_view.append(_draw)
+
+
+def unregister() -> None:
+    bpy.types.VIEW3D_MT_view.remove(_draw)
+
+
+# Walk ray ------------------------------------------------------------------------------------------------------------
+# The button that walks a ray, and those that step through what it does.
+
+
+BUTTONS = (
+    ("FIRST", "REW"),
+    ("PREVIOUS", "PREV_KEYFRAME"),
+    ("PREVIOUS_BOX", "FRAME_PREV"),
+    ("PLAY", "PLAY"),
+    ("NEXT_BOX", "FRAME_NEXT"),
+    ("NEXT", "NEXT_KEYFRAME"),
+    ("LAST", "FF"),
+)
+
+
+class PERFECT_BVH_PT_walk_ray(TreePanel, bpy.types.Panel):
+    """Which step is shown is told in the viewport."""
+
+    bl_label = "Walk a Ray"
+    bl_options: ClassVar = set()
+
+    def draw(self, context: bpy.types.Context) -> None:
+        from ..view3d.walk import walk_view
+        from ..view3d.walk.walk_picture import place_of
+
+        layout = self.layout
+        walk = walk_view.shown()
+        row = layout.row(align=True)
+        row.operator("perfect_bvh.walk_ray", icon="CURVE_PATH")
+        if walk is None:
+            draw_messages_of(context, layout, "Walk a Ray")
+            return
+        row.operator("perfect_bvh.walk_step", text="", icon="X").to = "OFF"
+        if walk.is_old(context.scene):
+            draw_messages_of(context, layout, "Walk a Ray")
+            return
+        row = layout.row(align=True)
+        row.alignment = "CENTER"
+        for to, icon in BUTTONS:
+            shown = "PAUSE" if to == "PLAY" and walk.is_playing else icon
+            row.operator("perfect_bvh.walk_step", text="", icon=shown).to = to
+        row = layout.row()
+        row.alignment = "CENTER"
+        row.label(text=place_of(walk.index, len(walk.steps)))
+        draw_messages_of(context, layout, "Walk a Ray")
+
+
+WALK_RAY_CLASSES = (PERFECT_BVH_PT_walk_ray,)

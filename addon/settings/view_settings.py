@@ -1,0 +1,113 @@
+"""What viewports are set to: overlays, and the trees that are compared."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import bpy
+
+from .preferences import redraw_for_setting
+
+# Which boxes 3D viewports show: `scene.perfect_bvh.overlay`.
+
+
+class PERFECT_BVH_PG_overlay(bpy.types.PropertyGroup):
+    """Which boxes of the trees are drawn in 3D viewports."""
+
+    show_top_level: bpy.props.BoolProperty(
+        name="Top Level", description="Draw the tree over all instances", default=False, update=redraw_for_setting
+    )
+    show_active: bpy.props.BoolProperty(
+        name="Active Object",
+        description="Draw the tree over the active object's triangles",
+        default=False,
+        update=redraw_for_setting,
+    )
+    level: bpy.props.IntProperty(
+        name="Level",
+        description=(
+            "Depth in the tree; 0 is the box around everything, and each box holds up to eight others. "
+            "Leaves that end above are drawn as well"
+        ),
+        default=2,
+        min=0,
+        soft_max=12,
+        max=64,
+        update=redraw_for_setting,
+    )
+    use_all_to_level: bpy.props.BoolProperty(
+        name="All to Level",
+        description="Draw the nodes above the level as well",
+        default=False,
+        update=redraw_for_setting,
+    )
+    color_by: bpy.props.EnumProperty(
+        name="Color",
+        description="What the colors of the boxes mean",
+        items=[
+            ("LEVEL", "Level", "How deep in the tree a box is", 0),
+            ("OVERLAP", "Overlap", "How much of a box its siblings cover as well: blue none, red all of it", 1),
+            ("COST", "Cost", "What a random ray spends on a box: blue least, red most", 2),
+        ],
+        default="LEVEL",
+        update=redraw_for_setting,
+    )
+    use_in_front: bpy.props.BoolProperty(
+        name="In Front",
+        description="Draw boxes in front of everything else",
+        default=False,
+        update=redraw_for_setting,
+    )
+
+
+# Tree settings -------------------------------------------------------------------------------------------------------
+# What the button that compares two trees goes by: `scene.perfect_bvh.compare`.
+
+
+REFITTED = "REFITTED"
+
+
+@dataclass(frozen=True, slots=True)
+class TreeChoice:
+    """A way to come by a tree. builder, optimize: as in `perfect_bvh.BuildConfig`. number: which files keep."""
+
+    identifier: str
+    label: str
+    description: str
+    builder: str
+    number: int
+    optimize: int = 0
+
+
+CHOICES = (
+    TreeChoice("AUTO", "Automatic", "What the engine chooses by itself", "auto", 0),
+    TreeChoice("MEDIAN", "Median Split", "Halves of equal number, whatever they cost rays", "median", 1),
+    TreeChoice("SWEEP", "Full Sweep", "The surface area heuristic at each possible plane of each node", "sweep", 2),
+    TreeChoice("BINNED", "Binned", "The surface area heuristic at a fixed number of planes", "binned", 3),
+    TreeChoice("SPATIAL", "Spatial Splits", "Cuts long triangles where that is cheaper", "spatial", 4),
+    TreeChoice("FAST", "Fast", "The least time to build, over clusters along a curve", "fast", 5),
+    TreeChoice("OPTIMIZED", "Optimized", "Binned, then improved by moving nodes to better places", "binned", 6, 100),
+    TreeChoice(
+        REFITTED, "Refitted", "Built in the first frame of the scene, and refitted to the current one", "auto", 7
+    ),
+)
+_ITEMS = [(choice.identifier, choice.label, choice.description, choice.number) for choice in CHOICES]
+
+
+def choice_of(identifier: str) -> TreeChoice:
+    """By what a property holds."""
+    return next(choice for choice in CHOICES if choice.identifier == identifier)
+
+
+class PERFECT_BVH_PG_compare(bpy.types.PropertyGroup):
+    """Which two trees of the active object are compared."""
+
+    left: bpy.props.EnumProperty(
+        name="Left", description="How the tree on the left is made", items=_ITEMS, default="MEDIAN"
+    )
+    right: bpy.props.EnumProperty(
+        name="Right", description="How the tree on the right is made", items=_ITEMS, default="BINNED"
+    )
+
+
+CLASSES = (PERFECT_BVH_PG_compare,)
