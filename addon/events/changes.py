@@ -1,6 +1,6 @@
 """Tells its listeners that Blender has evaluated something, changed the frame, undone a step or loaded a file.
 
-Also keeps the log of what was evaluated, see `evaluation_log.py`, and counts the edits of each scene, for as long as
+Also keeps the log of what was evaluated, see `asking.py`, and counts the edits of each scene, for as long as
 anybody listens.
 
 Blender's handlers are installed with the first listener and removed when the last one stops listening. Listeners are
@@ -131,7 +131,7 @@ def are_installed() -> bool:
 def edit_count(scene_uid: int) -> int:
     """How often something of a scene was seen to be edited so far. What renders evaluate for themselves is no edit.
 
-    Nor is a new frame, of which handlers are told in another way, or what `edits.py` knows to be none.
+    Nor is a new frame, of which handlers are told in another way, or what the section on edits knows to be none.
     """
     return _edit_counts[scene_uid] + _gap_count
 

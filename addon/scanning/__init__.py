@@ -6,24 +6,13 @@ sensor_files   sensors as TOML files, and the sensors that the add-on brings. Ne
 sensors        those sensors, a TOML file each
 light          what light does to beams: echoes, detection, noise. Needs no Blender.
 scan           places the sensor from key moment to key moment, casts the rays, collects the hits
-traced_stretch the rays of a stretch, batch after batch. Needs no Blender.
-stretches      from one key moment to the next. Needs no Blender.
-stretch_sync   the scene at both ends of a stretch, each read once
-poses          where a sensor is between two key moments. Needs no Blender.
-scene_bend     how far the scene's paths are from straight lines. Needs no Blender.
-second_eye     what the second eye of a depth camera does not see. Needs no Blender.
-collector      hits of many batches as one cloud. Needs no Blender.
-outcomes       what became of each ray, in numbers. Needs no Blender.
-complaints     why a scan is of no use, in words. Needs no Blender.
-mount          the object that carries the sensor, with its children, and how rays go through them
-point_cloud    the result as columns, and as an .npz file. Needs no Blender.
-format_columns what labels are called in files of each format. Needs no Blender.
+stretches      from one key moment to the next: where the sensor is, and what a second eye does not see
+stretch_sync   the scene at both ends of a stretch, how far its paths are from straight lines, and the rays between
+outcomes       what became of each ray, and why a scan is of no use; the mount, and how rays go through it
+point_cloud    hits of many batches as columns, and as an .npz file. Needs no Blender.
 formats        the result in the formats of others: PLY, LAS, LAZ, CSV, Parquet, HDF5. Needs no Blender.
 piece_scan     a long scan as files of some frames each, which are recognised when it is run again
-point_colors   a colour for each point, by any column. Needs no Blender.
-point_data     the result as a Blender object whose points carry the columns as attributes
-point_nodes    the nodes that show it
-words          suggestions for misspelt names. Needs no Blender.
+point_data     the result as a Blender object: its attributes, its colours, the nodes that show it
 """
 
 from .formats import save_cloud

@@ -356,7 +356,7 @@ def may_have_points() -> bool:
 
 
 def read_points(data: Any) -> Points:
-    """Of the data of an object that has points (`extract/scans.py`)."""
+    """Of the data of an object that has points (`extract/label_values.py`)."""
     columns = ((POSITION, "vector", 3), (RADIUS, "value", 1), (COLOR, "color", 4))
     found = []
     for name, part, width in columns:

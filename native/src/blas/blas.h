@@ -88,7 +88,7 @@ struct Blas {
   std::shared_ptr<SpareTree> spare;  // where `wide` goes at the end; null: nowhere
   Aabb box;                          // around the triangles
   LazySupport support;               // of `wide`, made when one of many instances is turned
-  // Of a mesh that moves within the shutter (motion_steps.h): its trees at the steps that follow, of which no more is
+  // Of a mesh that moves within the shutter (moved_mesh.h): its trees at the steps that follow, of which no more is
   // filled in than rays need; and all of its steps as kernels see them.
   std::vector<std::shared_ptr<Blas>> later;
   std::vector<TreeStep> steps;

@@ -105,9 +105,9 @@ double most_rays_of_tree(const MeshState& state, const CommitOptions& options) n
 
 // Make blas -----------------------------------------------------------------------------------------------------------
 // From a mesh that is new or was edited to what rays are traced through. Where only positions changed
-// the tree is refitted and perhaps restructured (refit_blas.cpp); where they came to rest in a tree that motion
-// degraded, that is kept or rebuilt (rest_blas.cpp); otherwise, or where the governor wants another one, a tree is
-// built (build_wide_tree.cpp).
+// the tree is refitted and perhaps restructured (refit_blas()); where they came to rest in a tree that motion
+// degraded, that is kept or rebuilt (rest_blas()); otherwise, or where the governor wants another one, a tree is
+// built (build_tree.cpp).
 
 namespace {
 

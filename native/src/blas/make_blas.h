@@ -132,10 +132,10 @@ struct TreeChoice {
 
 // The steps of make_blas() ------------------------------------------------------------------------------------------
 
-// rest_blas.cpp: whether a resting mesh keeps its tree; all of the result is then filled in.
+// Whether a resting mesh keeps its tree; all of the result is then filled in.
 [[nodiscard]] bool keeps_at_rest(const ChangedMesh& resting, const CommitOptions& options, BlasResult& result);
 
-// refit_blas.cpp: makes the tree of `blas` from that over the same triangles where they were before. False if it cannot
+// Makes the tree of `blas` from that over the same triangles where they were before. False if it cannot
 // be refitted, or the governor wants another one.
 [[nodiscard]] bool refit_blas(Blas& blas, const ChangedMesh& changed, const CommitOptions& options, BlasResult& result,
                               ThreadPool& pool, CancelToken& cancel);

@@ -68,7 +68,7 @@ struct BuildConfig {
                               const LeafLimit* leaf_limit = nullptr);
 
 // Builders ------------------------------------------------------------------------------------------------------------
-// Every builder of binary trees, each explained at the top of the file of its name (median.cpp, ...).
+// Every builder of binary trees, each explained at the top of the file of its name (builder.cpp, ...).
 // In: references, not empty; settings that build_bvh2() has checked. Out: a tree, the same bytes for any number of
 // threads.
 

@@ -1,6 +1,6 @@
 // How good a tree is: the surface area heuristic and what a reader wants to know besides.
 // Sources: MacDonald and Booth 1990 (SAH); Aila, Karras and Laine 2013, "On quality metrics of bounding volume
-// hierarchies" (leaf-count variability and end-point overlap, see epo.cpp).
+// hierarchies" (leaf-count variability and end-point overlap, see quality.cpp).
 #pragma once
 
 #include <cstddef>

@@ -107,7 +107,7 @@ class SpatialWorker {
     return {job_.refs.data() + range.begin, range.count};
   }
 
-  // Object splits are chosen on a grid of the range's own size (grid_ref.h).
+  // Object splits are chosen on a grid of the range's own size (grid.h).
   void snap(const SpatialRange& range) {
     grid_.resize(range.count);
     const GridFrame frame = GridFrame::around(range.box);

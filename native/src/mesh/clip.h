@@ -106,7 +106,7 @@ inline void slice_triangle(const Vec3f& a, const Vec3f& b, const Vec3f& c, int a
 
 // Segment clip --------------------------------------------------------------------------------------------------------
 // Cuts a ball, or the convex hull of two, by parallel axis-aligned planes: a box for each slice, as spatial splits need
-// them (mesh/triangle_clip.h is the same for triangles).
+// them, as triangles above.
 //
 // The hull is the union of the balls between its two: centre and radius run evenly from the one to the other. What lies
 // between two planes lies in those balls that reach between them, and the box of a row of such balls is that of its

@@ -2,7 +2,7 @@
 //
 // What the caller expects counts. A commit that is told nothing expects what the last one did that was told, or what
 // was cast since the last commit if that is more. Where none was ever told the number stays unknown: trees are chosen
-// by usage, and what was cast is kept apart, see choose_tree.h. To expect none says nothing of later commits.
+// by usage, and what was cast is kept apart, see make_blas.h. To expect none says nothing of later commits.
 #pragma once
 
 #include <cstdint>

@@ -92,7 +92,7 @@ inline __attribute__((always_inline)) double meet_plane(const Corners& at, const
 
 // Ray setup avx -------------------------------------------------------------------------------------------------------
 // From a ray in double to the constants of its level, three axes at a time. The same operations as in math/slab.h,
-// math/triangle.h and object_ray.h, so the same bits.
+// math/triangle.h and ray.h, so the same bits.
 // Included by translation units of kernels only; everything in it has internal linkage.
 
 static_assert(offsetof(Ray, direction) == 24 && sizeof(Ray) >= 56);  // loads of four may read past the direction

@@ -66,8 +66,7 @@ PERFECT_BVH_INLINE unsigned keep_near(const std::uint32_t* children, const float
 }
 
 // Simd rays avx2 ------------------------------------------------------------------------------------------------------
-// Eight rays a vector with AVX2: the arithmetic is that of simd_avx2.h.
-// Included by one translation unit only, after simd_avx2.h; everything in it has internal linkage.
+// Eight rays a vector with AVX2: the arithmetic is the same.
 
 constexpr unsigned kRayLanes = 8;
 using RayFloat = Float8;

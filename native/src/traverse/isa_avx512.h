@@ -47,7 +47,6 @@ PERFECT_BVH_INLINE unsigned keep_near(const std::uint32_t* children, const float
 
 // Simd rays avx512 ----------------------------------------------------------------------------------------------------
 // Sixteen rays a vector with AVX-512: 512-bit vectors, which double what a cycle computes where every lane is in use.
-// Included by one translation unit only, after simd_avx512.h; everything in it has internal linkage.
 
 constexpr unsigned kRayLanes = 16;
 using RayFloat = __m512;

@@ -55,7 +55,7 @@ PERFECT_BVH_INLINE Float8 fnmadd(const Float8& a, const Float8& b, const Float8&
 }
 // NaN if either is, and of two zeros the lesser (the greater): unlike on x86, but what is compared afterwards does not
 // see it. The sign of a zero decides nothing; no ray that takes part has a NaN in its constants or its range
-// (object_ray.h), and the weights of a triangle that has one are refused either way.
+// (ray.h), and the weights of a triangle that has one are refused either way.
 PERFECT_BVH_INLINE Float8 min(const Float8& a, const Float8& b) noexcept {
   return {vminq_f32(a.low, b.low), vminq_f32(a.high, b.high)};
 }

@@ -39,7 +39,7 @@ struct PacketStack {
   std::uint32_t* places;   // bits 0-2: where in that node; the rest: the first ray that may enter
 };
 
-// As ObjectRay, for the rays that need no shift or scale (see object_ray.h); `moved` names the others.
+// As ObjectRay, for the rays that need no shift or scale (see ray.h); `moved` names the others.
 struct alignas(64) PacketRays {
   double origin[3][kPacketRays], direction[3][kPacketRays];
   float narrow_origin[3][kPacketRays], narrow_direction[3][kPacketRays];
@@ -87,12 +87,12 @@ PERFECT_BVH_INLINE unsigned test_box(const PacketBoxes& rays, const OctantRows& 
 }
 
 // Packet setup --------------------------------------------------------------------------------------------------------
-// From rays to the constants of a packet at one level: the operations of ray_setup_avx.h, a vector of rays at a time.
+// From rays to the constants of a packet at one level: the operations of isa_avx.h, a vector of rays at a time.
 // Part of packet_kernel.inl: everything has internal linkage.
 
 constexpr unsigned kDoubleLanes = kRayLanes / 2;
 
-// Which of the rays `first` and on, kDoubleLanes of them, stand near (see object_ray.h).
+// Which of the rays `first` and on, kDoubleLanes of them, stand near (see ray.h).
 PERFECT_BVH_INLINE unsigned near_lanes(const PacketRays& rays, unsigned first, double reach) noexcept {
   const RayDouble longest = every_ray(kLongest), shortest = every_ray(kShortest), farthest = every_ray(kNearby * reach);
   unsigned all = ~0u, any = 0;
@@ -276,7 +276,7 @@ inline RaySet of_one_key(const PacketRays& rays, RaySet candidates, PacketKey& k
   return candidates & rays.longest[longest];
 }
 
-// As set_states() in ray_setup_avx.h, for the vectors that hold any of `members`; rays of other keys get no use of it.
+// As set_states() in isa_avx.h, for the vectors that hold any of `members`; rays of other keys get no use of it.
 inline void set_constants(PacketBoxes& boxes, PacketTriangles& triangles, const PacketRays& rays, RaySet members,
                           unsigned lanes, const PacketKey& key, const TreeExtent& extent) noexcept {
   const RayFloat one = every_ray(1.0f);

@@ -28,7 +28,7 @@ struct alignas(64) Slot {
   BoxState world_box;
   bool is_mirrored;  // the instance's transform turns the winding round
 
-  // Of the tree being traversed, in a scene where anything moves within the shutter (moving.inl).
+  // Of the tree being traversed, in a scene where anything moves within the shutter (ray_slot.inl).
   const TreeStep* step;         // null: it does not move
   const WideNode* later_nodes;  // of the next step, null where the tree is at a step or a single leaf
   Moment moment, top_moment;    // of that tree, and of the top level

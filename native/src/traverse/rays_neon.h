@@ -1,5 +1,5 @@
 // From a ray in double to the constants of its level, with NEON: x and y in one register, z in another. The same
-// operations as in math/slab.h, math/triangle.h and object_ray.h, so the same bits.
+// operations as in math/slab.h, math/triangle.h and ray.h, so the same bits.
 // Included by translation units of kernels only; everything in it has internal linkage.
 #pragma once
 
@@ -160,8 +160,8 @@ __attribute__((always_inline)) inline void set_states(BoxState& box, TriangleSta
 }
 
 // Simd rays neon ------------------------------------------------------------------------------------------------------
-// Eight rays in two registers with NEON: the arithmetic is that of simd_neon.h.
-// Included by one translation unit only, after simd_neon.h; everything in it has internal linkage.
+// Eight rays in two registers with NEON: the arithmetic is that of isa_neon.h.
+// Included by one translation unit only, after isa_neon.h; everything in it has internal linkage.
 
 constexpr unsigned kRayLanes = 8;
 using RayFloat = Float8;

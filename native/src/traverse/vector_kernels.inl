@@ -1,5 +1,5 @@
 // All kernels of one instruction set with vectors, and their table. Included last, by a translation unit that has
-// chosen its vectors (simd_*.h, simd_rays_*.h), its ray's set-up (ray_setup_*.h) and how it reads balls (gather_*.h).
+// chosen its vectors its ray's set-up and how it reads balls (isa_*.h).
 #pragma once
 
 #include "math/distance.h"

@@ -1,5 +1,5 @@
 // Which clusters of a binary tree over leaf blocks become children of which wide node: the choice of least expected
-// cost, as in collapse_plan.cpp, for trees whose leaves are made already.
+// cost, as in collapse.cpp, for trees whose leaves are made already.
 // In: a cluster tree. Out: a decision for every cluster of two.
 #pragma once
 

@@ -29,7 +29,7 @@ namespace perfect_bvh {
 
 // Collapse steps ------------------------------------------------------------------------------------------------------
 // The steps of a collapse from a binary tree to a wide one: leaves are made small enough, the wide nodes are chosen
-// (collapse_plan.cpp), and the wide tree is written.
+// and the wide tree is written.
 
 // A copy of the tree whose leaves all fit into one leaf of the wide tree: those that do not are halved, with the boxes
 // that they had (a clipped box says nothing of the halves). Empty (no nodes) if all of them fit already.

@@ -100,7 +100,7 @@ inline constexpr float kCostDoublings = 8.0f;
 // What a shading mode is: hits in, colours out, a whole batch at a time.
 // The tile loop traces camera rays, finds the surfaces with what the mode needs, and hands both over; the mode may
 // trace further rays in batches of its own. One virtual call a tile and sample. One file a mode;
-// those that show a number of each hit are in mode_data.cpp.
+// those that show a number of each hit are in data.cpp.
 
 // What reaches a point in the clay mode's studio.
 struct StudioLight {
