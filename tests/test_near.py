@@ -31,7 +31,7 @@ def test_what_imports_it_through_others_is_near_and_comes_later() -> None:
 
 
 def test_a_changed_test_comes_first() -> None:
-    found = near_python_tests(["tests/sync/test_state.py", "addon/sync/compare.py"])
+    found = near_python_tests(["tests/sync/test_state.py", "addon/sync/keys.py"])
     assert found.index("tests/sync/test_state.py") < found.index("tests/sync/test_keys.py")
 
 

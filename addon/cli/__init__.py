@@ -10,8 +10,7 @@ import os
 import sys
 from collections.abc import Sequence
 
-from ..settings.modes import MODES
-from ..settings.scan_settings import CLOUD_FORMATS
+from ..settings.modes import CLOUD_FORMATS, MODES
 from .arguments import (
     EXIT_ERROR,
     EXIT_INTERRUPTED,

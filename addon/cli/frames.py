@@ -172,7 +172,7 @@ class RenderWork(PieceWork):
 
     def _inputs(self) -> dict[str, object]:
         from ..pieces.piece import scene_inputs
-        from ..settings.modes import denoiser_in_use
+        from ..settings.preferences import denoiser_in_use
 
         arguments = self._arguments
         return scene_inputs(

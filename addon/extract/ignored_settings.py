@@ -7,7 +7,7 @@ from typing import Any
 
 from ..sync.not_shown import NotShown
 from ..sync.records import AttributeRequest
-from .geometry.curves_and_points import MOST_SUBDIVISIONS
+from .geometry.hair_shape import MOST_SUBDIVISIONS
 
 # Of a view layer, what is written; "sample_count" and the like are no pictures of the scene.
 _WRITTEN_PASSES = frozenset(

@@ -6,169 +6,24 @@ from contextlib import nullcontext
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-import numpy as np
-import numpy.typing as npt
-from perfect_bvh.bulk import place_instances
-
 from ..events.asking import EvaluationLog
 from ..events.changes import watched_evaluations
 from ..sync.not_shown import NotShown
-from ..sync.records import (
-    LARGEST_COORDINATE,
-    AttributeRequest,
-    CameraRecord,
-    ImageRecord,
-    InstanceRecords,
-    Int32Array,
-    LightRecords,
-    MaterialRecord,
-    MaterialVariants,
-    MeshRecord,
-    ObjectRecord,
-    SceneRecord,
-    UnseenMesh,
-    WorldRecord,
-)
+from ..sync.records import AttributeRequest, CameraRecord, LightRecords, SceneRecord
 from .camera import Frame, read_camera, read_frame
-from .geometry.curves_and_points import ShapedHair
 from .geometry.geometry_instances import InstanceCache, read_instances
 from .geometry.groups import AdaptiveSubdivision, GroupTable
+from .geometry.hair_shape import ShapedHair
 from .geometry.instance_columns import InstanceColumns
-from .geometry.instancer_survey import SILENT_TYPES
 from .geometry.mesh_table import MeshCache, MeshTable
 from .ignored_settings import find_ignored_settings
 from .label_values import find_missing_libraries
 from .looks.images import ImageCache, ImageReader
-from .looks.lights import lights_few, read_lights, read_world
+from .looks.lights import read_lights, read_world
 from .looks.materials import PLAIN_REFLECTANCE, MaterialReader, read_variants
 from .pointer_views import ArrayReader
+from .read_again import PlainReading, SceneParts, read_again, remember
 from .visibility import VisibilityReader, outside_viewports
-
-# Reads again a scene of plain objects of which Blender has evaluated nothing but places and settings.
-#
-# Asking every object everything takes longer than all else of a frame in which one of ten thousand moved. Here all are
-# asked who they are and where, and only those that Blender names are asked more. Whatever else may have changed, the
-# scene is read as the first time.
-
-
-_NOT_SHOWN = -1
-
-
-@dataclass(frozen=True, slots=True)
-class SceneParts:
-    """A reading but for the camera and the lights, which are read every time."""
-
-    meshes: tuple[MeshRecord, ...]
-    objects: tuple[ObjectRecord, ...]
-    materials: tuple[MaterialRecord, ...]
-    images: tuple[ImageRecord, ...]
-    instances: InstanceRecords
-    world: WorldRecord | None
-    variants: MaterialVariants | None
-    unseen: tuple[UnseenMesh, ...]
-    instances_lights: bool
-    warnings: tuple[str, ...]
-    not_shown: tuple[NotShown, ...]
-
-
-@dataclass(frozen=True, slots=True)
-class PlainReading:
-    """A reading of nothing but plain objects, with what tells whether it still holds.
-
-    attributes, graph, look: what was read, of which depsgraph (its address), as who would see it. since: the log's
-    time. uids: of all evaluated objects. rows: (N,) int32, of each of them, its row among the instances, or -1.
-    """
-
-    parts: SceneParts
-    attributes: AttributeRequest
-    graph: int
-    look: tuple[Any, ...]
-    since: int
-    uids: list[int]
-    rows: Int32Array
-
-
-def remember(
-    parts: SceneParts,
-    shown: npt.NDArray[np.bool_] | None,
-    depsgraph: Any,
-    attributes: AttributeRequest,
-    visibility: VisibilityReader,
-    log: EvaluationLog | None,
-) -> PlainReading | None:
-    """None if it cannot be read again.
-
-    shown: which of the evaluated objects are instances; None if there are others.
-    """
-    look = visibility.look
-    if shown is None or log is None or look is None:
-        return None
-    if parts.variants is not None:  # which objects' properties they depend on is not kept
-        return None
-    originals = [obj.original for obj in depsgraph.objects]
-    # What is edited or sculpted may change without a notice from Blender: it is read every time.
-    if len(originals) != len(shown) or any(original.mode != "OBJECT" for original in originals):
-        return None
-    uids = [original.session_uid for original in originals]
-    rows = np.where(shown, np.cumsum(shown) - 1, _NOT_SHOWN).astype(np.int32)
-    return PlainReading(parts, attributes, depsgraph.as_pointer(), look, log.now, uids, rows)
-
-
-def read_again(
-    last: PlainReading | None,
-    depsgraph: Any,
-    attributes: AttributeRequest,
-    visibility: VisibilityReader,
-    log: EvaluationLog | None,
-    images: ImageCache,
-) -> SceneParts | None:
-    """The last reading with today's transforms, or None if that may not be all that changed."""
-    if last is None or log is None or last.attributes != attributes or last.look != visibility.look:
-        return None
-    graph = depsgraph.as_pointer()
-    touched = log.find_touched(graph, last.since) if graph == last.graph else None
-    if touched is None or not images.is_current():
-        return None
-    objects = list(depsgraph.objects)
-    uids = [obj.original.session_uid for obj in objects]
-    if uids != last.uids:
-        return None
-    for obj, uid, row in zip(objects, uids, last.rows.tolist(), strict=True):
-        if uid in touched and not _is_as_before(obj, row, last.parts, visibility):
-            return None
-    matrices = np.empty((len(objects), 4, 4), np.float32)
-    depsgraph.objects.foreach_get("matrix_world", matrices.reshape(-1))
-    shown = matrices[last.rows != _NOT_SHOWN]
-    transforms = np.empty((len(shown), 3, 4), np.float32)
-    if len(place_instances(None, shown, transforms, LARGEST_COORDINATE)):
-        return None
-    return replace(last.parts, instances=replace(last.parts.instances, transforms=transforms))
-
-
-def _is_as_before(obj: Any, row: int, parts: SceneParts, visibility: VisibilityReader) -> bool:
-    """Whether an evaluated object differs in its transform alone, if at all."""
-    if obj.original.mode != "OBJECT" or obj.is_instancer:
-        return False
-    uid = obj.original.session_uid
-    if lights_few(obj) or any(row.session_uid == uid for row in parts.not_shown if row.kind == "light"):
-        return False  # what is said of its light may be so no more
-    if row == _NOT_SHOWN:
-        return obj.type in SILENT_TYPES
-    record = parts.objects[parts.instances.object_indices[row]]
-    slots = tuple(
-        [None if slot.material is None else slot.material.original.session_uid for slot in obj.material_slots]
-    )
-    return bool(
-        not visibility.is_hidden(obj, None)
-        and visibility.mask(obj, None) == parts.instances.masks[row]
-        and visibility.is_holdout(obj, None) == record.holdout
-        and (obj.original.name, obj.pass_index) == (record.name, record.pass_index)
-        and slots == tuple([None if slot < 0 else parts.materials[slot].session_uid for slot in record.material_slots])
-    )
-
-
-# Scene ---------------------------------------------------------------------------------------------------------------
-
 
 DARK = NotShown("dark", "No light", 0, "neither a light, the world nor a material shines; the image is black")
 # Layouts that were proven or refuted hold for the whole process.

@@ -28,7 +28,8 @@ from .geometry.geometry_instances import read_instances
 from .geometry.groups import AdaptiveSubdivision, GroupTable
 from .geometry.mesh_table import MeshTable
 from .looks.materials import MaterialReader
-from .scene import ReadCache, read_again, read_any_camera, read_scene, shared_reader
+from .read_again import read_again
+from .scene import ReadCache, read_any_camera, read_scene, shared_reader
 from .visibility import VisibilityReader, outside_viewports
 
 # A shutter around a frame: at which frames its moments are, and going there and back.

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from ..settings.modes import denoiser_libraries
+from ..settings.preferences import denoiser_libraries
 from ..support.memory import check_fits
 from .plan import GUIDES, NOISY, RenderPlan
 

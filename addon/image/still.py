@@ -12,7 +12,7 @@ import bpy
 import numpy as np
 import numpy.typing as npt
 
-from ..settings.modes import denoising_data_settings
+from ..settings.preferences import denoising_data_settings
 from ..statistics.last_result import FrameStatistics
 from .denoising import Denoised, ImageDenoiser
 from .plan import NOISY, VECTOR, RenderPlan, Window, owners_of, trace_costs

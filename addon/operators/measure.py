@@ -11,7 +11,7 @@ from typing import Any, ClassVar
 import bpy
 
 from ..events.changes import edit_count
-from ..live.scene_view import SceneReference
+from ..live.pending_commit import SceneReference
 from ..settings.preferences import redraw_viewports
 from ..settings.view_settings import REFITTED, choice_of
 from ..support.files import prepare_folder
@@ -191,7 +191,7 @@ class PERFECT_BVH_OT_compare(Ticking, bpy.types.Operator):
         """False if there is nothing to compare, with the reason reported."""
         from ..support.background_work import BackgroundWork
         from ..view3d.compare.compare_trees import compare
-        from ..view3d.pointer import read_object
+        from ..view3d.reading import read_object
 
         scene, settings = context.scene, context.scene.perfect_bvh.compare
         choices = choice_of(settings.left), choice_of(settings.right)

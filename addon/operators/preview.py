@@ -14,7 +14,7 @@ import numpy as np
 
 from ..image.progressive import Pace
 from ..image.refinement import Refinement
-from ..live.sync_cache import LOOKING_SECONDS
+from ..live.pending_commit import LOOKING_SECONDS
 from ..settings.preferences import redraw_viewports
 from ..statistics.last_result import note_image
 from ..view3d.rendered.redraws import AwaitedView, await_view, find_view

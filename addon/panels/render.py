@@ -6,8 +6,8 @@ from typing import ClassVar
 
 import bpy
 
-from ..settings.modes import denoiser_in_use, find_mode, mode_of_render
-from ..settings.preferences import native_error
+from ..settings.modes import find_mode, mode_of_render
+from ..settings.preferences import denoiser_in_use, native_error
 from ..settings.scene_settings import light_path_settings, object_motion_settings, rolling_shutter_settings
 from ..view3d.rendered import opening
 from .common import EnginePanel, RenderPanel, draw_lines, settings_layout

@@ -8,7 +8,8 @@ light          what light does to beams: echoes, detection, noise. Needs no Blen
 scan           places the sensor from key moment to key moment, casts the rays, collects the hits
 stretches      from one key moment to the next: where the sensor is, and what a second eye does not see
 stretch_sync   the scene at both ends of a stretch, how far its paths are from straight lines, and the rays between
-outcomes       what became of each ray, and why a scan is of no use; the mount, and how rays go through it
+outcomes       what became of each ray, in numbers, and why a scan is of no use, in words. Needs no Blender.
+mount          the object that carries the sensor, with its children, and how rays go through them
 point_cloud    hits of many batches as columns, and as an .npz file. Needs no Blender.
 formats        the result in the formats of others: PLY, LAS, LAZ, CSV, Parquet, HDF5. Needs no Blender.
 piece_scan     a long scan as files of some frames each, which are recognised when it is run again

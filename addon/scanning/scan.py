@@ -26,7 +26,8 @@ from ..live.scene_view import SceneMoment, SceneView, viewport_depsgraph
 from ..support.memory import check_fits
 from ..sync.records import AttributeRequest
 from .light.model import Light, RayNoise
-from .outcomes import Mount, complaints_of, mount_left_out, surrounds, unit_complaints
+from .mount import Mount, surrounds
+from .outcomes import complaints_of, mount_left_out, unit_complaints
 from .patterns import Float64Array, Pattern, View
 from .point_cloud import Collector, PointCloud
 from .sensor_files import Sensor, sensor_names

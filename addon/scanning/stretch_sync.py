@@ -33,7 +33,8 @@ from ..sync.records import (
 from ..sync.scene_difference import AppliedDifference, SceneDifference
 from .light.beams import Batch, BeamCaster
 from .light.model import Light, RayNoise, axis_across
-from .outcomes import MissJudge, Mount, Outcome, Outcomes, mark_mount
+from .mount import Mount
+from .outcomes import MissJudge, Outcome, Outcomes, mark_mount
 from .patterns import Pattern, Rays
 from .point_cloud import Collector
 from .stretches import Path, drop_hidden

@@ -9,13 +9,8 @@ What eyes and files get of a mode:
 
 from __future__ import annotations
 
-import functools
-import sys
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
-
-import bpy
 
 
 @dataclass(frozen=True, slots=True)
@@ -124,33 +119,27 @@ def mode_of_render(scene: Any) -> Mode:
     return find_mode(scene.perfect_bvh.mode.lower())
 
 
-# Denoisers -----------------------------------------------------------------------------------------------------------
-# Which denoiser there is on this machine: Blender's own OpenImageDenoise, another one, or the engine's filter.
+# Cloud formats -------------------------------------------------------------------------------------------------------
+# The formats of files of points, and the libraries that they need. Imports neither Blender nor numpy.
 
 
-# Where Blender has its own; the module bpy keeps Windows' libraries beside itself.
-_PLACES = {
-    "linux": ("lib/libOpenImageDenoise.so.2",),
-    "win32": ("blender.shared/OpenImageDenoise.dll", "OpenImageDenoise.dll"),
-    "darwin": ("lib/libOpenImageDenoise.dylib",),
-}
+@dataclass(frozen=True, slots=True)
+class CloudFormat:
+    """name: the ending without its dot. modules: of Python, that writing it imports."""
+
+    name: str
+    label: str
+    description: str
+    modules: tuple[str, ...] = ()
 
 
-def denoiser_libraries() -> tuple[Path, ...]:
-    """The library that Blender carries, beside its own folder of scripts; empty where a distribution shares it."""
-    home = Path(bpy.utils.resource_path("LOCAL")).parent
-    return tuple(path for place in _PLACES.get(sys.platform, ()) if (path := home / place).exists())
-
-
-def denoising_data_settings(view_layer: bpy.types.ViewLayer) -> bpy.types.bpy_struct | None:
-    """What holds the switch `denoising_store_passes` of a view layer: Cycles keeps it, None if that is disabled."""
-    settings = getattr(view_layer, "cycles", None)
-    return settings if hasattr(settings, "denoising_store_passes") else None
-
-
-@functools.cache
-def denoiser_in_use() -> str:
-    """Its name, for panels."""
-    import perfect_bvh
-
-    return perfect_bvh.denoiser_name(denoiser_libraries())
+CLOUD_FORMATS = (
+    CloudFormat("npz", "NumPy", "An .npz file with all columns and names; needs no library"),
+    CloudFormat("ply", "PLY", "Polygon file format, with all columns; by the library plyfile", ("plyfile",)),
+    CloudFormat("las", "LAS", "As surveyors exchange point clouds; by the library laspy", ("laspy",)),
+    CloudFormat("laz", "LAZ", "LAS, compressed; by the libraries laspy and lazrs", ("laspy", "lazrs")),
+    CloudFormat("csv", "CSV", "A table as text, with commas between; by the library pyarrow", ("pyarrow.csv",)),
+    CloudFormat("parquet", "Parquet", "A compressed table of columns; by the library pyarrow", ("pyarrow.parquet",)),
+    CloudFormat("h5", "HDF5", "An array for each column; by the library h5py", ("h5py",)),
+)
+MODULES = {f".{one.name}": one.modules for one in CLOUD_FORMATS}

@@ -14,7 +14,8 @@ import numpy.typing as npt
 from perfect_bvh.bulk import are_equal
 
 from . import mesh_edits
-from .compare import UNCHANGED, InstanceDifference, Int64Array, MeshDifference, compare_mesh
+from .compare import UNCHANGED, InstanceDifference, MeshDifference, compare_mesh
+from .keys import Int64Array
 from .mesh_edits import MeshScene
 from .plan import Expectation, UsageTracker
 from .records import BoolArray, InstanceMotions, Int32Array, MeshMotion, MeshRecord, SceneMotion, SceneRecord

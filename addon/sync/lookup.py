@@ -9,7 +9,7 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 import numpy.typing as npt
 
-from .compare import Int64Array
+from .keys import Int64Array
 from .records import Int32Array, MeshRecord, SceneRecord
 
 MISS = -1

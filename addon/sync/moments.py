@@ -15,16 +15,8 @@ import numpy as np
 import numpy.typing as npt
 from perfect_bvh.bulk import find_moved
 
-from .compare import (
-    Uint64Array,
-    are_same_instances,
-    have_same,
-    match_keys,
-    mix,
-    number_repeated,
-    plain_keys,
-    topology_change,
-)
+from .compare import are_same_instances, have_same, topology_change
+from .keys import Uint64Array, match_keys, mix, number_repeated, plain_keys
 from .plan import RADIUS_ROUNDING
 from .records import (
     BoolArray,

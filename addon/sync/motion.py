@@ -14,7 +14,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from .compare import PlacedInstances, is_same_camera
+from .compare import is_same_camera
+from .keys import PlacedInstances
 from .moments import (
     BARE,
     DEFORMED,

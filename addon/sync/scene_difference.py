@@ -14,12 +14,12 @@ from .compare import (
     InstanceDifference,
     MeshAction,
     MeshDifference,
-    Uint64Array,
     find_look_differences,
     is_same_camera,
     uids_of,
 )
 from .held import MotionDifference
+from .keys import Uint64Array
 from .records import Int32Array, ObjectRecord, SceneRecord
 from .report import OBJECT_ACTIONS, MeshChange, ObjectColumns, SyncReport
 

@@ -14,8 +14,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 import numpy as np
 import numpy.typing as npt
 
-from .compare import HeldInstances, Int64Array, compare_instances, instance_keys, instance_orders
+from .compare import HeldInstances, compare_instances
 from .held import HeldMeshes, MovingScene, compare_motion
+from .keys import Int64Array, instance_keys, instance_orders
 from .records import Int32Array, SceneRecord
 from .report import MeshChange, SyncReport
 from .scene_difference import AppliedDifference, SceneDifference

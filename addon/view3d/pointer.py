@@ -17,8 +17,7 @@ import bpy
 import numpy as np
 import numpy.typing as npt
 
-from ..extract.scene import read_scene
-from ..sync.records import AttributeRequest, MeshRecord, SceneRecord
+from ..sync.records import MeshRecord, SceneRecord
 
 if TYPE_CHECKING:
     from perfect_bvh import Snapshot
@@ -216,41 +215,6 @@ def find_object(record: SceneRecord, session_uid: int) -> OneObject | None:
     mesh = record.meshes[record.instances.mesh_indices[place]]
     name = record.objects[record.instances.object_indices[place]].name
     return OneObject(name, session_uid, mesh, matrix, place)
-
-
-# Reading -------------------------------------------------------------------------------------------------------------
-# An object as rays meet it, read from Blender: now, or in another frame.
-
-
-# Trees need no more than triangles.
-NOTHING_BESIDE = AttributeRequest(material_slots=False)
-
-
-def read_object(context: bpy.types.Context, obj: bpy.types.Object, frame: int | None = None) -> OneObject:
-    """Raises ValueError if rays cannot meet it. frame: after which the current one is shown again; None for that."""
-    scene = context.scene
-    if frame is None or frame == scene.frame_current:
-        return find_in(read_record(context.evaluated_depsgraph_get()), obj.name, obj.session_uid)
-    name, session_uid = obj.name, obj.session_uid
-    before = scene.frame_current, scene.frame_subframe
-    try:
-        scene.frame_set(frame)
-        return find_in(read_record(context.evaluated_depsgraph_get()), name, session_uid)
-    finally:
-        scene.frame_set(before[0], subframe=before[1])
-
-
-def read_record(depsgraph: bpy.types.Depsgraph) -> SceneRecord:
-    """Triangles and places of what viewports show."""
-    return read_scene(depsgraph, NOTHING_BESIDE, for_viewport=True)
-
-
-def find_in(record: SceneRecord, name: str, session_uid: int) -> OneObject:
-    """Raises ValueError if rays cannot meet the object."""
-    shown = find_object(record, session_uid)
-    if shown is None or not len(shown.mesh.triangles):
-        raise ValueError(f"{name} has no triangles that rays could meet in frame {record.frame:g}")
-    return shown
 
 
 # Sample rays ---------------------------------------------------------------------------------------------------------

@@ -7,7 +7,7 @@ from typing import Any
 import bpy
 import pytest
 from perfect_bvh_addon import SceneSync
-from perfect_bvh_addon.live import sync_cache
+from perfect_bvh_addon.live import pending_commit
 from perfect_bvh_addon.live.sync_cache import sync_of
 from perfect_bvh_addon.view3d.tree_overlay import tree_lines
 
@@ -21,7 +21,7 @@ def keep_lines(monkeypatch: pytest.MonkeyPatch) -> list[Any]:
         return object()
 
     monkeypatch.setattr(tree_lines, "_make_batch", keep)
-    monkeypatch.setattr(sync_cache, "BUILDING_SECONDS", 60.0)  # however slow this machine is
+    monkeypatch.setattr(pending_commit, "BUILDING_SECONDS", 60.0)  # however slow this machine is
     return made
 
 

@@ -15,7 +15,7 @@ from blender.long_builds import PATIENCE, building_threads, patiently
 from perfect_bvh_addon.image.plan import plan_view
 from perfect_bvh_addon.image.progressive import Pace
 from perfect_bvh_addon.image.refinement import Refinement, View
-from perfect_bvh_addon.live import sync_cache
+from perfect_bvh_addon.live import pending_commit
 from perfect_bvh_addon.settings.scene_settings import read_settings
 from perfect_bvh_addon.sync.appearance import as_camera
 from perfect_bvh_addon.sync.records import CameraRecord
@@ -39,7 +39,7 @@ def registered_without_windows(monkeypatch: pytest.MonkeyPatch) -> Iterator[None
     monkeypatch.setattr(viewport, "draw_patches", lambda screen, scene, image, size: screen.append(whole_of(image)))
     monkeypatch.setattr(viewport, "AWAITING_SECONDS", PATIENCE)  # however slow this machine is
     monkeypatch.setattr(viewport, "camera_of", lambda *_: (camera, None))
-    monkeypatch.setattr(sync_cache, "BUILDING_SECONDS", 0.05)
+    monkeypatch.setattr(pending_commit, "BUILDING_SECONDS", 0.05)
     perfect_bvh_addon.register()
     yield
     perfect_bvh_addon.unregister()

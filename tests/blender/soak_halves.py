@@ -14,8 +14,8 @@ import bpy
 import numpy as np
 import perfect_bvh
 from perfect_bvh_addon import SceneSync
-from perfect_bvh_addon.live import sync_cache
-from perfect_bvh_addon.live.sync_cache import PendingCommit
+from perfect_bvh_addon.live import pending_commit
+from perfect_bvh_addon.live.pending_commit import PendingCommit
 
 if TYPE_CHECKING:
     from blender.soak import Soak
@@ -167,8 +167,8 @@ class Halves:
 
     def _look_as(self, user: _User, patience: float) -> bool:
         """Whether there was an image; patience: seconds that are waited for it."""
-        kept = sync_cache.BUILDING_SECONDS, sync_cache.LOOKING_SECONDS
-        sync_cache.BUILDING_SECONDS = sync_cache.LOOKING_SECONDS = patience
+        kept = pending_commit.BUILDING_SECONDS, pending_commit.LOOKING_SECONDS
+        pending_commit.BUILDING_SECONDS = pending_commit.LOOKING_SECONDS = patience
         try:
             if user.is_stale or user.trees.sync is None:
                 user.is_stale = False
@@ -178,7 +178,7 @@ class Halves:
             self._soak.counts[f"{HALVES}{type(problem).__name__}"] += 1
             return False
         finally:
-            sync_cache.BUILDING_SECONDS, sync_cache.LOOKING_SECONDS = kept
+            pending_commit.BUILDING_SECONDS, pending_commit.LOOKING_SECONDS = kept
         if is_there:
             self._check("an image", user)
         else:

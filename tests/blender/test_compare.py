@@ -26,11 +26,8 @@ from perfect_bvh_addon.view3d.compare.compare_trees import (  # noqa: E402  # no
     shade,
 )
 from perfect_bvh_addon.view3d.compare.half_picture import FILLS, Framing, cut_of, frame_box  # noqa: E402
-from perfect_bvh_addon.view3d.pointer import (  # noqa: E402
-    SIDE,
-    primary_rays,
-    read_object,
-)
+from perfect_bvh_addon.view3d.pointer import SIDE, primary_rays  # noqa: E402
+from perfect_bvh_addon.view3d.reading import read_object  # noqa: E402
 
 pytestmark = pytest.mark.usefixtures("scene", "registered")
 

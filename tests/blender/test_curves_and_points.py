@@ -22,7 +22,7 @@ from blender.hair_and_points import (
 from oracles.cycles import preserved, render_cycles, render_passes
 from perfect_bvh_addon import SceneSync
 from perfect_bvh_addon.extract import read_scene
-from perfect_bvh_addon.extract.geometry.curves_and_points import HairShape
+from perfect_bvh_addon.extract.geometry.hair_shape import HairShape
 from perfect_bvh_addon.scanning.point_data import OBJECT_NAMES
 
 DOWN = (0.0, 0.0, -1.0)

@@ -21,8 +21,9 @@ from perfect_bvh import _oidn  # noqa: E402
 from perfect_bvh.denoise import DenoiseQuality, denoise  # noqa: E402
 from perfect_bvh_addon.image.denoising import ImageDenoiser  # noqa: E402
 from perfect_bvh_addon.image.plan import GUIDES, NOISY, RenderPlan, plan_render, plan_view  # noqa: E402
-from perfect_bvh_addon.settings import modes  # noqa: E402
-from perfect_bvh_addon.settings.modes import MODE_NAMES, MODES, denoiser_in_use, denoiser_libraries  # noqa: E402  # noqa: E402
+from perfect_bvh_addon.settings import preferences  # noqa: E402
+from perfect_bvh_addon.settings.modes import MODE_NAMES, MODES  # noqa: E402
+from perfect_bvh_addon.settings.preferences import denoiser_in_use, denoiser_libraries  # noqa: E402
 from perfect_bvh_addon.settings.scene_settings import read_settings  # noqa: E402
 from perfect_bvh_addon.statistics.last_result import statistics_rows  # noqa: E402
 
@@ -165,8 +166,8 @@ def test_blender_s_library_is_found_where_each_system_s_blender_has_it(
     for place in places:
         (tmp_path / place).parent.mkdir(exist_ok=True)
         (tmp_path / place).touch()
-    monkeypatch.setattr(modes.bpy.utils, "resource_path", lambda _: str(tmp_path / "5.0"))
-    monkeypatch.setattr(modes.sys, "platform", system)
+    monkeypatch.setattr(preferences.bpy.utils, "resource_path", lambda _: str(tmp_path / "5.0"))
+    monkeypatch.setattr(preferences.sys, "platform", system)
     assert denoiser_libraries() == tuple(tmp_path / place for place in places)
 
 

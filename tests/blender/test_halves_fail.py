@@ -15,7 +15,7 @@ from blender.syncing import assert_stale, cast_down, depsgraph, height, move  # 
 from forks import needs_fork, run_in_child  # noqa: E402
 from perfect_bvh_addon import SceneSync  # noqa: E402
 from perfect_bvh_addon.events import changes  # noqa: E402
-from perfect_bvh_addon.live.sync_cache import PendingCommit  # noqa: E402
+from perfect_bvh_addon.live.pending_commit import PendingCommit  # noqa: E402
 from perfect_bvh_addon.support import background_work  # noqa: E402
 from perfect_bvh_addon.support.background_work import BackgroundWork  # noqa: E402
 from perfect_bvh_addon.sync.scene_difference import AppliedDifference  # noqa: E402

@@ -11,7 +11,7 @@ from blender.builders import collection, evaluated
 from blender.moving_scenes import FRAME, SHUTTER, Told, at_frame, frozen, keyed
 from blender.particle_hair import emitter
 from perfect_bvh_addon import SceneSync
-from perfect_bvh_addon.sync.compare import instance_keys, match_keys
+from perfect_bvh_addon.sync.keys import instance_keys, match_keys
 
 
 @pytest.fixture

@@ -16,7 +16,7 @@ bpy = pytest.importorskip("bpy")
 import perfect_bvh  # noqa: E402
 from blender.followed_trees import synced  # noqa: E402
 from blender.long_builds import PATIENCE, Gate, building_threads, wait_until  # noqa: E402
-from perfect_bvh_addon.live import sync_cache  # noqa: E402
+from perfect_bvh_addon.live import pending_commit  # noqa: E402
 from perfect_bvh_addon.live.sync_cache import sync_of  # noqa: E402
 from perfect_bvh_addon.view3d.drawing import box_lines  # noqa: E402
 from perfect_bvh_addon.view3d.tree_overlay import scene_overlay, tree_lines  # noqa: E402
@@ -50,7 +50,7 @@ class Screen:
 
 
 def test_the_last_boxes_are_drawn_in_grey_until_the_new_ones_are_there(scene, monkeypatch, gate: Gate, overlay) -> None:
-    monkeypatch.setattr(sync_cache, "BUILDING_SECONDS", 0.05)
+    monkeypatch.setattr(pending_commit, "BUILDING_SECONDS", 0.05)
     screen = Screen(monkeypatch)
     bpy.ops.mesh.primitive_cube_add()
     settings = scene.perfect_bvh.overlay
@@ -92,7 +92,7 @@ def test_the_last_boxes_are_drawn_in_grey_until_the_new_ones_are_there(scene, mo
 
 def test_no_frame_of_an_animation_that_plays_shows_the_boxes_of_another(scene, monkeypatch, overlay) -> None:
     """Not in grey either: each frame waits for its trees, however long that takes."""
-    monkeypatch.setattr(sync_cache, "BUILDING_SECONDS", 0.0)
+    monkeypatch.setattr(pending_commit, "BUILDING_SECONDS", 0.0)
     commit = perfect_bvh.Scene.commit
 
     def commit_slowly(*arguments: Any, **options: Any) -> Any:
@@ -125,7 +125,7 @@ class PlayingContext:
 
 
 def test_boxes_wait_for_trees_that_take_long_and_blender_for_neither(drawn_batches, monkeypatch) -> None:
-    monkeypatch.setattr(sync_cache, "BUILDING_SECONDS", 0.05)
+    monkeypatch.setattr(pending_commit, "BUILDING_SECONDS", 0.05)
     gate = Gate(monkeypatch)
     bpy.ops.mesh.primitive_uv_sphere_add()
     settings = bpy.context.scene.perfect_bvh.overlay

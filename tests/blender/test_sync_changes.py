@@ -13,7 +13,7 @@ from blender.builders import (
 )
 from blender.village import CHANGES, build_village, thing
 from perfect_bvh_addon import AttributeRequest, SceneSync
-from perfect_bvh_addon.sync.compare import instance_keys
+from perfect_bvh_addon.sync.keys import instance_keys
 
 ALL_ATTRIBUTES = AttributeRequest(material_slots=True, corner_normals=True, corner_uvs=True)
 

@@ -15,7 +15,7 @@ import perfect_bvh  # noqa: E402
 from blender.long_builds import PATIENCE, Gate, building_threads  # noqa: E402
 from blender.shown_viewport import Shown, cube_to_show, fresh, move  # noqa: E402
 from perfect_bvh_addon import engine  # noqa: E402
-from perfect_bvh_addon.live import sync_cache  # noqa: E402
+from perfect_bvh_addon.live import pending_commit  # noqa: E402
 from perfect_bvh_addon.live.sync_cache import clear_syncs, sync_of  # noqa: E402
 from perfect_bvh_addon.view3d.rendered import viewport  # noqa: E402
 
@@ -34,7 +34,7 @@ def cube(scene: bpy.types.Scene) -> bpy.types.Object:
 
 
 def test_an_image_of_quick_trees_comes_in_the_redraw_of_the_edit(cube, gate: Gate, monkeypatch) -> None:
-    monkeypatch.setattr(sync_cache, "BUILDING_SECONDS", PATIENCE)  # however slow this machine is
+    monkeypatch.setattr(pending_commit, "BUILDING_SECONDS", PATIENCE)  # however slow this machine is
     shown = Shown()
     for x in (0.0, 1.0):
         move(cube, x)
@@ -235,7 +235,7 @@ def test_what_fails_beside_it_is_told_and_leaves_no_old_image(cube, gate: Gate, 
     building = sync_of(bpy.context.evaluated_depsgraph_get()).building
     assert building is None or building.wait(PATIENCE)
     shown.screen.clear()
-    monkeypatch.setattr(sync_cache, "BUILDING_SECONDS", PATIENCE)  # what is restarted fails before it is waited for
+    monkeypatch.setattr(pending_commit, "BUILDING_SECONDS", PATIENCE)  # what is restarted fails before it is waited for
     for _ in range(2):
         with pytest.raises(MemoryError, match="no room for trees"):
             shown.redraw()

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from perfect_bvh_addon.sync.compare import instance_keys, instance_orders, match_keys
+from perfect_bvh_addon.sync.keys import instance_keys, instance_orders, match_keys
 from sync.fakes import Shown, mesh, record
 
 

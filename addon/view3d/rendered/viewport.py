@@ -22,7 +22,7 @@ import bpy
 from ...image.plan import RenderPlan, plan_view, trace_visits
 from ...image.progressive import Pace
 from ...image.refinement import DEFAULT_INTERVAL, Refinement, Tracer, View
-from ...live.sync_cache import PendingCommit
+from ...live.pending_commit import PendingCommit
 from ...settings.shading_settings import read_view_settings
 from ...statistics import not_shown
 from ...statistics.last_result import confirm_view, edits_of

@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, Any
 import bpy
 import numpy as np
 
-from ...live.sync_cache import PendingCommit
+from ...live.pending_commit import PendingCommit
 from ...settings.preferences import redraw_viewports
 from ...statistics.words import reason_of
 from .. import pointer

@@ -14,7 +14,7 @@ import bpy
 import numpy as np
 
 from ...events.changes import watch_again
-from ...live.sync_cache import PendingCommit
+from ...live.pending_commit import PendingCommit
 from ...sync.records import VISIBLE_TO_CAMERA
 from .. import drawing
 from ..compare import compare_view

@@ -1,0 +1,66 @@
+"""What the scene's settings make of hair: flat or round, bent or straight, as Cycles (5.0) shows it.
+
+Cycles' own settings decide, or where the Cycles add-on is off those of EEVEE. Hair whose first curve is a poly is round
+and straight, whatever the scene asks for. Ribbons have one piece more from one point to the next than two to the power
+of `subdivisions`, which is of ribbons alone: what is round Cycles bends, and this engine divides. Of those more than
+`MOST_SUBDIVISIONS` are not asked, as each piece is held in memory.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+from ...sync.records import CurveKind, CurveShape, MeshRecord
+
+MOST_SUBDIVISIONS = 6
+_ROUND_PIECES = 8  # a fixed number, so that a tree can follow curves that bend
+_RIBBON_PIECES = 5  # of Cycles' default
+
+
+@dataclass(frozen=True, slots=True)
+class HairShape:
+    """Of hair that is no poly. Read from a scene; straight: from point to point."""
+
+    shape: CurveShape
+    pieces: int
+    straight: bool
+
+    @classmethod
+    def of(cls, scene: Any) -> HairShape:
+        cycles = getattr(scene, "cycles_curves", None)
+        if cycles is None:
+            is_round = scene.render.hair_type == "CYLINDER"
+            return cls("round", _ROUND_PIECES, False) if is_round else cls("ribbon", _RIBBON_PIECES, False)
+        if cycles.shape == "RIBBONS":
+            return cls("ribbon", 2 ** min(cycles.subdivisions, MOST_SUBDIVISIONS) + 1, False)
+        return cls("round", _ROUND_PIECES, cycles.shape == "THICK_LINEAR")
+
+
+@dataclass(slots=True)
+class ShapedHair:
+    """What the last reading's hair became: of a mesh that is still the same record the same one is made again."""
+
+    _hair: HairShape | None = None
+    _read: tuple[MeshRecord, ...] = ()
+    _made: tuple[MeshRecord, ...] = ()
+
+    def shaped(self, meshes: tuple[MeshRecord, ...], scene: Any) -> tuple[MeshRecord, ...]:
+        """The same, with what hair is. scene: the original one, as Cycles' properties evaluate nothing."""
+        if all(mesh.kind != "curves" for mesh in meshes):
+            self._hair, self._read, self._made = None, (), ()
+            return meshes
+        hair = HairShape.of(scene)
+        known = {}
+        if hair == self._hair:
+            known = {id(read): made for read, made in zip(self._read, self._made, strict=True)}
+        made = tuple([known.get(id(mesh)) or _shaped(mesh, hair) for mesh in meshes])
+        self._hair, self._read, self._made = hair, meshes, made
+        return made
+
+
+def _shaped(mesh: MeshRecord, hair: HairShape) -> MeshRecord:
+    if mesh.kind != "curves" or mesh.curve_kind == "poly":
+        return mesh
+    kind: CurveKind = "poly" if hair.straight else "catmull_rom"
+    return replace(mesh, curve_kind=kind, curve_shape=hair.shape, curve_pieces=hair.pieces)
