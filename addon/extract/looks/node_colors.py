@@ -6,7 +6,6 @@ colour.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -40,6 +39,7 @@ from .node_graph import (
     find_output,
     inputs_of,
     is_fed,
+    name_of,
     trace_back,
 )
 from .node_values import HALF, ValueReader
@@ -150,24 +150,25 @@ class _SurfaceReader:
         if node.type == "EMISSION":
             return self._emission(Surface(BLACK), node.inputs["Color"], node.inputs["Strength"], scope)
         if node.type == "BSDF_PRINCIPLED":
-            return self._principled(inputs, scope)
+            return self._principled(node, scope)
         if node.type == "BSDF_HAIR_PRINCIPLED":
             base, hair = HairReader(self._values).read(node, scope)
             return Surface(base, hair=hair)
         if node.type not in SHOWN_NODES:
             self._omissions.note_node(node, instead=SIMPLIFIED_NODES.get(node.type, DIFFUSE_SURFACE))
-        color = next((node.inputs[name] for name in _COLOR_INPUTS if name in node.inputs), None)
+        sockets = (node.inputs[name] for name in _COLOR_INPUTS if name in node.inputs)
+        color = next((socket for socket in sockets if socket.enabled), None)
         base = self._plain if color is None else self._values.read(color, scope)
         return Surface(base, lobes=self._lobes_by_name(node, base, scope))
 
-    def _principled(self, inputs: Mapping[str, Any], scope: Scope | None) -> Surface:
-        values = self._values
+    def _principled(self, node: Any, scope: Scope | None) -> Surface:
+        values, inputs = self._values, inputs_of(node)
         surface = Surface(
             values.read(inputs["Base Color"], scope),
             alpha=values.read_or(WHOLE, "all of the surface is", inputs["Alpha"], scope),
             lobes=Lobes(
                 metallic=self._share(inputs["Metallic"], 0.0, scope),
-                roughness=self._share(inputs["Roughness"], 0.5, scope),
+                **self._facets(node, 0.5, scope),
                 reflectance=self._reflectance(inputs["IOR"], scope)
                 * (2.0 * np.maximum(values.number(inputs["Specular IOR Level"], 0.5, scope), 0.0)),
                 transmission=self._share(inputs["Transmission Weight"], 0.0, scope),
@@ -194,14 +195,17 @@ class _SurfaceReader:
     def _lobes_by_name(self, node: Any, base: Value, scope: Scope | None) -> Lobes:
         """What of a surface a simple shader node makes."""
         if node.type in {"BSDF_GLOSSY", "BSDF_ANISOTROPIC"}:
-            return Lobes(metallic=1.0, roughness=self._share(node.inputs["Roughness"], 0.5, scope), even_metal=1.0)
+            return Lobes(metallic=1.0, **self._facets(node, 0.5, scope), even_metal=1.0)
         if node.type == "BSDF_METALLIC":
+            if getattr(node, "fresnel_type", "F82") == "PHYSICAL_CONDUCTOR":  # without Base Color and Edge Tint
+                self._omissions.note(f"the Fresnel type Physical Conductor of {name_of(node)}")
+                return Lobes(metallic=1.0, **self._facets(node, 0.5, scope))
             edge = self._tint(node.inputs["Edge Tint"], scope)
-            return Lobes(1.0, self._share(node.inputs["Roughness"], 0.5, scope), specular_tint=edge)
+            return Lobes(metallic=1.0, **self._facets(node, 0.5, scope), specular_tint=edge)
         if node.type in {"BSDF_GLASS", "BSDF_REFRACTION"}:
             is_plain = node.type == "BSDF_REFRACTION"
             return Lobes(
-                roughness=self._share(node.inputs["Roughness"], 0.0, scope),
+                **self._facets(node, 0.0, scope),
                 reflectance=0.0 if is_plain else self._reflectance(node.inputs["IOR"], scope),
                 transmission=1.0,
                 ior=self._ior(node.inputs["IOR"], scope),
@@ -214,6 +218,16 @@ class _SurfaceReader:
             tint = Tint((red, green, blue)) if base.is_even else Tint(power=1.0)
             return Lobes(translucency=1.0, translucent_tint=tint)
         return DIFFUSE
+
+    def _facets(self, node: Any, unknown: float, scope: Scope | None) -> dict[str, Any]:
+        """Roughness and losses of the nearest distribution that is shown, and a note if the node has another one."""
+        roughness = self._share(node.inputs["Roughness"], unknown, scope)
+        is_lossy = node.type == "BSDF_REFRACTION" or node.distribution in {"GGX", "ASHIKHMIN_SHIRLEY"}
+        if node.distribution in {"BECKMANN", "ASHIKHMIN_SHIRLEY"} and np.any(roughness):
+            name = node.distribution.replace("_", "-").title()
+            nearest = "GGX is" if is_lossy else "Multiscatter GGX is"
+            self._omissions.note(f"the distribution {name} of {name_of(node)}", nearest)
+        return {"roughness": roughness, "lossy_facets": float(is_lossy)}
 
     def _share(self, socket: Any, unknown: float, scope: Scope | None) -> Any:
         """A number of 0 to 1 for all of the surface."""
