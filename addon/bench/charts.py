@@ -131,7 +131,7 @@ def _frame_advice(figures: Figures) -> str:
     if ratio <= NOTICEABLE:
         return "Leave the policy to the governor: over these frames no fixed one is noticeably less work."
     share = 100.0 * (ratio - 1.0)
-    return f"Scene(policy={better!r}) would be {share:.0f} % less work over these frames than the governor."
+    return f"To {better} always would be {share:.0f} % less work over these frames than the governor."
 
 
 def _decay_advice(figures: Figures) -> str:

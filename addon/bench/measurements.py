@@ -13,6 +13,7 @@ import numpy as np
 import numpy.typing as npt
 import perfect_bvh
 from perfect_bvh import BuildConfig
+from perfect_bvh._tuning import with_policy
 
 from ..extract import ReadCache, read_scene
 from ..scanning.patterns import CameraGrid, View
@@ -231,7 +232,9 @@ class SceneBench:
         """Each policy over the animation: what updates take, and a million rays after each; what a ray visits."""
         if self._subject.read is None or len(self._subject.frames) < 2:
             return
-        states = {policy: SceneState(lambda policy=policy: perfect_bvh.Scene(policy)) for policy in POLICIES}
+        states = {
+            policy: SceneState(lambda policy=policy: with_policy(perfect_bvh.Scene(), policy)) for policy in POLICIES
+        }
         rows: list[Figures] = []
         for number in self._subject.frames[:MOST_FRAMES]:
             if self._is_over("frames"):

@@ -18,7 +18,6 @@ from typing import Any
 
 from perfect_bvh import Scene
 from perfect_bvh._arrays import share_of
-from perfect_bvh.scene import Policy
 
 from ..extract import ReadCache, read_scene
 from ..extract.pointer_views import ArrayReader
@@ -47,7 +46,6 @@ class SceneSync(SyncedScene):
     watch: whether queries raise `perfect_bvh.StaleSceneError` once anything has changed in Blender since the last
         update: see below. For that, Blender handlers are installed until the last such sync is closed, with or without
         `register()`. False is for renders, whose depsgraph is their own.
-    policy: of `perfect_bvh.Scene`: for comparisons, what becomes of trees whose vertices moved.
 
     Use it on Blender's main thread; snapshots of its scene may be traced anywhere, and never go stale.
 
@@ -66,12 +64,11 @@ class SceneSync(SyncedScene):
         *,
         for_viewport: bool | None = None,
         watch: bool = True,
-        policy: Policy = "governed",
     ) -> None:
         self._attributes = attributes or AttributeRequest()
         self._for_viewport = for_viewport
         self._watch = SceneWatch() if watch else None
-        self._make_scene = partial(_make_scene, policy, self._watch)
+        self._make_scene = partial(_make_scene, self._watch)
         self._state = SceneState(self._make_scene)
         self._cache = ReadCache()
         self._lookup = self._appearance = None
@@ -293,8 +290,8 @@ class SceneSync(SyncedScene):
         self._state.scene.mark_stale(why)
 
 
-def _make_scene(policy: Policy, watch: SceneWatch | None) -> Scene:
-    scene = Scene(policy)
+def _make_scene(watch: SceneWatch | None) -> Scene:
+    scene = Scene()
     if watch is not None:
         watch.follow(scene)
     return scene

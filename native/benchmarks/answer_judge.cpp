@@ -57,12 +57,13 @@ std::size_t AnswerJudge::judge(const Answers& answers) const {
   columns.origins_double = origins.data(), columns.directions_double = directions.data();
   columns.t_min = t_min.data(), columns.t_max = t_max.data(), columns.masks = &mask;
   columns.t_min_stride = columns.t_max_stride = 1;
-  std::vector<std::uint8_t> wrong(rays_.size()), ambiguous(rays_.size());
+  std::vector<std::uint8_t> verdicts(rays_.size());
   ThreadPool pool(1);
   CancelToken cancel;
   audit_answers(*scene_, columns, {answers.t.data(), answers.instances.data(), answers.triangles.data()},
-                {wrong.data(), ambiguous.data()}, pool, 0, cancel);
-  return static_cast<std::size_t>(std::count(wrong.begin(), wrong.end(), 1));
+                verdicts.data(), pool, 0, cancel);
+  return static_cast<std::size_t>(
+      std::count_if(verdicts.begin(), verdicts.end(), [](std::uint8_t verdict) { return (verdict & kWrong) != 0; }));
 }
 
 }  // namespace perfect_bvh::bench

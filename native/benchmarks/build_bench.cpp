@@ -139,9 +139,7 @@ std::vector<std::string> run_rays(const Traced& traced, const Mesh& mesh, const 
 void add_statistics(JsonObject& row, const Snapshot& scene) {
   ThreadPool pool(1);
   CancelToken cancel;
-  StatisticsOptions options;
-  options.is_detailed = true;
-  const TreeStatistics tree = measure(scene, options, pool, cancel).meshes.front();
+  const TreeStatistics tree = measure(scene, true, pool, cancel).meshes.front();
   row.add("sah", tree.sah).add("epo", tree.epo).add("depth", tree.depth);
   row.add("leaf_count_variability", tree.leaf_count_variability).add("sibling_overlap", tree.sibling_overlap);
   row.add("reference_count", tree.reference_count).add("node_count", tree.node_count);

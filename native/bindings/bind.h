@@ -98,13 +98,12 @@ inline BuildConfig parse_config(const py::dict& settings) {
   BuildConfig config;
   config.builder = find_builder(settings["builder"].cast<std::string>());
   config.optimize_passes = settings["optimize"].cast<std::uint32_t>();
-  config.optimize_milliseconds = settings["optimize_milliseconds"].cast<double>();
   config.bins = settings["bins"].cast<std::uint32_t>();
   config.axes = settings["axes"].cast<std::uint32_t>();
   config.max_leaf_size = settings["max_leaf_size"].cast<std::uint32_t>();
-  config.traversal_cost = settings["traversal_cost"].cast<float>();
-  config.intersection_cost = settings["intersection_cost"].cast<float>();
   config.duplication_budget = settings["duplication_budget"].cast<float>();
+  if (settings.contains("traversal_cost")) config.traversal_cost = settings["traversal_cost"].cast<float>();
+  if (settings.contains("intersection_cost")) config.intersection_cost = settings["intersection_cost"].cast<float>();
   return config;
 }
 

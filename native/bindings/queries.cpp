@@ -59,8 +59,7 @@ std::size_t stride_of(const Array<T>& column, std::size_t count) {
 Cull parse_cull(const std::string& name) {
   if (name == "none") return Cull::kNone;
   if (name == "back") return Cull::kBack;
-  if (name == "front") return Cull::kFront;
-  throw InvalidArgument("cull must be 'none', 'back' or 'front', got '" + name + "'");
+  throw InvalidArgument("cull must be 'none' or 'back', got '" + name + "'");
 }
 
 Strategy parse_strategy(const std::string& name) {
@@ -203,27 +202,26 @@ void bind_queries(py::module_& module) {
       "audit_answers",
       [](const Snapshot& self, const py::array& origins, const py::array& directions, const Array<float>& t_min,
          const Array<float>& t_max, const Array<std::uint32_t>& masks, const Array<float>& times,
-         const std::string& cull, const Array<float>& t_hit, const Array<std::int32_t>& instance_ids,
-         const Array<std::int32_t>& primitive_ids, Array<bool>& wrong, Array<bool>& ambiguous, int threads,
-         const py::object& progress) {
+         const Array<float>& t_hit, const Array<std::int32_t>& instance_ids, const Array<std::int32_t>& primitive_ids,
+         const std::string& cull, int threads, const py::object& progress) {
         const RayColumns rays = read_rays(origins, directions, t_min, t_max, masks, times, cull);
-        for (const py::ssize_t size :
-             {t_hit.size(), instance_ids.size(), primitive_ids.size(), wrong.size(), ambiguous.size()}) {
+        for (const py::ssize_t size : {t_hit.size(), instance_ids.size(), primitive_ids.size()}) {
           if (static_cast<std::size_t>(size) != rays.count) {
             throw std::invalid_argument("_core: an audited column has the wrong size");
           }
         }
         const AuditedAnswers answers{t_hit.data(), instance_ids.data(), primitive_ids.data()};
-        const AuditVerdicts verdicts{reinterpret_cast<std::uint8_t*>(wrong.mutable_data()),
-                                     reinterpret_cast<std::uint8_t*>(ambiguous.mutable_data())};
+        Array<std::uint8_t> verdicts(static_cast<py::ssize_t>(rays.count));
+        std::uint8_t* const rows = verdicts.mutable_data();
         with_progress(progress, [&](CancelToken& cancel) {
-          audit_answers(self, rays, answers, verdicts, ThreadPool::shared(), threads, cancel);
+          audit_answers(self, rays, answers, rows, ThreadPool::shared(), threads, cancel);
         });
+        return verdicts;
       },
       py::arg("origins"), py::arg("directions"), py::arg("t_min").noconvert(), py::arg("t_max").noconvert(),
-      py::arg("masks").noconvert(), py::arg("times").noconvert(), py::arg("cull"), py::arg("t_hit").noconvert(),
-      py::arg("instance_ids").noconvert(), py::arg("primitive_ids").noconvert(), py::arg("wrong").noconvert(),
-      py::arg("ambiguous").noconvert(), py::arg("threads"), py::arg("progress"));
+      py::arg("masks").noconvert(), py::arg("times").noconvert(), py::arg("t_hit").noconvert(),
+      py::arg("instance_ids").noconvert(), py::arg("primitive_ids").noconvert(), py::arg("cull"), py::arg("threads"),
+      py::arg("progress"));
   snapshot.def(
       "count_intersections",
       [](const Snapshot& self, const py::array& origins, const py::array& directions, const Array<float>& t_min,

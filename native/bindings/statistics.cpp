@@ -74,14 +74,11 @@ py::dict to_dict(const TreeBoxes& boxes) {
 void bind_statistics(py::module_& module) {
   module.def(
       "measure",
-      [](const Snapshot& snapshot, bool detailed, float traversal_cost, float intersection_cost,
-         const py::object& progress) {
-        const StatisticsOptions options{detailed, traversal_cost, intersection_cost};
+      [](const Snapshot& snapshot, bool detailed, const py::object& progress) {
         return to_dict(with_progress(
-            progress, [&](CancelToken& cancel) { return measure(snapshot, options, ThreadPool::shared(), cancel); }));
+            progress, [&](CancelToken& cancel) { return measure(snapshot, detailed, ThreadPool::shared(), cancel); }));
       },
-      py::arg("snapshot"), py::arg("detailed"), py::arg("traversal_cost"), py::arg("intersection_cost"),
-      py::arg("progress"));
+      py::arg("snapshot"), py::arg("detailed"), py::arg("progress"));
   module.def(
       "tree_boxes",
       [](const Snapshot& snapshot, std::optional<std::int32_t> mesh_id, std::uint32_t first_level,

@@ -49,7 +49,7 @@ inline void add_triangles(std::vector<ReferenceHit>& found, const ReferenceInsta
     if (!intersect_triangle(triangle_ray, exact_ray(at.local), rows, hit)) continue;
     const double t = to_ray_t(at.local.time, hit.t);
     if (!is_in_reference_range(t, ray)) continue;
-    if (cull != Cull::kNone && (hit.is_front != at.instance.mirrored) == (cull == Cull::kFront)) continue;
+    if (cull == Cull::kBack && hit.is_front == at.instance.mirrored) continue;
     found.push_back({t, {static_cast<float>(t) + 0.0f, hit.u, hit.v, at.index, primitive}});
   }
 }
@@ -71,7 +71,7 @@ inline void add_rounds(std::vector<ReferenceHit>& found, const ReferenceInstance
     const Chord chord = chord_of(local, list, primitive);
     if (!is_hit(chord)) continue;
     const ShownEnds shows = shown_ends(local, list, primitive, chord);
-    if (shows.entry && cull != Cull::kFront) add(chord.entry, primitive);
+    if (shows.entry) add(chord.entry, primitive);
     if (shows.exit && cull != Cull::kBack) add(chord.exit, primitive);
   }
 }

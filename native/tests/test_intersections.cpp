@@ -131,8 +131,7 @@ TEST_P(Intersections, ReportEachTriangleOnceOfTreesWithSpatialSplits) {
 
 TEST_P(Intersections, MatchTheReferenceThroughInstances) {
   const auto snapshot = commit({{soup(40, 1), many_places(30, 2)}, {box_of_grids(2), many_places(20, 3)}});
-  for (const Cull cull : {Cull::kNone, Cull::kBack, Cull::kFront})
-    expect_reference(*snapshot, random_rays(400, 4), cull);
+  for (const Cull cull : {Cull::kNone, Cull::kBack}) expect_reference(*snapshot, random_rays(400, 4), cull);
   expect_reference(*commit({{box_of_grids(2), std::vector<Affine>(12)}}), random_rays(300, 5));
 }
 

@@ -257,12 +257,9 @@ TEST_F(RoundKernels, CountTheSameWork) {
   }
 }
 
-TEST_F(RoundKernels, FromEitherSide) {
-  for (const Cull cull : {Cull::kBack, Cull::kFront}) {
-    const Mesh mesh = knots(40).curves();
-    const std::vector<Ray> rays = rays_around(mesh, 5000, 11);
-    expect_reference(*commit_rounds({{mesh}}), rays, cull);
-  }
+TEST_F(RoundKernels, FromOutside) {
+  const Mesh mesh = knots(40).curves();
+  expect_reference(*commit_rounds({{mesh}}), rays_around(mesh, 5000, 11), Cull::kBack);
 }
 
 TEST_F(RoundKernels, TreesOfAnyBuilder) {

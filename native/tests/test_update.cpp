@@ -125,8 +125,10 @@ TEST(Quality, MatchesAHandCountedTree) {
   tree.prim_indices = {0, 1};
   tree.depth = 1;
   ASSERT_EQ(find_fault(tree, 2), "");
-  const TreeQuality quality = measure_quality(tree, 2.0f, 10.0f);
-  EXPECT_DOUBLE_EQ(quality.sah, (5 * 2 + 3 * 10 + 3 * 10) / 5.0);
+  const TreeQuality quality = measure_quality(tree);
+  EXPECT_DOUBLE_EQ(quality.node_visits, 1.0);
+  EXPECT_DOUBLE_EQ(quality.primitive_tests, (3 + 3) / 5.0);
+  EXPECT_DOUBLE_EQ(quality.sah, (5 + 3 + 3) / 5.0);
   EXPECT_EQ(quality.node_count, 3u);
   EXPECT_EQ(quality.leaf_count, 2u);
   EXPECT_EQ(quality.reference_count, 2u);

@@ -25,6 +25,7 @@ import perfect_bvh
 from benchmarks import options
 from benchmarks.meshes import BenchMesh
 from benchmarks.peers import scene_of
+from perfect_bvh._tuning import Traced
 from tqdm import tqdm
 
 KINDS = ("few bits", "any direction", "float32")
@@ -167,7 +168,7 @@ def lost_rays(mesh: BenchMesh, scene: perfect_bvh.Scene, rays: Aimed, around: Ne
     expected[owners] = True
     lost = ~scene.test_occlusions(*columns)
     for strategy in ("stream", "packets"):
-        hits = scene.cast_rays(*columns, strategy=strategy, fields=("t_hit",))
+        hits = Traced(scene, strategy).cast_rays(*columns, fields=("t_hit",))
         lost |= hits.t_hit > rays.t * (1.0 + ROUNDED)  # infinite on a miss
     listed, rows = scene.list_intersections(*columns)
     lost |= scene.count_intersections(*columns) != np.diff(rows)

@@ -16,6 +16,7 @@ import numpy.typing as npt
 import perfect_bvh
 from benchmarks.meshes import BenchMesh
 from benchmarks.rays import Rays
+from perfect_bvh._tuning import Traced
 
 Ids = npt.NDArray[np.int64]
 Hit = tuple[int, float, int] | None  # triangle, distance, instance
@@ -73,9 +74,9 @@ def scene_of(mesh: BenchMesh, build: Any = "auto", usage: str = "static") -> per
     return scene
 
 
-def ours(scene: perfect_bvh.Scene, name: str, isa: str | None = None, **keywords: Any) -> Peer:
+def ours(scene: perfect_bvh.Scene, name: str, isa: str | None = None, strategy: str = "auto", **keywords: Any) -> Peer:
     """This engine. isa: as in `available_isas`. keywords: for `cast_rays` and `test_occlusions`."""
-    snapshot = scene.snapshot()
+    snapshot = Traced(scene.snapshot(), strategy)
 
     def cast(rays: Rays) -> perfect_bvh.Hits:
         perfect_bvh.set_active_isa(isa)

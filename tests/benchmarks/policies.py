@@ -20,6 +20,7 @@ import numpy.typing as npt
 import perfect_bvh
 from benchmarks.moving_meshes import MovingMesh, exploding
 from benchmarks.rounds import Spread
+from perfect_bvh._tuning import with_policy
 from perfect_bvh_addon.bench.measurements import rays_from_around
 from perfect_bvh_addon.sync.records import InstanceRecords, MeshRecord, ObjectRecord, SceneRecord
 from perfect_bvh_addon.sync.state import SceneState
@@ -73,7 +74,7 @@ def compare(name: str, records: list[SceneRecord], rays: int, repeats: int) -> d
     runs = {policy: Run() for policy in POLICIES}
     batches = [_rays_at(record) for record in records]
     for _ in range(repeats):
-        states = {policy: SceneState(lambda policy=policy: TimedScene(policy)) for policy in POLICIES}
+        states = {policy: SceneState(lambda policy=policy: with_policy(TimedScene(), policy)) for policy in POLICIES}
         for run in runs.values():
             run.update.append([])
             run.trace.append([])

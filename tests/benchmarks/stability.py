@@ -24,10 +24,10 @@ from benchmarks.machine import describe
 from benchmarks.rounds import Spread, run_rounds
 from benchmarks.rows import write_rows
 from oracles.meshes import sphere
+from perfect_bvh._tuning import POLICIES, with_policy
 from tqdm import tqdm
 
 F64 = npt.NDArray[np.float64]
-POLICIES = ("governed", "refit", "rotate", "rebuild_parts", "rebuild")
 RAYS = 1_500_000  # that the governor is told
 
 
@@ -105,7 +105,7 @@ def measure(
     origins, directions = _rays(moved, chosen.rays)
     scenes, rows = {}, {}
     for policy in POLICIES:
-        scene = perfect_bvh.Scene(policy)
+        scene = with_policy(perfect_bvh.Scene(), policy)
         mesh = scene.add_mesh(start.astype(np.float32), triangles, usage="deforming")
         scene.add_instance(mesh)
         scene.commit(expected_rays=RAYS)

@@ -24,7 +24,7 @@ def scene_and_triangles():
     return scene, WorldTriangles.of(parts)
 
 
-@pytest.mark.parametrize("cull", ["none", "back", "front"])
+@pytest.mark.parametrize("cull", ["none", "back"])
 def test_right_answers_pass(scene_and_triangles, cull):
     scene, _ = scene_and_triangles
     random = np.random.default_rng(4)
@@ -70,13 +70,12 @@ def spoil(hits: perfect_bvh.Hits) -> list[np.ndarray]:
 
 
 def audit_natively(scene, origins, directions, columns) -> tuple[np.ndarray, np.ndarray]:
-    count = len(origins)
-    wrong, ambiguous = np.empty(count, np.bool_), np.empty(count, np.bool_)
+    """Which answers are wrong, and which rays are ambiguous."""
     limits = (np.zeros(1, np.float32), np.full(1, np.inf, np.float32), np.full(1, 0xFFFFFFFF, np.uint32))
     core = scene.snapshot()._committed()
     times = np.zeros(1, np.float32)
-    core.audit_answers(origins, directions, *limits, times, "none", *columns, wrong, ambiguous, 0, None)
-    return wrong, ambiguous
+    verdicts = core.audit_answers(origins, directions, *limits, times, *columns, "none", 0, None)
+    return verdicts & 1 != 0, verdicts & 2 != 0
 
 
 def test_wrong_answers_are_found_as_the_oracle_finds_them(scene_and_triangles):
@@ -201,5 +200,5 @@ def test_an_audit_of_a_render_finds_what_is_wrong(scene_and_triangles, camera, m
 
 @pytest.mark.parametrize("share", [0.0, -1.0, 1.5, float("nan")])
 def test_an_impossible_share_is_refused(share):
-    with pytest.raises(ValueError, match="RenderAudit: share must be above 0 and at most 1"):
+    with pytest.raises(ValueError, match="RenderAudit: share must be a number above 0 to 1, got"):
         perfect_bvh.RenderAudit(share)

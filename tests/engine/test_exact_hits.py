@@ -14,6 +14,7 @@ import perfect_bvh
 import pytest
 from oracles import meshes
 from oracles.exact_rays import F64, lines_meet, plane_distances
+from perfect_bvh._tuning import Traced
 
 SHAPES = ("box", "sphere", "grid", "slivers")
 SCALES = (1e-6, 1.0, 3.7, 1e6)
@@ -99,7 +100,7 @@ def wrong_answers(scene: perfect_bvh.Scene, met: np.ndarray, t: F64, *rays: F64,
     wrong = scene.count_intersections(*rays, times=times) != expected
     wrong |= scene.test_occlusions(*rays, times=times) != (expected > 0)
     for strategy in ("stream", "packets"):
-        hits = scene.cast_rays(*rays, strategy=strategy, times=times)
+        hits = Traced(scene, strategy).cast_rays(*rays, times=times)
         nearest = np.where(met, t, np.inf).min(axis=1)
         wrong |= hits.is_hit != (expected > 0)
         wrong |= hits.is_hit & ~np.isclose(hits.t_hit, nearest.astype(np.float64), rtol=2.0**-22, atol=0.0)

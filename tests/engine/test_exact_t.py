@@ -11,6 +11,7 @@ import perfect_bvh
 import pytest
 from oracles import meshes
 from oracles.exact_rays import lines_meet
+from perfect_bvh._tuning import Traced
 
 RAYS = 400
 UNITS = 2  # in the last place
@@ -98,7 +99,7 @@ def test_on_grounds_of_any_size(side, tilt, strategy):
     scene.add_instance(scene.add_mesh(positions, triangles))
     scene.commit()
     origins, directions = rays_above(turn)
-    hits = scene.cast_rays(origins, directions, strategy=strategy)
+    hits = Traced(scene, strategy).cast_rays(origins, directions)
     assert hits.is_hit.all()
     corners = positions.astype(np.float64)[triangles[hits.primitive_ids]]
     assert units_off(hits.t_hit, corners, origins, directions).max() <= UNITS
@@ -216,9 +217,9 @@ def test_beside_edges(offset, away, strategy):
     scene.add_instance(scene.add_mesh(positions, CUBE_TRIANGLES))
     scene.commit()
     assert 0.05 < np.mean([not met for met in expected]) < 0.5  # past a silhouette
-    hits = scene.cast_rays(origins, directions, strategy=strategy)
+    hits = Traced(scene, strategy).cast_rays(origins, directions)
     assert hits.primitive_ids.tolist() == [met[0] if met else -1 for met in expected]
-    assert scene.test_occlusions(origins, directions, strategy=strategy).tolist() == [bool(met) for met in expected]
+    assert Traced(scene, strategy).test_occlusions(origins, directions).tolist() == [bool(met) for met in expected]
     found = hits.is_hit
     corners = positions.astype(np.float64)[CUBE_TRIANGLES[hits.primitive_ids[found]]]
     assert units_off(hits.t_hit[found], corners, origins[found], directions[found]).max() <= UNITS

@@ -10,14 +10,14 @@ import pytest
 from benchmarks.moving_meshes import exploding
 from engine.calibrations import MACHINE
 from oracles import meshes
+from perfect_bvh._tuning import POLICIES, with_policy
 
 BURST = exploding(frame_count=10, rows=40)
-POLICIES = ("governed", "refit", "rotate", "rebuild_parts", "rebuild")
 
 
 def play(policy="governed", expected_rays=None, motion=BURST, **keywords):
     """The scene after the last frame, and the ledger's rows of the frames after the first."""
-    scene = perfect_bvh.Scene(policy=policy, calibration=MACHINE)
+    scene = with_policy(perfect_bvh.Scene(calibration=MACHINE), policy)
     mesh = scene.add_mesh(motion.positions[0], motion.triangles, usage="deforming", **keywords)
     scene.add_instance(mesh)
     scene.commit(expected_rays)
@@ -50,8 +50,8 @@ def test_policies_do_what_they_say(policy, action, rays):
 
 
 def test_a_policy_that_there_is_not():
-    with pytest.raises(ValueError, match=r"Scene: policy must be one of governed, .*, got 'best'"):
-        perfect_bvh.Scene(policy="best")
+    with pytest.raises(ValueError, match=r"with_policy: policy must be one of governed, .*; got 'best'"):
+        with_policy(perfect_bvh.Scene(), "best")
 
 
 def test_more_rays_mean_better_trees():
@@ -122,7 +122,7 @@ def test_rays_are_shared_out_by_area():
 def test_what_cannot_be_refitted_never_is(policy, rays):
     _, rows = play(policy, rays, build=perfect_bvh.BuildConfig(builder="spatial"))
     assert {row.action for row in rows} == {"rebuilt"}
-    scene = perfect_bvh.Scene(policy=policy, calibration=MACHINE)
+    scene = with_policy(perfect_bvh.Scene(calibration=MACHINE), policy)
     positions, triangles = meshes.sphere(8, 12)
     mesh = scene.add_mesh(positions, triangles, usage="deforming")
     scene.add_instance(mesh)
@@ -240,7 +240,7 @@ def test_a_sheared_mesh_gets_a_new_tree():
     sheared = positions + positions[:, 2:3] * np.array([3.0, 0.9, 0.0])
 
     def follow(policy):
-        scene = perfect_bvh.Scene(policy=policy, calibration=MACHINE)
+        scene = with_policy(perfect_bvh.Scene(calibration=MACHINE), policy)
         mesh = scene.add_mesh(positions, triangles, usage="deforming")
         scene.add_instance(mesh)
         scene.commit(1e7)

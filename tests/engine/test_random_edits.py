@@ -2,7 +2,7 @@
 
 Meshes of every kind are added, moved, moved within the shutter, replaced, hidden, left at rest and removed. Between
 commits rays reach a part of the scene, or nothing: no tree may depend on having been traced or refitted before. A fresh
-scene judges bit by bit, and the audit goes through all primitives in double precision.
+scene judges bit by bit, and the audit goes through all triangles in double precision.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ import perfect_bvh
 import pytest
 from engine.calibrations import MACHINE
 from perfect_bvh import BuildConfig, Scene
-from perfect_bvh.scene import POLICIES
+from perfect_bvh._tuning import POLICIES, with_policy
 
 KINDS = ("triangles", "curves", "ribbons", "points")
 FIELDS = ("t_hit", "primitive_ids", "primitive_uvs", "geometric_normals", "positions")
@@ -101,7 +101,7 @@ class Play:
 
     def __post_init__(self) -> None:
         self.random = np.random.default_rng([self.seed, POLICIES.index(self.policy)])
-        self.scene = Scene(policy=self.policy, calibration=MACHINE)
+        self.scene = with_policy(Scene(calibration=MACHINE), self.policy)
 
     def run(self) -> None:
         edits: tuple[Callable[[], Any], ...] = (

@@ -9,6 +9,7 @@ import perfect_bvh
 import pytest
 from oracles import meshes
 from perfect_bvh import BuildConfig, SceneStatistics
+from perfect_bvh._tuning import CostedBuild
 from perfect_bvh.build_config import BUILDERS
 
 SINGLE = BuildConfig(builder="binned", max_leaf_size=1)
@@ -56,27 +57,11 @@ def test_half_of_the_lines_meet_both_halves():
     # Two flat squares side by side, one leaf each: lines through the whole meet one of them, or both on their border.
     positions, triangles = meshes.grid(1)
     pair = np.concatenate([positions, positions + (2.0, 0.0, 0.0)])
-    config = BuildConfig(builder="binned", max_leaf_size=2, traversal_cost=0.5)
+    config = CostedBuild(builder="binned", max_leaf_size=2, traversal_cost=0.5)
     statistics = scene_of((pair, np.concatenate([triangles, triangles + 4])), config).statistics(detailed=True)
     assert statistics.meshes[0].leaf_count == 2
     assert statistics.meshes[0].leaf_count_variability == pytest.approx(0.0, abs=1e-6)
     assert statistics.meshes[0].epo == pytest.approx(0.0, abs=1e-12)
-
-
-def test_costs_are_settable():
-    scene = scene_of(meshes.soup(500, 1, 0.1), BuildConfig(builder="binned"))
-
-    def measured(visit: float, test: float) -> tuple[float, float]:
-        tree = scene.statistics(detailed=True, traversal_cost=visit, intersection_cost=test).meshes[0]
-        assert tree.epo is not None
-        return tree.sah, tree.epo
-
-    base, visits, both = np.array(measured(1.0, 1.0)), np.array(measured(2.0, 1.0)), np.array(measured(3.0, 5.0))
-    node_part = visits - base
-    assert (node_part > 0.0).all()
-    assert (base - node_part > 0.0).all()
-    np.testing.assert_allclose(both, 3.0 * node_part + 5.0 * (base - node_part), rtol=1e-5)
-    assert scene.statistics().meshes[0].sah == base[0]
 
 
 def test_details_only_where_asked_for():
@@ -202,19 +187,6 @@ def test_long_measurements_report_progress_and_can_be_cancelled():
     with pytest.raises(perfect_bvh.Cancelled):
         scene.statistics(detailed=True, progress=lambda share: False)
     assert scene.statistics().meshes[0].node_count > 0
-
-
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        ({"traversal_cost": -1.0}, r"statistics: traversal_cost must be a number from 0 to 1e\+06, got -1.0"),
-        ({"intersection_cost": 0.0}, r"statistics: intersection_cost must be a number from 1e-06 to 1e\+06, got 0.0"),
-        ({"intersection_cost": "1"}, r"statistics: intersection_cost must be a number .*, got '1'"),
-    ],
-)
-def test_costs_are_checked(arguments, message):
-    with pytest.raises(ValueError, match=message):
-        scene_of(CROSSING, SINGLE).statistics(**arguments)
 
 
 def test_edits_that_wait_are_not_measured():

@@ -6,8 +6,8 @@ import numpy as np
 import perfect_bvh
 import pytest
 from oracles import meshes
+from perfect_bvh._tuning import STRATEGIES, Traced
 
-STRATEGIES = ("auto", "packets", "stream", "single")
 FIELDS = ("t_hit", "instance_ids", "primitive_ids", "primitive_uvs")
 
 
@@ -54,9 +54,9 @@ def test_hits_are_the_same(cull):
         usual = scene.cast_rays(origins, directions, cull=cull, **more)
         assert usual.is_hit.any() and not usual.is_hit.all()
         for strategy in STRATEGIES:
-            how = {"cull": cull, "strategy": strategy, **more}
-            assert bits(scene.cast_rays(origins, directions, **how)) == bits(usual)
-            assert np.array_equal(scene.test_occlusions(origins, directions, **how), usual.is_hit)
+            traced = Traced(scene, strategy)
+            assert bits(traced.cast_rays(origins, directions, cull=cull, **more)) == bits(usual)
+            assert np.array_equal(traced.test_occlusions(origins, directions, cull=cull, **more), usual.is_hit)
 
 
 def test_hits_are_the_same_far_from_what_is_hit(isa):
@@ -73,18 +73,18 @@ def test_hits_are_the_same_far_from_what_is_hit(isa):
         eye, directions = camera_rays(96, 64, (0.0, -distance, 0.0))
         directions = directions * np.float32([2.5 / distance, 1.0, 2.5 / distance])
         for cull in ("none", "back"):
-            far = scene.cast_rays(eye, directions, cull=cull, strategy="stream")
+            far = Traced(scene, "stream").cast_rays(eye, directions, cull=cull)
             assert far.is_hit.mean() > 0.1 and not far.is_hit.all()
             limits = {"t_max": np.where(random.random(far.t_hit.shape) < 0.5, far.t_hit, np.inf)}
             for more in ({}, limits):
-                usual = scene.cast_rays(eye, directions, cull=cull, strategy="stream", **more)
+                usual = Traced(scene, "stream").cast_rays(eye, directions, cull=cull, **more)
                 assert bits(usual) == bits(far)  # a range that ends at the hit holds it
                 for strategy in ("auto", "packets"):
-                    how = {"cull": cull, "strategy": strategy, **more}
-                    hits = scene.cast_rays(eye, directions, **how)
+                    traced = Traced(scene, strategy)
+                    hits = traced.cast_rays(eye, directions, cull=cull, **more)
                     assert bits(hits) == bits(usual)
                     assert hits.packet_ray_count > 0 or isa == "scalar"
-                    assert np.array_equal(scene.test_occlusions(eye, directions, **how), usual.is_hit)
+                    assert np.array_equal(traced.test_occlusions(eye, directions, cull=cull, **more), usual.is_hit)
 
 
 def test_coherence_is_found(isa):
@@ -96,9 +96,9 @@ def test_coherence_is_found(isa):
     count = directions[..., 0].size
     assert scene.cast_rays(eye, directions).packet_ray_count == packed * count
     assert scene.cast_rays(*meshes.random_rays(4096, 1)).packet_ray_count == 0
-    assert scene.cast_rays(*meshes.random_rays(4096, 1), strategy="packets").packet_ray_count == packed * 4096
-    assert scene.cast_rays(eye, directions, strategy="stream").packet_ray_count == 0
-    counted = scene.cast_rays(eye, directions, fields=("nodes_visited",), strategy="packets")
+    assert Traced(scene, "packets").cast_rays(*meshes.random_rays(4096, 1)).packet_ray_count == packed * 4096
+    assert Traced(scene, "stream").cast_rays(eye, directions).packet_ray_count == 0
+    counted = Traced(scene, "packets").cast_rays(eye, directions, fields=("nodes_visited",))
     assert counted.packet_ray_count == 0 and counted.nodes_visited.min() > 0
 
 
@@ -107,7 +107,7 @@ def test_the_order_of_rays_does_not_matter(isa):
     scene, random = crowd(), np.random.default_rng(9)
     eye, directions = camera_rays(193, 101)
     masks = random.integers(0, 8, directions.shape[:2])
-    usual = scene.cast_rays(eye, directions, mask=masks, strategy="single")
+    usual = Traced(scene, "single").cast_rays(eye, directions, mask=masks)
     count = masks.size
     for order in (np.arange(count), np.arange(count).reshape(masks.shape).T.ravel(), random.permutation(count)):
         rays = {"directions": directions.reshape(-1, 3)[order], "mask": masks.ravel()[order]}
@@ -128,7 +128,7 @@ def test_packets_whose_rays_part_are_left_to_the_stream():
     scene, (eye, directions) = crowd(), camera_rays(640, 16)
     count = directions[..., 0].size
     assert 0 < scene.cast_rays(eye, directions).packet_ray_count < count
-    assert scene.cast_rays(eye, directions, strategy="packets").packet_ray_count == count
+    assert Traced(scene, "packets").cast_rays(eye, directions).packet_ray_count == count
 
 
 def test_surfaces_are_closed_at_edges():

@@ -10,6 +10,7 @@ import perfect_bvh
 import pytest
 from oracles import meshes
 from perfect_bvh import BuildConfig, TreeBoxes
+from perfect_bvh._tuning import with_policy
 from perfect_bvh.build_config import BUILDERS
 
 COLUMNS = ("boxes", "levels", "leaf_sizes", "costs", "subtree_costs", "overlaps", "ranges")
@@ -132,7 +133,7 @@ def test_the_heuristic_alone_of_trees_without_surface_or_that_are_not_there() ->
 
 def test_what_refitting_costs_is_told_until_the_tree_is_built_again() -> None:
     positions, triangles = meshes.soup(2000, 6, 0.05)
-    scene = perfect_bvh.Scene(policy="refit")
+    scene = with_policy(perfect_bvh.Scene(), "refit")
     mesh = scene.add_mesh(positions, triangles, usage="deforming")
     scene.add_instance(mesh)
     scene.commit()

@@ -11,6 +11,7 @@ import sys
 import numpy as np
 import perfect_bvh
 from perfect_bvh import BuildConfig, Camera, Scene, render_passes
+from perfect_bvh._tuning import with_policy
 
 CONFIGS = {
     "auto": "auto",
@@ -25,7 +26,7 @@ Arrays = dict[str, np.ndarray]
 
 
 def make_scene(inputs: Arrays, config: object, policy: str = "governed") -> Scene:
-    scene = Scene(policy=policy)
+    scene = with_policy(Scene(), policy)
     soup = scene.add_mesh(inputs["positions"], inputs["triangles"], config, usage="deforming")
     floor = scene.add_mesh(inputs["floor_positions"], inputs["floor_triangles"], config)
     scene.add_instances([soup] * len(inputs["transforms"]), inputs["transforms"])

@@ -26,9 +26,9 @@ import perfect_bvh
 from benchmarks.rows import write_rows
 from hit_table.hashing import Doubles, between, mixed
 from hit_table.scenes import SCENES, Made
+from perfect_bvh._tuning import STRATEGIES, Traced
 
 RECORD = TESTS / "hit_table" / "recorded.json"
-STRATEGIES = ("auto", "packets", "stream", "single")
 FIELDS = ("t_hit", "instance_ids", "primitive_ids", "primitive_uvs")
 Hashes = dict[str, str | int]
 Record = dict[str, Hashes]
@@ -91,9 +91,9 @@ def hashes_of(made: Made, strategy: str) -> Hashes:
     rays = rays_about(made.centre)
     found: Hashes = {"hits": 0}
     for name, limits in (("all", {}), ("limited", limits_of(len(rays[0])))):
-        hits = made.scene.cast_rays(*rays, fields=FIELDS, strategy=strategy, **limits)
+        hits = Traced(made.scene, strategy).cast_rays(*rays, fields=FIELDS, **limits)
         columns = {field: getattr(hits, field) for field in FIELDS}
-        columns["occluded"] = made.scene.test_occlusions(*rays, strategy=strategy, **limits)
+        columns["occluded"] = Traced(made.scene, strategy).test_occlusions(*rays, **limits)
         found["hits"] = int(found["hits"]) + int(hits.is_hit.sum())
         for field, column in columns.items():
             little_endian = np.ascontiguousarray(column).astype(column.dtype.newbyteorder("<"))

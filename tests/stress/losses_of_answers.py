@@ -7,6 +7,7 @@ import perfect_bvh
 from makers.zoo import FailureCase
 from makers.zoo.case import Rays, world_corners
 from oracles.exact_rays import lines_meet, plane_distances
+from perfect_bvh._tuning import Traced
 
 from .loss import PER_MILLION, Loss
 from .naive import packets, slabs
@@ -127,7 +128,7 @@ def frustum_packets(case: FailureCase) -> Loss:
     """Of the rays that hit, those whose packet never reaches the triangle; ours: traced in packets."""
     (moment,) = play(case.states())
     rays = case.rays(moment.state, 1024, 1)
-    hits = moment.scene.cast_rays(*rays, strategy="packets")
+    hits = Traced(moment.scene, "packets").cast_rays(*rays)
     missed = packets.culled(boxes_of(world_corners(moment.state))[hits.primitive_ids], *rays)
     ours = wrong_answers(moment.scene, rays, hits.t_hit, hits.instance_ids, hits.primitive_ids)
     return Loss(PER_MILLION, per_million(missed[hits.is_hit]), per_million(ours))

@@ -10,6 +10,8 @@ from typing import Any
 import numpy as np
 import perfect_bvh
 from benchmarks.generated_curves import BenchBalls, one_place
+from oracles.round_judge import judge
+from oracles.round_world import RoundPart, RoundWorld
 from perfect_bvh import BuildConfig
 
 from .loss import PER_MILLION, WORK, Loss
@@ -17,7 +19,7 @@ from .losses_of_answers import per_million
 from .losses_of_work import work_of
 from .naive import tree
 from .naive.tubes import tessellated
-from .playing import SHIPPED, wrong_answers
+from .playing import SHIPPED
 from .round_zoo import ROUND_CASES, Rays, RoundCase, cast_in_float, lost, rays_at
 
 RAYS = 1000
@@ -67,8 +69,13 @@ def played(case: RoundCase) -> Iterator[tuple[perfect_bvh.Scene, BenchBalls]]:
         yield scene, balls
 
 
-def _wrong(scene: perfect_bvh.Scene, rays: Rays, hits: perfect_bvh.Hits) -> np.ndarray:
-    return wrong_answers(scene, rays, hits.t_hit, hits.instance_ids, hits.primitive_ids)
+def world_of(balls: BenchBalls) -> RoundWorld:
+    """The same for the reference in double precision: the scene's only instance."""
+    return RoundWorld.of([RoundPart(0, balls.points, balls.radii, balls.offsets, np.eye(4), 0xFFFFFFFF)])
+
+
+def _wrong(balls: BenchBalls, rays: Rays, hits: perfect_bvh.Hits) -> np.ndarray:
+    return judge(world_of(balls), *rays, hits.t_hit, hits.instance_ids, hits.primitive_ids).wrong
 
 
 def _last(case: RoundCase) -> tuple[perfect_bvh.Scene, BenchBalls, Rays]:
@@ -84,7 +91,7 @@ def formulas_in_float(case: RoundCase) -> Loss:
     scene, balls, rays = _last(case)
     hits = scene.cast_rays(*rays)
     naive = lost(cast_in_float(balls, rays)[0], hits.t_hit)
-    return Loss("lost or off by 1e-3 per million", per_million(naive), per_million(_wrong(scene, rays, hits)))
+    return Loss("lost or off by 1e-3 per million", per_million(naive), per_million(_wrong(balls, rays, hits)))
 
 
 def frame_before(case: RoundCase) -> Loss:
@@ -94,8 +101,8 @@ def frame_before(case: RoundCase) -> Loss:
     for index, (scene, balls) in enumerate(played(case)):
         rays = rays_at(balls, RAYS, index)
         if before is not None:
-            naive.append(_wrong(scene, rays, before.cast_rays(*rays)))
-            ours.append(_wrong(scene, rays, scene.cast_rays(*rays)))
+            naive.append(_wrong(balls, rays, before.cast_rays(*rays)))
+            ours.append(_wrong(balls, rays, scene.cast_rays(*rays)))
         before = scene.snapshot()
     return Loss(PER_MILLION, per_million(np.concatenate(naive)), per_million(np.concatenate(ours)))
 
@@ -195,8 +202,8 @@ def unlike_as_triangles(case: RoundCase) -> float:
     """Rays per million that hit one and miss the other, or another curve or point, where triangles stand for them."""
     scene, balls, rays = _last(case)
     hits = scene.cast_rays(*rays)
-    if _wrong(scene, rays, hits).any():
-        raise AssertionError(f"unlike_as_triangles: {case.name}: the audit finds our own answers wrong")
+    if _wrong(balls, rays, hits).any():
+        raise AssertionError(f"unlike_as_triangles: {case.name}: the reference finds our own answers wrong")
     mesh, owners = triangles_of(balls)
     met = mesh.cast_rays(*rays)
     return per_million(np.where(met.is_hit, owners[met.primitive_ids], -1) != hits.primitive_ids)

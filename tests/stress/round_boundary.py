@@ -40,7 +40,7 @@ class Round:
         return self.caller.features | {("held", str(min(self.scene.mesh_count, 5)))}
 
     def edit(self, make: Callable[[Round], tuple[str, tuple[Any, ...], dict[str, Any]]]) -> None:
-        """One call; then the answers are right, and as before if it was refused."""
+        """One call; then the answers agree, and are as before if it was refused."""
         name, arguments, keywords = make(self)
         origins, directions = self.random.uniform(-2.0, 2.0, (2, RAYS, 3))
         before = self.scene.cast_rays(origins, directions, fields=FIELDS)
@@ -55,8 +55,12 @@ class Round:
         else:
             assert (self.scene.mesh_count, self.scene.instance_count) == counts, name
         hits = self.scene.cast_rays(origins, directions, fields=FIELDS, audit=1.0)
-        assert hits.audit is not None
+        assert hits.audit is not None  # which judges the triangle
         assert hits.audit.wrong_rows.size == 0, f"{name}: {hits.audit}"
+        found, splits = self.scene.list_intersections(origins, directions, fields=FIELDS, max_hits=1)
+        assert np.array_equal(np.diff(splits), hits.is_hit), name
+        for field in FIELDS:
+            assert getattr(found, field).tobytes() == getattr(hits, field)[hits.is_hit].tobytes(), (name, field)
         if not is_taken:
             assert all(getattr(hits, field).tobytes() == getattr(before, field).tobytes() for field in FIELDS), name
 

@@ -7,13 +7,13 @@ import perfect_bvh
 import pytest
 from makers.zoo import CASES, FailureCase, find_case
 from makers.zoo.case import world_corners
+from perfect_bvh._tuning import STRATEGIES, Traced
 from perfect_bvh.build_config import BUILDERS
 
 from stress.playing import ANSWER, bits, play, verdict_on
 from stress.syncing import sync
 
 ISAS = perfect_bvh.available_isas()
-STRATEGIES = ("auto", "packets", "stream", "single")
 RAYS = 300
 # Rays times triangles for which the oracle takes a fraction of a second.
 ORACLE_PAIRS = 100_000
@@ -43,9 +43,9 @@ def test_answers_are_the_oracles_on_every_instruction_set(case: FailureCase) -> 
         for isa in ISAS:
             perfect_bvh.set_active_isa(isa)
             for strategy in STRATEGIES:
-                hits = moment.scene.cast_rays(*rays, fields=ANSWER, strategy=strategy)
+                hits = Traced(moment.scene, strategy).cast_rays(*rays, fields=ANSWER)
                 assert bits(hits) == bits(usual), (index, isa, strategy)
-                assert np.array_equal(moment.scene.test_occlusions(*rays, strategy=strategy), usual.is_hit)
+                assert np.array_equal(Traced(moment.scene, strategy).test_occlusions(*rays), usual.is_hit)
             counts = moment.scene.count_intersections(*rays)
             assert np.array_equal(counts > 0, usual.is_hit), (index, isa)
         perfect_bvh.set_active_isa(None)
@@ -63,7 +63,7 @@ def test_answers_are_the_same_with_every_builder(case: FailureCase) -> None:
             for turn, isa in enumerate(ISAS):
                 perfect_bvh.set_active_isa(isa)
                 strategy = STRATEGIES[(number + turn + index) % len(STRATEGIES)]
-                hits = scene.cast_rays(*rays, fields=ANSWER, strategy=strategy)
+                hits = Traced(scene, strategy).cast_rays(*rays, fields=ANSWER)
                 assert bits(hits) == bits(expected), (index, name, isa, strategy)
         perfect_bvh.set_active_isa(None)
 

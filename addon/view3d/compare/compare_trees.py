@@ -13,6 +13,7 @@ import numpy as np
 import numpy.typing as npt
 import perfect_bvh
 from perfect_bvh import BuildConfig
+from perfect_bvh._tuning import with_policy
 
 from ...settings.view_settings import REFITTED, TreeChoice
 from ...statistics.words import count_of, duration
@@ -228,7 +229,7 @@ def _build(
         return scene, mesh, scene.commit(progress=progress).meshes[0]
     if first is None or not are_refittable(first, shown):
         raise ValueError(f"{shown.name} has other triangles in the first frame: no tree of them can be refitted")
-    scene = perfect_bvh.Scene(policy="refit")
+    scene = with_policy(perfect_bvh.Scene(), "refit")
     mesh = scene.add_mesh(first.mesh.positions, first.mesh.triangles, build=config, usage="deforming")
     scene.add_instance(mesh)
     scene.commit(progress=_part(progress, 0.0, 0.9))

@@ -1,4 +1,4 @@
-"""Checks and conversions of what callers pass, in one place, so that every message reads alike.
+"""Checks and conversions of the arrays that callers pass, in one place, so that every message reads alike.
 
 The native module takes C-contiguous arrays of the exact dtype only; where a copy is needed it is made here.
 """
@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import itertools
 import math
-import operator
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Any
@@ -15,28 +14,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-_INT32 = np.iinfo(np.int32)
-LARGEST_COUNT = 2**31 - 1
-
-
-def check_count(function: str, name: str, value: object, least: int, most: int = LARGEST_COUNT) -> int:
-    """An integer, least to most; numpy's are welcome, floats and bools are not, whatever their value."""
-    try:
-        if isinstance(value, (bool, np.bool_)):
-            raise TypeError
-        count = operator.index(value)  # type: ignore[arg-type]
-    except TypeError:
-        raise ValueError(f"{function}: {name} must be an integer, got {value!r}") from None
-    if not least <= count <= most:
-        # Python refuses to write out integers of thousands of digits.
-        got = str(count) if abs(count) < 10**40 else f"an integer of {count.bit_length()} bits"
-        raise ValueError(f"{function}: {name} must be {least} to {most}, got {got}")
-    return count
-
-
-def check_id(function: str, name: str, value: object) -> int:
-    """An integer that can be an id; whether there is such a mesh or instance is for the engine to say."""
-    return check_count(function, name, value, int(_INT32.min), int(_INT32.max))
+from ._checks import check_choice, check_count
 
 
 def as_array(function: str, name: str, value: npt.ArrayLike) -> npt.NDArray[Any]:
@@ -152,6 +130,7 @@ def as_time_range(function: str, value: object) -> tuple[float, float]:
 # are copied a piece at a time: however many rays they make, the copies are no larger than a piece.
 
 
+CULLS = ("none", "back")
 PIECE_ROWS = 1 << 20
 
 Progress = Callable[[float], object]
@@ -317,8 +296,7 @@ def ray_batch(
     threads: int,
 ) -> Batch:
     """Columns origins, directions, t_min, t_max, masks, times."""
-    if cull not in ("none", "back", "front"):
-        raise ValueError(f"{function}: cull must be 'none', 'back' or 'front', got {cull!r}")
+    check_choice(function, "cull", cull, CULLS)
     check_count(function, "threads", threads, 0)
     first = _vectors(function, "origins", origins)
     second = _vectors(function, "directions", directions)

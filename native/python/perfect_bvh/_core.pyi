@@ -31,9 +31,7 @@ def find_moved(old_transforms: _Float, new_transforms: _Float, rows: _Int | None
 def are_equal(first: npt.NDArray[Any], second: npt.NDArray[Any]) -> bool: ...
 def copy_within(source: _Float, target: _Float, largest: float) -> bool: ...
 def are_triangles(corner_verts: _Int, corner_triangles: _Int, triangles: _Int) -> bool: ...
-def measure(
-    snapshot: Snapshot, detailed: bool, traversal_cost: float, intersection_cost: float, progress: _Progress
-) -> dict[str, Any]: ...
+def measure(snapshot: Snapshot, detailed: bool, progress: _Progress) -> dict[str, Any]: ...
 def tree_boxes(
     snapshot: Snapshot, mesh_id: int | None, first_level: int, last_level: int, with_leaves_above: bool
 ) -> dict[str, Any]: ...
@@ -102,15 +100,13 @@ class Snapshot:
         t_max: _Float,
         masks: _Mask,
         times: _Float,
-        cull: str,
         t_hit: _Float,
         instance_ids: _Int,
         primitive_ids: _Int,
-        wrong: npt.NDArray[np.bool_],
-        ambiguous: npt.NDArray[np.bool_],
+        cull: str,
         threads: int,
         progress: _Progress,
-    ) -> None: ...
+    ) -> npt.NDArray[np.uint8]: ...
     def count_intersections(
         self,
         origins: npt.NDArray[Any],

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from ._arrays import check_count, check_id
+from ._checks import check_choice, check_count, check_id, check_kind, check_number
 from .appearance import LIGHT_KINDS, Appearance, HairTable, ImageTexture, LightTable, MeshAppearance, World
 
 _LARGEST_SIZE = 65536
@@ -27,24 +27,6 @@ _MATERIAL_COLORS = (
 )
 _LARGEST_MASK = 2**32 - 1
 _FIRST_TILE, _LAST_TILE = 1001, 2000
-
-
-def check_choice(function: str, name: str, value: object, choices: Sequence[str]) -> str:
-    """One of a few names."""
-    if not isinstance(value, str) or value not in choices:
-        raise ValueError(f"{function}: {name} must be one of {', '.join(choices)}; got {value!r}")
-    return value
-
-
-def check_number(function: str, name: str, value: object, least: float, most: float) -> float:
-    """A finite number, least to most."""
-    try:
-        number = float(value)  # type: ignore[arg-type]
-    except (TypeError, ValueError):
-        raise ValueError(f"{function}: {name} must be a number, got {value!r}") from None
-    if not least <= number <= most:
-        raise ValueError(f"{function}: {name} must be {least:g} to {most:g}, got {number:g}")
-    return number
 
 
 def check_size(function: str, size: object) -> tuple[int, int]:
@@ -63,10 +45,9 @@ def check_color(function: str, name: str, color: object) -> tuple[float, float, 
     return float(values[0]), float(values[1]), float(values[2])
 
 
-def appearance_arguments(function: str, appearance: object) -> dict[str, Any]:
+def appearance_arguments(function: str, appearance: Appearance) -> dict[str, Any]:
     """An appearance's arrays, C-contiguous and of the dtypes that its records promise."""
-    if not isinstance(appearance, Appearance):
-        raise ValueError(f"{function}: appearance must be a perfect_bvh.Appearance, got {type(appearance).__name__}")
+    check_kind(function, "appearance", appearance, Appearance)
     table, materials = appearance.instances, appearance.materials
     tints = materials.tints or ()
     uv_numbers = _numbers(function, "images[{}].uv_map", [image.uv_map for image in appearance.images])
@@ -319,11 +300,9 @@ class LightPaths:
     refractive_caustics: bool = True
 
 
-def light_path_arguments(function: str, paths: object) -> dict[str, Any]:
+def light_path_arguments(function: str, paths: LightPaths) -> dict[str, Any]:
     """The fields as the native module takes them, checked."""
-    if not isinstance(paths, LightPaths):
-        raise ValueError(f"{function}: light_paths must be a perfect_bvh.LightPaths, got {type(paths).__name__}")
-    arguments = asdict(paths)
+    arguments = asdict(check_kind(function, "light_paths", paths, LightPaths))
     for name, value in arguments.items():
         place = f"light_paths.{name}"
         if name.endswith("_bounces"):

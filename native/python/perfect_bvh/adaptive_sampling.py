@@ -13,8 +13,8 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from ._arrays import check_count
-from ._render_arguments import check_number, check_size
+from ._checks import check_count, check_number
+from ._render_arguments import check_size
 
 Image = npt.NDArray[np.float32]
 Rows = tuple[int, int]

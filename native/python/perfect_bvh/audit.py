@@ -1,9 +1,10 @@
-"""Checking a random share of the answers, or of an image's rays, against a reference that knows no tree."""
+"""Checking a random share of the answers, or of an image's rays, that triangles give, without any tree."""
 
 from __future__ import annotations
 
 import math
 import time
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -12,10 +13,12 @@ import numpy.typing as npt
 
 from . import _core
 from ._arrays import Batch, Progress, share_of
+from ._checks import check_number
 
 AUDITED_FIELDS = ("t_hit", "instance_ids", "primitive_ids")
 
 _ROWS_AT_A_TIME = 1 << 14
+_WRONG, _AMBIGUOUS, _NOT_JUDGED = 1, 2, 4  # bits of the native module's verdicts
 _DEVIATIONS_AT_95_PERCENT = 1.959963984540054
 
 
@@ -23,23 +26,31 @@ _DEVIATIONS_AT_95_PERCENT = 1.959963984540054
 class Audit:
     """What checking some of the answers again, in double precision and without a tree, has shown.
 
-    checked_count: rays that were checked, drawn at random.
+    checked_count: rays that were judged, of those drawn at random.
     wrong_rows (wrong,) int64: those whose answer is wrong, as rows of the flattened batch; of an image the pixels that
         they belong to, counted row by row from the top. Wrong: a miss although a
         triangle in range is surely hit; or a hit of a triangle that is surely missed, or whose t is off by more than
-        rounding the ray to float can explain, or that lies behind a surely hit one. Of
-        curves and points the same, by hulls whose balls are a little larger or smaller.
+        rounding the ray to float can explain, or that lies behind a surely hit one.
     ambiguous_count: rays that pass some triangle's edge, or an end of their range, so closely that rounding them to
         float decides: then either answer counts as right.
+    not_judged_count: rays that come near curves or points, which only tests judge; no triangle shows them wrong.
     """
 
     checked_count: int
     wrong_rows: npt.NDArray[np.int64]
     ambiguous_count: int
+    not_judged_count: int = 0
+
+    @classmethod
+    def of(cls, verdicts: npt.NDArray[np.uint8], rows: npt.NDArray[np.int64]) -> Audit:
+        """Of rays by the native module's verdicts; rows: where they belong."""
+        wrong, ambiguous, not_judged = (verdicts & bit != 0 for bit in (_WRONG, _AMBIGUOUS, _NOT_JUDGED))
+        left = int(not_judged.sum())
+        return cls(len(verdicts) - left, rows[wrong], int(ambiguous.sum()), left)
 
     @property
     def wrong_per_million(self) -> float:
-        """Of the rays that were checked; 0 if none was."""
+        """Of the rays that were judged; 0 if none was."""
         return 1e6 * len(self.wrong_rows) / max(self.checked_count, 1)
 
     @property
@@ -61,14 +72,17 @@ class Audit:
             self.checked_count + other.checked_count,
             np.concatenate([self.wrong_rows, other.wrong_rows]),
             self.ambiguous_count + other.ambiguous_count,
+            self.not_judged_count + other.not_judged_count,
         )
 
     def __str__(self) -> str:
         low, high = self.interval
-        return (
-            f"{self.checked_count:,} rays checked, {len(self.wrong_rows):,} wrong, {self.ambiguous_count:,} ambiguous: "
-            f"{self.wrong_per_million:,.0f} wrong per million ({low:,.0f} to {high:,.0f} at 95 %)"
+        counts = (
+            f"{self.checked_count:,} rays checked, {len(self.wrong_rows):,} wrong, {self.ambiguous_count:,} ambiguous"
         )
+        if self.not_judged_count:
+            counts += f", {self.not_judged_count:,} near curves or points not judged"
+        return f"{counts}: {self.wrong_per_million:,.0f} wrong per million ({low:,.0f} to {high:,.0f} at 95 %)"
 
 
 @dataclass(slots=True)
@@ -85,35 +99,18 @@ class RenderAudit:
     seconds: float = 0.0
 
     def __post_init__(self) -> None:
-        if not 0.0 < self.share <= 1.0:
-            raise ValueError(f"RenderAudit: share must be above 0 and at most 1, got {self.share!r}")
+        check_number("RenderAudit", "share", self.share, 0.0, 1.0, above=True)
 
     def check(
         self, snapshot: _core.Snapshot, kept: dict[str, npt.NDArray[Any]], threads: int, progress: Progress | None
     ) -> None:
         """Adds what checking the rays shows that a render has kept, as columns of one row a ray."""
         started = time.perf_counter()
+        names = ("origins", "directions", "t_min", "t_max", "masks", "times", *AUDITED_FIELDS)
+        columns = [kept[name] for name in names]
         count = len(kept["pixels"])
-        wrong, ambiguous = np.empty(count, np.bool_), np.empty(count, np.bool_)
-        for start in range(0, count, _ROWS_AT_A_TIME):
-            part = slice(start, min(start + _ROWS_AT_A_TIME, count))
-            snapshot.audit_answers(
-                kept["origins"][part],
-                kept["directions"][part],
-                kept["t_min"][part],
-                kept["t_max"][part],
-                kept["masks"][part],
-                kept["times"][part],
-                "none",
-                kept["t_hit"][part],
-                kept["instance_ids"][part],
-                kept["primitive_ids"][part],
-                wrong[part],
-                ambiguous[part],
-                threads,
-                share_of(progress, part.start / count, (part.stop - part.start) / count),
-            )
-        self.result += Audit(count, kept["pixels"][wrong], int(ambiguous.sum()))
+        verdicts = _judge(snapshot, count, lambda part: [col[part] for col in columns], "none", threads, progress)
+        self.result += Audit.of(verdicts, kept["pixels"])
         self.seconds += time.perf_counter() - started
 
 
@@ -128,18 +125,30 @@ def audit_answers(
 ) -> Audit:
     """Checks each ray of the batch with a chance of `share`; the same rays whenever the same snapshot is asked."""
     rows = _draw_rows(batch.count, share, seed=snapshot.generation)
-    wrong, ambiguous = np.empty(len(rows), np.bool_), np.empty(len(rows), np.bool_)
     answers = [columns[name].reshape(-1) for name in AUDITED_FIELDS]
-    for start in range(0, len(rows), _ROWS_AT_A_TIME):
-        part = slice(start, min(start + _ROWS_AT_A_TIME, len(rows)))
-        origins, directions, t_min, t_max, masks, times = batch.gather(rows[part])
-        t_hit, instance_ids, primitive_ids = (answer[rows[part]] for answer in answers)
-        snapshot.audit_answers(
-            *(origins, directions, t_min, t_max, masks, times, cull),
-            *(t_hit, instance_ids, primitive_ids, wrong[part], ambiguous[part], threads),
-            share_of(progress, part.start / len(rows), (part.stop - part.start) / len(rows)),
-        )
-    return Audit(len(rows), rows[wrong], int(ambiguous.sum()))
+
+    def columns_of(part: slice) -> Sequence[Any]:
+        chosen = rows[part]
+        return (*batch.gather(chosen), *(answer[chosen] for answer in answers))
+
+    verdicts = _judge(snapshot, len(rows), columns_of, cull, threads, progress)
+    return Audit.of(verdicts, rows)
+
+
+def _judge(
+    snapshot: _core.Snapshot,
+    count: int,
+    columns_of: Callable[[slice], Sequence[Any]],
+    cull: str,
+    threads: int,
+    progress: Progress | None,
+) -> npt.NDArray[np.uint8]:
+    verdicts = np.empty(count, np.uint8)
+    for start in range(0, count, _ROWS_AT_A_TIME):
+        part = slice(start, min(start + _ROWS_AT_A_TIME, count))
+        share = share_of(progress, part.start / count, (part.stop - part.start) / count)
+        verdicts[part] = snapshot.audit_answers(*columns_of(part), cull=cull, threads=threads, progress=share)
+    return verdicts
 
 
 def _draw_rows(count: int, share: float, seed: int) -> npt.NDArray[np.int64]:

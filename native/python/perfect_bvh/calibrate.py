@@ -20,11 +20,12 @@ import numpy as np
 import numpy.typing as npt
 
 from . import _core
+from ._tuning import Policy, with_policy
 from .build_config import BuildConfig, Usage
 from .calibration import BUILDERS, BuilderCost, Calibration
 from .errors import Cancelled
 from .report import MeshReport
-from .scene import Policy, Scene
+from .scene import Scene
 
 Float = npt.NDArray[np.float32]
 Progress = Callable[[float], object]
@@ -198,7 +199,7 @@ def _bent(mesh: _Mesh) -> Float:
 
 
 def _scene_of(mesh: _Mesh, usage: Usage, builder: Any, policy: Policy = "refit") -> tuple[Scene, int]:
-    scene = Scene(policy=policy, calibration=_UNIT)
+    scene = with_policy(Scene(calibration=_UNIT), policy)
     builder = "auto" if builder == "binned" else builder  # as the engine builds where it has the choice
     number = scene.add_mesh(mesh.positions, mesh.triangles, build=BuildConfig(builder=builder), usage=usage)
     scene.add_instance(number)

@@ -9,7 +9,7 @@ from typing import Any, Literal, get_args
 import numpy as np
 import numpy.typing as npt
 
-from ._arrays import check_count
+from ._checks import check_choice, check_count, check_kind, check_number
 
 Float64Array = npt.NDArray[np.float64]
 Projection = Literal["perspective", "orthographic", "equirectangular"]
@@ -40,11 +40,8 @@ class Lens:
 
     def __post_init__(self) -> None:
         for name in ("radius", "focus_distance", "ratio"):
-            value = getattr(self, name)
-            if not (0.0 < value < math.inf):
-                raise ValueError(f"Lens: {name} must be positive and finite, got {value}")
-        if not math.isfinite(self.rotation):
-            raise ValueError(f"Lens: rotation must be finite, got {self.rotation}")
+            check_number("Lens", name, getattr(self, name), 0.0, above=True)
+        check_number("Lens", "rotation", self.rotation)
         object.__setattr__(self, "blades", check_count("Lens", "blades", self.blades, 0))
         if self.blades != 0 and not 3 <= self.blades <= _MOST_BLADES:
             raise ValueError(f"Lens: blades must be 0 for a circle, or 3 to {_MOST_BLADES}; got {self.blades}")
@@ -84,10 +81,7 @@ class Camera:
         left, right, bottom, top = self.window
         if not (left < right and bottom < top and all(map(math.isfinite, self.window))):
             raise ValueError(f"Camera: window must be finite (left < right, bottom < top), got {self.window}")
-        if self.projection not in get_args(Projection):
-            raise ValueError(
-                f"Camera: projection must be one of {', '.join(get_args(Projection))}; got {self.projection!r}"
-            )
+        check_choice("Camera", "projection", self.projection, get_args(Projection))
         if not 0.0 <= self.clip_start < self.clip_end:
             raise ValueError(
                 f"Camera: clip_start must be at least 0 and below clip_end, got {self.clip_start} and {self.clip_end}"
@@ -206,15 +200,13 @@ class Shutter:
     def __post_init__(self) -> None:
         if self.curve is not None:
             object.__setattr__(self, "curve", _checked_curve(self.curve))
-        if self.rolling is not None and not 0.0 <= self.rolling <= 1.0:
-            raise ValueError(f"Shutter: rolling must be 0 to 1, or None for all rows at once, got {self.rolling}")
-        if not 0.0 <= self.frame_time <= 1.0:
-            raise ValueError(f"Shutter: frame_time must be 0 to 1, got {self.frame_time}")
+        if self.rolling is not None:  # for all rows at once
+            check_number("Shutter", "rolling", self.rolling, 0.0, 1.0)
+        check_number("Shutter", "frame_time", self.frame_time, 0.0, 1.0)
         cameras = tuple(self.cameras)
         object.__setattr__(self, "cameras", cameras)
-        for camera in cameras:
-            if not isinstance(camera, Camera):
-                raise ValueError(f"Shutter: cameras must be perfect_bvh.Camera, got {type(camera).__name__}")
+        for number, camera in enumerate(cameras):
+            check_kind("Shutter", f"cameras[{number}]", camera, Camera)
         if len(cameras) == 1 or len({camera.projection for camera in cameras}) > 1:
             raise ValueError(
                 "Shutter: cameras must be none, or two or more of one projection, got "
@@ -252,10 +244,9 @@ def _checked_curve(values: npt.ArrayLike) -> tuple[float, ...]:
 # Cameras and shutters as the native module takes them.
 
 
-def camera_arguments(function: str, camera: object) -> dict[str, Any]:
+def camera_arguments(function: str, camera: Camera) -> dict[str, Any]:
     """A camera's fields; they were checked when it was made."""
-    if not isinstance(camera, Camera):
-        raise ValueError(f"{function}: camera must be a perfect_bvh.Camera, got {type(camera).__name__}")
+    check_kind(function, "camera", camera, Camera)
     return {
         "matrix": camera.matrix,
         "window": tuple(map(float, camera.window)),
@@ -267,12 +258,11 @@ def camera_arguments(function: str, camera: object) -> dict[str, Any]:
     }
 
 
-def shutter_arguments(function: str, projection: str, shutter: object) -> dict[str, Any] | None:
+def shutter_arguments(function: str, projection: str, shutter: Shutter | None) -> dict[str, Any] | None:
     """A shutter's fields; they were checked when it was made."""
     if shutter is None:
         return None
-    if not isinstance(shutter, Shutter):
-        raise ValueError(f"{function}: shutter must be a perfect_bvh.Shutter, got {type(shutter).__name__}")
+    check_kind(function, "shutter", shutter, Shutter)
     for moved in shutter.cameras:
         if moved.projection != projection:
             raise ValueError(

@@ -10,8 +10,9 @@ import numpy as np
 import numpy.typing as npt
 
 from . import _core
-from ._arrays import as_array, as_integers, as_rows, as_steps, as_time_range, check_count, check_id
-from .build_config import BuildConfig, Usage, as_config, check_usage, checked_number
+from ._arrays import as_array, as_integers, as_rows, as_steps, as_time_range
+from ._checks import check_choice, check_count, check_id, check_number
+from .build_config import BuildConfig, Usage, as_config, check_usage
 
 # Curves over control points as what the engine traces: chains of balls, within a stated distance of the curves.
 
@@ -102,28 +103,23 @@ def divide(
 
     That is the balls' centres, radii and offsets, and which curves are cyclic.
     """
-    if kind not in CURVE_KINDS:
-        raise ValueError(f"{function}: kind must be one of {', '.join(CURVE_KINDS)}, got {kind!r}")
+    check_choice(function, "kind", kind, CURVE_KINDS)
     rows = as_rows(function, "points", points)
     sizes = as_radii(function, radii, rows)
     offsets = as_integers(function, "curve_offsets", curve_offsets, np.int64).reshape(-1)
     closed = _as_cyclic(function, cyclic, max(len(offsets) - 1, 0))
     if tolerance is not None and pieces is not None:
         raise ValueError(f"{function}: tolerance and pieces exclude each other; give one of them")
-    limit = _default_tolerance(sizes) if tolerance is None else _as_tolerance(function, tolerance)
+    if tolerance is None:
+        limit = _default_tolerance(sizes)
+    else:
+        limit = check_number(function, "tolerance", tolerance, 0.0, _LARGEST, above=True)
     piece_count = 0 if pieces is None else check_count(function, "pieces", pieces, 1, _MOST_PIECES)
     if kind == "poly" and not closed.any():
         return None, rows, sizes, offsets, closed
     division = _core.divide_curves(rows, sizes, offsets, closed, kind, limit, piece_count, function)
     chains = CurveChains(kind, offsets, closed, sizes, limit, piece_count, len(rows), division)  # type: ignore[arg-type]
     return chains, *chains.balls(function, rows), division.offsets, closed
-
-
-def as_shape(function: str, shape: str) -> str:
-    """As given, if it is one."""
-    if shape not in get_args(CurveShape):
-        raise ValueError(f"{function}: shape must be one of {', '.join(get_args(CurveShape))}, got {shape!r}")
-    return shape
 
 
 def as_radii(function: str, radii: npt.ArrayLike, rows: npt.NDArray[Any]) -> npt.NDArray[Any]:
@@ -143,15 +139,6 @@ def _as_cyclic(function: str, cyclic: npt.ArrayLike, curve_count: int) -> npt.ND
     if array.ndim > 1 or (array.ndim == 1 and len(array) != curve_count):
         raise ValueError(f"{function}: cyclic must have shape ({curve_count},) or be one bool, got {array.shape}")
     return np.ascontiguousarray(np.broadcast_to(array, curve_count), dtype=np.uint8)
-
-
-def _as_tolerance(function: str, tolerance: float) -> float:
-    number = checked_number(function, "tolerance", tolerance, 0.0, _LARGEST)
-    if number == 0.0:
-        raise ValueError(
-            f"{function}: tolerance must be above 0, got {tolerance!r}; a tenth of a radius is hardly seen"
-        )
-    return number
 
 
 def _default_tolerance(radii: npt.NDArray[Any]) -> float:
@@ -244,7 +231,7 @@ class CurvesAndPoints:
         add up or leave a curve less points than its kind takes, wrong shapes, and more than 2**30 balls.
         """
         check_usage("add_curves", usage)
-        is_ribbon = as_shape("add_curves", shape) == "ribbon"
+        is_ribbon = check_choice("add_curves", "shape", shape, get_args(CurveShape)) == "ribbon"
         settings = as_config("add_curves", build).as_settings()
         chains, centres, sizes, offsets, closed = divide(
             "add_curves", points, radii, curve_offsets, kind, cyclic, tolerance, pieces
@@ -350,7 +337,7 @@ class CurvesAndPoints:
     ) -> None:
         """Gives a mesh of curves others, of whichever shape, see `add_curves`; its instances stay."""
         number = check_id("replace_curves", "mesh", mesh)
-        is_ribbon = as_shape("replace_curves", shape) == "ribbon"
+        is_ribbon = check_choice("replace_curves", "shape", shape, get_args(CurveShape)) == "ribbon"
         chains, centres, sizes, offsets, closed = divide(
             "replace_curves", points, radii, curve_offsets, kind, cyclic, tolerance, pieces
         )

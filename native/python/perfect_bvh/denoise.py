@@ -12,8 +12,9 @@ import numpy as np
 import numpy.typing as npt
 
 from . import _core, _oidn
-from ._arrays import Progress, as_array, check_count, share_of
-from ._render_arguments import check_choice, check_size
+from ._arrays import Progress, as_array, share_of
+from ._checks import check_choice, check_count
+from ._render_arguments import check_size
 from .errors import EngineError
 
 Image = npt.NDArray[np.float32]

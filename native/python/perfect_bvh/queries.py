@@ -9,16 +9,15 @@ import numpy as np
 import numpy.typing as npt
 
 from . import _core
-from ._arrays import LARGEST_COUNT, Batch, Progress, check_count, point_batch, ray_batch, share_of
+from ._arrays import Batch, Progress, point_batch, ray_batch, share_of
+from ._checks import LARGEST_COUNT, check_count, check_number
 from .audit import AUDITED_FIELDS, audit_answers
-from .build_config import COSTS, checked_number
 from .closest_points import ClosestPoints, allocate_closest
 from .hits import Hits, Out, allocate_columns, check_out, check_overlap, fields_of
 from .ray_walk import RayWalk
 from .report import SceneStatistics
 
-Cull = Literal["none", "back", "front"]
-Strategy = Literal["auto", "packets", "stream", "single"]
+Cull = Literal["none", "back"]
 
 ALL_MASK = 0xFFFFFFFF
 
@@ -48,7 +47,7 @@ class Queries:
         unit vectors: t is in multiples of their length.
     t_min, t_max: numbers or (...), float32: a hit counts if t_min <= t <= t_max.
     mask: 32 bits or (...): an instance is seen if its mask shares a bit with the ray's.
-    cull: "back" passes through triangles seen from behind (clockwise), "front" through the others.
+    cull: "back" passes through triangles seen from behind (clockwise).
     times: numbers or (...), float32, from 0, where the shutter opens, to 1, where it closes: each ray, or point, meets
         the scene as it is at its own time, see `Scene.set_mesh_motion` and `Scene.set_instance_motion`. What does not
         move is the same at all times.
@@ -64,6 +63,7 @@ class Queries:
     """
 
     __slots__ = ()
+    _strategy = "auto"
 
     def _committed(self) -> _core.Snapshot:
         raise NotImplementedError
@@ -80,7 +80,6 @@ class Queries:
         times: npt.ArrayLike = 0.0,
         fields: Iterable[str] | None = None,
         out: Out | None = None,
-        strategy: Strategy = "auto",
         audit: float = 0.0,
         threads: int = 0,
         progress: Progress | None = None,
@@ -95,19 +94,14 @@ class Queries:
         out: arrays to write fields into and return, so that call after call uses the same memory: a dict of arrays by
             the fields' names, or the `Hits` of an earlier call, whose fields are then computed if `fields` is None.
             Contiguous, of the field's dtype and shape (...) or (..., 2 or 3); none may overlap another or the rays.
-        strategy: how rays are traced, never what they hit. "packets": 64 consecutive rays share a traversal, which is
-            several times as fast where they go much the same way; "stream": many are under way, each for itself;
-            "single": one after the other. "auto" looks at the rays: packets where they are coherent, else the stream.
-            Batches that count their work are not traced in packets. Into what moves within the shutter, rays of packets
-            go one by one: where that is most of a scene, "auto" takes the stream.
         audit: the share of rays, 0 to 1, to check again in double precision and without any tree; what that shows is
-            in the answer's `audit`. It costs about 5 ns for each checked ray and triangle of the scene.
+            in the answer's `audit`. It costs about 5 ns for each checked ray and triangle of the scene. Rays that come
+            near curves or points are not judged.
 
         Returns `Hits`, one row a ray, always; invalid rays are misses, counted in `invalid_count`. With `out` it is a
         new one around the arrays given.
         """
-        _check_strategy("cast_rays", strategy)
-        _check_audit("cast_rays", audit)
+        audit = check_number("cast_rays", "audit", audit, 0.0, 1.0)
         batch = ray_batch("cast_rays", origins, directions, t_min, t_max, mask, times, cull, threads)
         names = fields_of(fields, out)
         hidden = [name for name in AUDITED_FIELDS if audit > 0.0 and name not in names]
@@ -115,7 +109,7 @@ class Queries:
         snapshot, invalid, packed = self._committed(), 0, 0
         for piece in batch.pieces(share_of(progress, 0.0, 0.5) if audit > 0.0 else progress):
             part = {name: column[piece.index] for name, column in columns.items()}
-            counts = snapshot.cast_rays(*_six(piece.columns), cull, strategy, part, threads, piece.progress)
+            counts = snapshot.cast_rays(*_six(piece.columns), cull, self._strategy, part, threads, piece.progress)
             invalid, packed = invalid + counts[0], packed + counts[1]
         audited = None
         if audit > 0.0:
@@ -134,7 +128,6 @@ class Queries:
         cull: Cull = "none",
         times: npt.ArrayLike = 0.0,
         out: npt.NDArray[np.bool_] | None = None,
-        strategy: Strategy = "auto",
         threads: int = 0,
         progress: Progress | None = None,
     ) -> npt.NDArray[np.bool_]:
@@ -144,10 +137,8 @@ class Queries:
 
         out: an array to write into and return, so that call after call uses the same memory: contiguous, bool, of the
             rays' shape (...); it may not overlap them.
-        strategy: see `cast_rays`.
         """
         name = "test_occlusions"
-        _check_strategy(name, strategy)
         batch = ray_batch(name, origins, directions, t_min, t_max, mask, times, cull, threads)
         if out is None:
             occluded = np.empty(batch.shape, np.bool_)
@@ -157,7 +148,7 @@ class Queries:
         snapshot = self._committed()
         for piece in batch.pieces(progress):
             part = occluded[piece.index]
-            snapshot.test_occlusions(*_six(piece.columns), cull, strategy, part, threads, piece.progress)
+            snapshot.test_occlusions(*_six(piece.columns), cull, self._strategy, part, threads, piece.progress)
         return occluded
 
     def count_intersections(
@@ -300,8 +291,6 @@ class Queries:
         self,
         detailed: bool = False,
         *,
-        traversal_cost: float = 1.0,
-        intersection_cost: float = 1.0,
         progress: Progress | None = None,
     ) -> SceneStatistics:
         """Sizes and quality of all trees, as `SceneStatistics`.
@@ -309,15 +298,11 @@ class Queries:
         detailed: also end-point overlap and leaf-count variability (Aila, Karras and Laine 2013). They take
             microseconds for each triangle, and binary trees that are no longer kept are built again for them, with
             the same settings.
-        traversal_cost, intersection_cost: of visiting a node, 0 to 1e6, and of testing a triangle, 1e-6 to 1e6:
-            what `sah` and `epo` are reckoned with.
         progress: called with the share done, 0 to 1; returning False raises `Cancelled`. Ctrl-C works too.
 
-        Raises ValueError for other costs, StaleSceneError (on a `Scene`) if edits wait.
+        Raises StaleSceneError (on a `Scene`) if edits wait.
         """
-        visit = checked_number("statistics", "traversal_cost", traversal_cost, *COSTS["traversal_cost"])
-        test = checked_number("statistics", "intersection_cost", intersection_cost, *COSTS["intersection_cost"])
-        return SceneStatistics.from_core(_core.measure(self._committed(), bool(detailed), visit, test, progress))
+        return SceneStatistics.from_core(_core.measure(self._committed(), bool(detailed), progress))
 
 
 def _six(columns: tuple[npt.NDArray[Any], ...]) -> tuple[Any, Any, Any, Any, Any, Any]:
@@ -336,13 +321,3 @@ def _count(
     for piece in batch.pieces(progress):
         part = counts[piece.index]
         snapshot.count_intersections(*_six(piece.columns), cull, part, threads, piece.progress)
-
-
-def _check_strategy(function: str, strategy: str) -> None:
-    if strategy not in ("auto", "packets", "stream", "single"):
-        raise ValueError(f"{function}: strategy must be 'auto', 'packets', 'stream' or 'single', got {strategy!r}")
-
-
-def _check_audit(function: str, audit: float) -> None:
-    if not 0.0 <= audit <= 1.0:
-        raise ValueError(f"{function}: audit must be a share of the rays, 0 to 1, got {audit!r}")

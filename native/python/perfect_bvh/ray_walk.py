@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from . import _core
-from ._arrays import check_count, check_id
+from ._checks import check_count, check_id
 from .calibration import Calibration, current_calibration
 
 

@@ -11,16 +11,9 @@ import numpy as np
 import numpy.typing as npt
 
 from . import _core
-from ._arrays import Progress, check_count, share_of
-from ._render_arguments import (
-    LightPaths,
-    appearance_arguments,
-    check_choice,
-    check_color,
-    check_number,
-    check_size,
-    light_path_arguments,
-)
+from ._arrays import Progress, share_of
+from ._checks import check_choice, check_count, check_kind, check_number
+from ._render_arguments import LightPaths, appearance_arguments, check_color, check_size, light_path_arguments
 from .adaptive_sampling import TILE_SIZE, AdaptiveSampling
 from .appearance import Appearance
 from .audit import RenderAudit
@@ -57,8 +50,7 @@ _PASSES: Mapping[str, tuple[tuple[int, ...], type[np.generic], float]] = {
     "denoising_normal": ((3,), np.float32, 0.0),
 }
 _GUIDES = ("denoising_color", "denoising_albedo", "denoising_normal")
-# Those that samples add up to.
-_BLENDED = ("combined", *_GUIDES)
+_BLENDED = ("combined", *_GUIDES)  # those that samples add up to
 PASSES: tuple[str, ...] = tuple(_PASSES)
 
 
@@ -118,8 +110,9 @@ def render(
 
     It is the pass "combined" of `render_passes`, which explains the arguments.
     """
-    passes = _render("render", scene, camera, mode, size, samples, appearance, ("combined",), progress, options)
-    return passes["combined"]
+    return _render("render", scene, camera, mode, size, samples, appearance, ("combined",), progress, options)[
+        "combined"
+    ]
 
 
 def render_passes(
@@ -218,7 +211,7 @@ def render_progressively(
     names = _check_passes("render_progressively", passes)
     limit = check_number("render_progressively", "time_limit", time_limit, 0.0, 1e9)
     if sampling is not None:
-        _check_sampling(sampling, size, names, options)
+        _check_sampling(sampling, size, names, options.get("tiles"))
         sampling.keep_within(camera.border)
     start = options.get("first_sample", 0)
     options["is_continued"] = options.get("is_continued", False) or total > 1
@@ -229,8 +222,9 @@ def render_progressively(
         count = min(max(done, 1), total - done)
         tile_count = 1 if sampling is None else sampling.tile_count
         if limit and done:
-            count = min(count, samples_within(limit, time.perf_counter() - started, work / tile_count))
-            if count == 0:
+            seconds = time.perf_counter() - started
+            count = min(count, int((limit - seconds) / max(seconds * tile_count / work, 1e-9)))
+            if count <= 0:
                 return
         options["first_sample"] = start + done
         if done and sampling is not None:
@@ -279,11 +273,6 @@ def add_samples(
         np.multiply(change, np.float32(math.sqrt(done / count)), out=noise, where=where)
 
 
-def samples_within(limit: float, seconds: float, done: float) -> int:
-    """How many more samples fit into a limit if each takes as long as those that have taken so many seconds so far."""
-    return max(0, int((limit - seconds) / max(seconds / done, 1e-9)))
-
-
 def depth_to_grey(
     depth: npt.NDArray[np.float32], near: float | None = None, far: float | None = None
 ) -> npt.NDArray[np.float32]:
@@ -298,10 +287,7 @@ def depth_to_grey(
     low = float(depth[hit].min()) if near is None else near
     high = float(depth[hit].max()) if far is None else far
     scale = 1.0 / (high - low) if high > low else 0.0
-    grey: npt.NDArray[np.float32] = np.where(hit, np.clip(1.0 - (depth - low) * scale, 0.0, 1.0), 0.0).astype(
-        np.float32
-    )
-    return grey
+    return np.asarray(np.where(hit, np.clip(1.0 - (depth - low) * scale, 0.0, 1.0), 0.0), np.float32)
 
 
 def cost_to_color(costs: npt.ArrayLike) -> npt.NDArray[np.float32]:
@@ -328,65 +314,55 @@ def _render(
     snapshot = _snapshot_of(function, scene)
     width, height = check_size(function, size)
     count = check_count(function, "samples", samples, 1)
-    tiles = options.get("tiles")
     view = camera_arguments(function, camera)
     settings = _settings(function, options, count) | {
         "mode": check_choice(function, "mode", mode, MODES),
         "width": width,
         "height": height,
         "samples": count,
-        "tiles": None if tiles is None else _check_tiles(function, tiles, (width, height)),
+        "tiles": _check_tiles(function, options.get("tiles"), (width, height)),
         "shutter": shutter_arguments(function, view["projection"], options.get("shutter")),
     }
     looks = appearance_arguments(function, appearance or Appearance())
     if mode == "preview" and looks["world"] is not None and 0 <= looks["world"]["image"] < len(looks["images"]):
         looks["bright_sky"] = find_bright_sky(looks["images"][looks["world"]["image"]], settings["threads"])
-    arrays: Passes = {}
     wanted = _check_passes(function, passes)
     # Guides are made together, and beside the image that they are for.
-    for name in (*wanted, *_BLENDED) if any(name in _GUIDES for name in wanted) else wanted:
-        shape, dtype, nothing = _PASSES[name]
-        arrays[name] = np.full((height, width, *shape), nothing, dtype)
+    made = (*wanted, *_BLENDED) if any(name in _GUIDES for name in wanted) else wanted
+    kinds = {name: _PASSES[name] for name in made}
+    arrays = {name: np.full((height, width, *row), nothing, dtype) for name, (row, dtype, nothing) in kinds.items()}
     audit = options.get("audit")
-    kept = _core.render(
-        snapshot._snapshot,
-        view,
-        looks,
-        settings,
-        arrays,
-        progress if audit is None else share_of(progress, 0.0, 0.5),
-    )
+    share = progress if audit is None else share_of(progress, 0.0, 0.5)
+    kept = _core.render(snapshot._snapshot, view, looks, settings, arrays, share)
     if audit is not None:
         audit.check(snapshot._snapshot, kept, settings["threads"], share_of(progress, 0.5, 0.5))
     return {name: arrays[name] for name in wanted}
 
 
 def _snapshot_of(function: str, scene: Scene | Snapshot) -> Snapshot:
-    if isinstance(scene, Scene):
-        return scene.snapshot()
-    if isinstance(scene, Snapshot):
-        return scene
-    raise ValueError(f"{function}: scene must be a Scene or a Snapshot, got {type(scene).__name__}")
+    if not isinstance(scene, Scene | Snapshot):
+        raise ValueError(f"{function}: scene must be a Scene or a Snapshot, got {type(scene).__name__}")
+    return scene.snapshot() if isinstance(scene, Scene) else scene
 
 
-def _check_sampling(sampling: object, size: tuple[int, int], passes: list[str], options: RenderOptions) -> None:
+def _check_sampling(sampling: AdaptiveSampling, size: tuple[int, int], passes: list[str], tiles: object) -> None:
     function = "render_progressively"
-    if not isinstance(sampling, AdaptiveSampling):
-        raise ValueError(f"{function}: sampling must be a perfect_bvh.AdaptiveSampling, got {type(sampling).__name__}")
+    check_kind(function, "sampling", sampling, AdaptiveSampling)
     if sampling.size != check_size(function, size):
         raise ValueError(f"{function}: sampling must be for an image of {tuple(size)} pixels, got {sampling.size}")
     if sampling.sample_counts.any():
         raise ValueError(f"{function}: sampling must be new, got one of an image that was rendered before")
     if "combined" not in passes:
         raise ValueError(f"{function}: passes must hold 'combined', which sampling judges, got {', '.join(passes)}")
-    if options.get("tiles") is not None:
+    if tiles is not None:
         raise ValueError(f"{function}: tiles cannot be given beside sampling, which chooses them")
 
 
-def _check_tiles(function: str, tiles: npt.ArrayLike, size: tuple[int, int]) -> npt.NDArray[np.bool_]:
+def _check_tiles(function: str, tiles: npt.ArrayLike | None, size: tuple[int, int]) -> npt.NDArray[np.bool_] | None:
+    if tiles is None:
+        return None
     array = np.ascontiguousarray(tiles)
-    width, height = size
-    expected = (-(-height // TILE_SIZE), -(-width // TILE_SIZE))
+    expected = tuple(-(-pixels // TILE_SIZE) for pixels in reversed(size))
     if array.shape != expected or array.dtype != np.bool_:
         raise ValueError(f"{function}: tiles must be bool of shape {expected}, got {array.dtype} of {array.shape}")
     return array
@@ -394,34 +370,26 @@ def _check_tiles(function: str, tiles: npt.ArrayLike, size: tuple[int, int]) -> 
 
 def _check_passes(function: str, passes: Iterable[str]) -> list[str]:
     names = [passes] if isinstance(passes, str) else list(passes)
-    for name in names:
-        check_choice(function, "passes", name, PASSES)
     if not names:
         raise ValueError(f"{function}: passes is empty; name at least one of {', '.join(PASSES)}")
-    return list(dict.fromkeys(names))
+    return list(dict.fromkeys(check_choice(function, "passes", name, PASSES) for name in names))
 
 
 def _settings(function: str, options: RenderOptions, samples: int) -> dict[str, Any]:
     """The options as the native module takes them, checked; defaults where they are missing."""
-    unknown = set(options) - set(RenderOptions.__annotations__)
-    if unknown:
-        raise TypeError(
-            f"{function}: unknown option {sorted(unknown)[0]!r}; there are {', '.join(RenderOptions.__annotations__)}"
-        )
+    known = RenderOptions.__annotations__
+    for name in sorted(set(options) - set(known)):
+        raise TypeError(f"{function}: unknown option {name!r}; there are {', '.join(known)}")
     distance, color, audit = options.get("ao_distance"), options.get("clay_color"), options.get("audit")
     light_rays = options.get("light_rays")
-    if light_rays is None:
-        light_rays = min(samples, 2)
-    if not isinstance(audit, RenderAudit | None):
-        raise ValueError(f"{function}: audit must be a perfect_bvh.RenderAudit, got {type(audit).__name__}")
+    if audit is not None:
+        check_kind(function, "audit", audit, RenderAudit)
     return {
-        "threads": check_count(function, "threads", options.get("threads", 0), 0),
-        "seed": check_count(function, "seed", options.get("seed", 0), 0),
-        "first_sample": check_count(function, "first_sample", options.get("first_sample", 0), 0),
+        **{name: check_count(function, name, options.get(name, 0), 0) for name in ("threads", "seed", "first_sample")},
         "is_continued": bool(options.get("is_continued", False)),
         "filter_width": check_number(function, "filter_width", options.get("filter_width", 1.5), 0.0, 16.0),
         "ao_distance": 0.0 if distance is None else check_number(function, "ao_distance", distance, 1e-30, 1e30),
-        "light_rays": check_count(function, "light_rays", light_rays, 1),
+        "light_rays": check_count(function, "light_rays", min(samples, 2) if light_rays is None else light_rays, 1),
         "light_paths": light_path_arguments(function, options.get("light_paths", LightPaths())),
         "clay_color": None if color is None else check_color(function, "clay_color", color),
         "wire_width": check_number(function, "wire_width", options.get("wire_width", 1.0), 0.01, 1000.0),

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, Literal, get_args
+from typing import Any, Literal
 
 import numpy as np
 import numpy.typing as npt
 
 from . import _core
-from ._arrays import Progress, as_integers, as_rows, as_steps, as_time_range, as_transforms, as_triangles, check_id
-from .build_config import BuildConfig, Usage, as_config, check_usage, checked_number
+from ._arrays import Progress, as_integers, as_rows, as_steps, as_time_range, as_transforms, as_triangles
+from ._checks import check_id, check_number
+from .build_config import BuildConfig, Usage, as_config, check_usage
 from .calibration import Calibration, current_calibration
 from .curves_and_points import CurveChains, CurvesAndPoints
 from .queries import ALL_MASK, Queries
@@ -78,21 +79,17 @@ class Snapshot(Queries):
 # Scene ---------------------------------------------------------------------------------------------------------------
 
 
-Policy = Literal["governed", "refit", "rotate", "rebuild_parts", "rebuild"]
 _MOST_RAYS = 1e18
-POLICIES: tuple[str, ...] = get_args(Policy)
 
 
 class Scene(Queries, CurvesAndPoints):
     """A two-level tree over instanced meshes of triangles, curves or points.
 
-    Edits are collected; `commit()` builds, refits or keeps each tree as its edits need; queries then answer from
-    the committed state and raise `StaleSceneError` while edits wait. Every edit checks its input before it changes
-    anything. Arrays are copied in. May be used from several threads.
+    Edits are collected; `commit()` builds, refits or keeps each tree as its edits need: of a tree whose vertices moved
+    what is expected to cost least, update and rays together. Queries then answer from the committed state and raise
+    `StaleSceneError` while edits wait. Every edit checks its input before it changes anything. Arrays are copied in.
+    May be used from several threads.
 
-    policy: what becomes of a tree whose vertices moved. "governed": what is expected to cost least, of the update and
-        of the rays together. The others are for comparisons, and hits are the same, bit by bit: "refit" (wherever a
-        tree can be refitted), "rotate" and "rebuild_parts" (refit, and then always restructure so) and "rebuild".
     calibration: what work costs on this machine; by default what `perfect-bvh calibrate` measured, or else what comes
         with the package. With equal calibrations, edits and expected rays the decisions are the same anywhere.
     """
@@ -106,10 +103,8 @@ class Scene(Queries, CurvesAndPoints):
         "before_query",
     )
 
-    def __init__(self, policy: Policy = "governed", calibration: Calibration | None = None) -> None:
-        if policy not in POLICIES:
-            raise ValueError(f"Scene: policy must be one of {', '.join(POLICIES)}, got {policy!r}")
-        self._policy = policy
+    def __init__(self, *, calibration: Calibration | None = None) -> None:
+        self._policy = "governed"
         self._calibration_numbers = (current_calibration() if calibration is None else calibration).as_numbers()
         self._scene = _core.make_scene()
         self._chains: dict[int, CurveChains] = {}
@@ -291,14 +286,14 @@ class Scene(Queries, CurvesAndPoints):
         progress: called with the share done, up to 20 times a second; returning False raises `Cancelled`. It must not
             use this scene. What is done between two looks at the time does not grow with the meshes. Ctrl-C works too.
 
-        With the policy "governed" and the build "auto", a mesh that rests gets the tree of a better builder once the
+        With the build "auto", a mesh that rests gets the tree of a better builder once the
         rays that its tree has served and those to come repay that: at most twice for the same triangles.
 
         After a failed or cancelled commit the edits still wait, and snapshots taken before stay valid.
         """
         rays = None
         if expected_rays is not None:
-            rays = checked_number("commit", "expected_rays", expected_rays, 0.0, _MOST_RAYS)
+            rays = check_number("commit", "expected_rays", expected_rays, 0.0, _MOST_RAYS)
         return CommitReport.from_core(self._scene.commit(self._policy, rays, self._calibration_numbers, progress))
 
     def mark_stale(self, why: str) -> None:

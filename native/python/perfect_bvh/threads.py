@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from . import _core
-from ._arrays import check_count
+from ._checks import check_count
 from ._core import StopFlag, make_stop_flag, shutdown_threads, thread_count
 
 __all__ = ["StopFlag", "make_stop_flag", "set_thread_count", "shutdown_threads", "thread_count"]

@@ -1,7 +1,5 @@
 #include "blas/build_tree.h"
 
-#include <limits>
-
 #include "builders/builder.h"
 #include "builders/optimize.h"
 #include "builders/quality.h"
@@ -120,10 +118,8 @@ void build_and_collapse(Blas& blas, MeshReport& report, ThreadPool& pool, Cancel
   Bvh2 tree = build_tree(blas.mesh, unoptimized, pool, cancel);
   report.build_milliseconds = watch.lap_milliseconds();
   if (blas.config.optimize_passes > 0) {
-    const OptimizeBudget budget{blas.config.optimize_passes, blas.config.optimize_milliseconds};
-    // From now on the settings are those that make this very tree again, however long that takes.
-    blas.config.optimize_passes = optimize_bvh2(tree, budget, pool, cancel).passes;
-    blas.config.optimize_milliseconds = std::numeric_limits<double>::infinity();
+    // From now on the settings are those that make this very tree again.
+    blas.config.optimize_passes = optimize_bvh2(tree, blas.config.optimize_passes, pool, cancel).passes;
     report.optimize_milliseconds = watch.lap_milliseconds();
   }
   blas.quality = measure_quality(tree, cancel);

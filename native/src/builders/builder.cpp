@@ -31,7 +31,6 @@ void check(const BuildConfig& config) {
           static_cast<double>(config.traversal_cost));
   require(config.intersection_cost >= 1e-6f && config.intersection_cost <= 1e6f, "intersection_cost",
           "from 1e-6 to 1e6", static_cast<double>(config.intersection_cost));
-  require(config.optimize_milliseconds >= 0, "optimize_milliseconds", "0 or more", config.optimize_milliseconds);
   require(config.duplication_budget >= 0 && config.duplication_budget <= 10, "duplication_budget", "from 0 to 10",
           static_cast<double>(config.duplication_budget));
 }
@@ -72,9 +71,7 @@ Bvh2 build_bvh2(std::span<const PrimRef> prims, const BuildConfig& config, Threa
   }
   if (prims.empty()) return {};
   Bvh2 tree = build_unoptimized(prims, config, pool, cancel, clipper, leaf_limit);
-  if (config.optimize_passes > 0) {
-    optimize_bvh2(tree, {config.optimize_passes, config.optimize_milliseconds}, pool, cancel);
-  }
+  if (config.optimize_passes > 0) optimize_bvh2(tree, config.optimize_passes, pool, cancel);
   return tree;
 }
 

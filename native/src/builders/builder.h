@@ -2,7 +2,6 @@
 #pragma once
 
 #include <cstdint>
-#include <limits>
 #include <span>
 #include <string_view>
 
@@ -45,9 +44,7 @@ struct BuildConfig {
   float intersection_cost = 1.0f;     // ... and of testing a primitive
   float duplication_budget = 0.3f;    // spatial: references added, as a share of the primitives
   std::uint32_t optimize_passes = 0;  // reinsertion passes after the build
-  // No pass starts after so much time. With a limit the tree is another on a faster machine.
-  double optimize_milliseconds = std::numeric_limits<double>::infinity();
-  bool fills_leaves = false;  // binned: ends where primitives fit into one leaf of the wide tree
+  bool fills_leaves = false;          // binned: ends where primitives fit into one leaf of the wide tree
 
   friend bool operator==(const BuildConfig&, const BuildConfig&) = default;
 };

@@ -1,7 +1,6 @@
 #include "builders/optimize.h"
 
 #include <algorithm>
-#include <chrono>
 #include <functional>
 #include <span>
 #include <utility>
@@ -230,17 +229,12 @@ class Optimizer {
 
 }  // namespace
 
-OptimizeReport optimize_bvh2(Bvh2& tree, const OptimizeBudget& budget, ThreadPool& pool, CancelToken& cancel) {
+OptimizeReport optimize_bvh2(Bvh2& tree, std::uint32_t most_passes, ThreadPool& pool, CancelToken& cancel) {
   OptimizeReport report;
   if (tree.depth < 2) return report;  // nothing has anywhere to go
-  const auto start = std::chrono::steady_clock::now();
-  const auto time_is_over = [&] {
-    const std::chrono::duration<double, std::milli> spent = std::chrono::steady_clock::now() - start;
-    return spent.count() >= budget.milliseconds;
-  };
   Optimizer optimizer(tree, cancel);
   double share = kFirstShare;
-  while (report.passes < budget.passes && !time_is_over()) {
+  while (report.passes < most_passes) {
     const std::size_t moved = optimizer.run_pass(share, pool, cancel);
     ++report.passes;
     report.moved += moved;

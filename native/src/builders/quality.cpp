@@ -39,7 +39,7 @@ std::size_t count_distinct(std::span<const std::uint32_t> numbers, CancelToken& 
 
 }  // namespace
 
-TreeQuality measure_quality(const Bvh2& tree, CancelToken& cancel, float traversal_cost, float intersection_cost) {
+TreeQuality measure_quality(const Bvh2& tree, CancelToken& cancel) {
   TreeQuality quality;
   if (tree.empty()) return quality;
   quality.node_count = tree.node_count();
@@ -68,7 +68,7 @@ TreeQuality measure_quality(const Bvh2& tree, CancelToken& cancel, float travers
   // A tree without area is hit by no random ray; its primitives stand in, as for any ray that does meet it.
   quality.node_visits = root_area > 0 ? interior_area / root_area : 0;
   quality.primitive_tests = root_area > 0 ? leaf_area / root_area : static_cast<double>(quality.reference_count);
-  quality.sah = quality.sah_at(traversal_cost, intersection_cost);
+  quality.sah = quality.node_visits + quality.primitive_tests;
   return quality;
 }
 
@@ -145,12 +145,8 @@ struct Topology {
 // Prices one triangle after another; knows by stamps which nodes the present one is below.
 class Pricer {
  public:
-  Pricer(const Bvh2& tree, const Topology& topology, double traversal_cost, double intersection_cost)
-      : tree_(tree),
-        topology_(topology),
-        traversal_cost_(traversal_cost),
-        intersection_cost_(intersection_cost),
-        stamps_(tree.nodes.size(), 0) {}
+  Pricer(const Bvh2& tree, const Topology& topology)
+      : tree_(tree), topology_(topology), stamps_(tree.nodes.size(), 0) {}
 
   [[nodiscard]] double price(std::uint32_t prim, const Polygon& triangle) {
     stamp_ancestors(prim);
@@ -165,7 +161,7 @@ class Pricer {
       const double area = polygon.area();
       if (!(area > 0)) continue;
       const bool is_own = stamps_[index] == prim + 1;
-      if (!is_own) cost += area * (node.is_leaf() ? intersection_cost_ * node.count : traversal_cost_);
+      if (!is_own) cost += area * (node.is_leaf() ? static_cast<double>(node.count) : 1.0);
       if (node.is_leaf()) continue;
       stack_.emplace_back(node.first, polygon);
       stack_.emplace_back(node.first + 1, polygon);
@@ -183,7 +179,6 @@ class Pricer {
 
   const Bvh2& tree_;
   const Topology& topology_;
-  const double traversal_cost_, intersection_cost_;
   std::vector<std::uint32_t> stamps_;
   std::vector<std::pair<std::uint32_t, Polygon>> stack_;
 };
@@ -191,7 +186,7 @@ class Pricer {
 }  // namespace
 
 double measure_epo(const Bvh2& tree, std::span<const Vec3f> positions, std::span<const Vec3<std::uint32_t>> triangles,
-                   ThreadPool& pool, CancelToken& cancel, float traversal_cost, float intersection_cost) {
+                   ThreadPool& pool, CancelToken& cancel) {
   if (tree.empty()) return 0;
   const Topology topology(tree, triangles.size());
   struct Sums {
@@ -201,7 +196,7 @@ double measure_epo(const Bvh2& tree, std::span<const Vec3f> positions, std::span
   // A few chunks a task: each pricer has a stamp for every node.
   const std::size_t chunks_a_task = chunks.size() / static_cast<std::size_t>(4 * pool.thread_count()) + 1;
   parallel_for(pool, chunks.size(), chunks_a_task, [&](std::size_t begin, std::size_t end) {
-    Pricer pricer(tree, topology, static_cast<double>(traversal_cost), static_cast<double>(intersection_cost));
+    Pricer pricer(tree, topology);
     for (std::size_t chunk = begin; chunk < end; ++chunk) {
       cancel.checkpoint();
       const std::size_t first = chunk * kGrain, last = std::min(triangles.size(), first + kGrain);

@@ -18,7 +18,7 @@ struct TreeQuality {
   // What a random ray that hits the root's box is expected to visit and to test: sums of areas over the root's area.
   double node_visits = 0;
   double primitive_tests = 0;
-  double sah = 0;  // the two together, at the costs that were asked for
+  double sah = 0;  // the two together
   std::size_t node_count = 0;
   std::size_t leaf_count = 0;
   std::size_t reference_count = 0;  // primitives in leaves, each as often as it is referred to ...
@@ -28,18 +28,12 @@ struct TreeQuality {
   std::uint32_t max_leaf_size = 0;
   bool is_refittable = true;
   std::size_t byte_count = 0;
-
-  [[nodiscard]] double sah_at(float traversal_cost, float intersection_cost) const noexcept {
-    return static_cast<double>(traversal_cost) * node_visits + static_cast<double>(intersection_cost) * primitive_tests;
-  }
 };
 
-[[nodiscard]] TreeQuality measure_quality(const Bvh2& tree, CancelToken& cancel, float traversal_cost = 1.0f,
-                                          float intersection_cost = 1.0f);
-[[nodiscard]] inline TreeQuality measure_quality(const Bvh2& tree, float traversal_cost = 1.0f,
-                                                 float intersection_cost = 1.0f) {
+[[nodiscard]] TreeQuality measure_quality(const Bvh2& tree, CancelToken& cancel);
+[[nodiscard]] inline TreeQuality measure_quality(const Bvh2& tree) {
   CancelToken never;
-  return measure_quality(tree, never, traversal_cost, intersection_cost);
+  return measure_quality(tree, never);
 }
 
 // Leaf-count variability: the standard deviation of how many leaves' boxes a random line through the root's box meets.
@@ -47,11 +41,11 @@ struct TreeQuality {
 [[nodiscard]] double measure_leaf_count_variability(const Bvh2& tree, std::uint32_t line_count, ThreadPool& pool,
                                                     CancelToken& cancel);
 
-// Sum over nodes of cost * (area of the triangles inside the node's box that are not below the node), divided by the
-// area of all triangles; 0 if they have none. The same number for any thread count. About a microsecond for each node
-// that a triangle meets: a figure to look at, not one to steer by. Counts triangles.size() units of work on `cancel`.
+// Sum over nodes, 1 for an interior one and 1 for each of a leaf's triangles, times (area of the triangles inside the
+// node's box that are not below the node), divided by the area of all triangles; 0 if they have none. The same number
+// for any thread count. About a microsecond for each node that a triangle meets: a figure to look at, not one to steer
+// by. Counts triangles.size() units of work on `cancel`.
 [[nodiscard]] double measure_epo(const Bvh2& tree, std::span<const Vec3f> positions,
-                                 std::span<const Vec3<std::uint32_t>> triangles, ThreadPool& pool, CancelToken& cancel,
-                                 float traversal_cost = 1.0f, float intersection_cost = 1.0f);
+                                 std::span<const Vec3<std::uint32_t>> triangles, ThreadPool& pool, CancelToken& cancel);
 
 }  // namespace perfect_bvh

@@ -7,7 +7,6 @@
 #include <vector>
 
 #include "math/triangle.h"
-#include "query/round_judge.h"
 #include "query/trace.h"
 
 namespace perfect_bvh {
@@ -69,12 +68,11 @@ class Audit {
       if (is_new) found->second = box_of(mesh);
       balls_.push_back(instance.motion == 0 ? place_box(found->second, instance.object_to_world)
                                             : whole_scene(snapshot.bounds));
-      reaches_.push_back(reach_of(found->second));
-      first_triangle_.push_back(first_triangle_.back() + mesh.primitive_count());
+      first_triangle_.push_back(first_triangle_.back() + (mesh.is_round() ? 1 : mesh.primitive_count()));
     }
   }
 
-  // Every triangle of every instance, numbered through.
+  // Every triangle of every instance, numbered through; of curves and points one stands for all.
   [[nodiscard]] std::size_t triangle_count() const { return first_triangle_.back(); }
 
   void test_triangles(std::size_t begin, std::size_t end) {
@@ -88,15 +86,22 @@ class Audit {
     const std::lock_guard lock(mutex_);
     for (const Finding& finding : findings) {  // least and any: the same whatever the order
       AuditedRay& ray = rays_[finding.ray];
-      if (finding.is_sure)
-        ray.nearest_sure = std::min(ray.nearest_sure, finding.farthest_t);
-      else
-        ray.is_ambiguous = true;
+      if (finding.kind == Finding::kSure) ray.nearest_sure = std::min(ray.nearest_sure, finding.farthest_t);
+      ray.is_ambiguous |= finding.kind == Finding::kUnsure;
+      ray.nears_round |= finding.kind == Finding::kRound;
     }
   }
 
-  [[nodiscard]] bool is_ambiguous(std::size_t row) const { return rays_[row].is_ambiguous; }
+  [[nodiscard]] std::uint8_t judge(std::size_t row, float t, std::int32_t instance_id,
+                                   std::int32_t primitive_id) const {
+    const AuditedRay& ray = rays_[row];
+    const bool is_bad = is_wrong(row, t, instance_id, primitive_id);
+    if (ray.nears_round && !is_bad) return kNotJudged;
+    return static_cast<std::uint8_t>((is_bad ? kWrong : 0) | (ray.is_ambiguous ? kAmbiguous : 0));
+  }
 
+ private:
+  // Of what curves and points answer, only whether that could be.
   [[nodiscard]] bool is_wrong(std::size_t row, float t, std::int32_t instance_id, std::int32_t primitive_id) const {
     const AuditedRay& ray = rays_[row];
     if (instance_id < 0) return ray.nearest_sure < kNothing;
@@ -105,8 +110,7 @@ class Audit {
     const auto instance = std::lower_bound(all.begin(), all.end(), instance_id,
                                            [](const Instance& item, std::int32_t id) { return item.id < id; });
     if (instance == all.end() || instance->id != instance_id || (instance->mask & ray.ray.mask) == 0) return true;
-    if (instance->blas->mesh.is_round())
-      return is_wrong_round(ray, t, *instance, static_cast<std::size_t>(instance - all.begin()), primitive_id);
+    if (instance->blas->mesh.is_round()) return !ray.nears_round;
     if (primitive_id < 0 || static_cast<std::size_t>(primitive_id) >= instance->blas->mesh.primitive_count())
       return true;
     const auto index = static_cast<std::size_t>(instance - all.begin());
@@ -117,17 +121,18 @@ class Audit {
     return static_cast<double>(t) - (hit.has_t ? hit.bound : 0.0) > ray.nearest_sure;
   }
 
- private:
   struct AuditedRay {
     Ray ray;
     JudgedRay line;
     bool is_valid;
     bool is_ambiguous = false;
+    bool nears_round = false;
     double nearest_sure = kNothing;  // how far away the nearest surely hit triangle may be answered
   };
   struct Finding {
+    enum Kind : std::uint8_t { kSure, kUnsure, kRound };
     std::size_t ray;
-    bool is_sure;
+    Kind kind;
     double farthest_t;
   };
 
@@ -137,29 +142,8 @@ class Audit {
     return 4.0 * kFloatUlp * (balls_[row].reach + ray.line.reach);
   }
 
-  // Of the ends of a curve's segments, or of a point, one is where the answer says.
-  [[nodiscard]] bool is_wrong_round(const AuditedRay& ray, float t, const Instance& instance, std::size_t index,
-                                    std::int32_t number) const {
-    const RoundJudge judge(instance, ray.ray, reaches_[index]);
-    bool is_there = false;
-    double bound = 0;
-    for (const std::uint32_t primitive : primitives_of(instance.blas->mesh, number)) {
-      for (const JudgedEnd& end : judge.ends(primitive)) {
-        if (end.surely_missed || is_culled(end.is_entry)) continue;
-        if (std::abs(static_cast<double>(t) - end.t) > end.bound) continue;
-        is_there = true;
-        bound = std::max(bound, end.bound);
-      }
-    }
-    return !is_there || static_cast<double>(t) - bound > ray.nearest_sure;
-  }
-
-  [[nodiscard]] bool is_culled(bool is_front) const {
-    return cull_ != Cull::kNone && is_front == (cull_ == Cull::kFront);
-  }
-
   [[nodiscard]] bool is_culled(const JudgedHit& hit) const {
-    return hit.has_t && cull_ != Cull::kNone && hit.is_front == (cull_ == Cull::kFront);
+    return hit.has_t && cull_ == Cull::kBack && !hit.is_front;
   }
 
   template <class Number>
@@ -184,8 +168,11 @@ class Audit {
       if (!ray.is_valid || (instance.mask & ray.ray.mask) == 0) continue;
       if (!passes_by(ray.line, ball.centre, ball.radius, margin(ray, row))) near.push_back(i);
     }
+    if (instance.blas->mesh.is_round()) {
+      for (const std::size_t i : near) findings.push_back({i, Finding::kRound, kNothing});
+      return;
+    }
     if (near.empty()) return;
-    if (instance.blas->mesh.is_round()) return test_round(row, begin, end, near, findings);
     const bool moves = instance.motion != 0;
     for (std::size_t primitive = begin; primitive < end; ++primitive) {
       JudgedTriangle triangle = triangle_of(instance, primitive, 0.0f);
@@ -199,32 +186,11 @@ class Audit {
     }
   }
 
-  void test_round(std::size_t row, std::size_t begin, std::size_t end, std::span<const std::size_t> near,
-                  std::vector<Finding>& findings) const {
-    for (const std::size_t& i : near) {
-      const AuditedRay& ray = rays_[i];
-      const RoundJudge judge(snapshot_.instances[row], ray.ray, reaches_[row]);
-      for (std::size_t primitive = begin; primitive < end; ++primitive) {
-        ask_at(primitive);
-        for (const JudgedEnd& found : judge.ends(static_cast<std::uint32_t>(primitive))) {
-          if (found.surely_missed || is_culled(found.is_entry)) continue;
-          keep(i, ray, found, findings);
-        }
-      }
-    }
-  }
-
-  static void keep(std::size_t index, const AuditedRay& ray, const JudgedEnd& end, std::vector<Finding>& findings) {
-    const auto low = static_cast<double>(ray.ray.t_min), high = static_cast<double>(ray.ray.t_max);
-    if (end.t + end.bound < low || end.t - end.bound > high) return;
-    findings.push_back({index, end.surely_hit && end.least > low && end.most < high, end.most});
-  }
-
   static void keep(std::size_t index, const AuditedRay& ray, const JudgedHit& hit, std::vector<Finding>& findings) {
     const auto low = static_cast<double>(ray.ray.t_min), high = static_cast<double>(ray.ray.t_max);
     if (hit.has_t && (hit.t + hit.bound < low || hit.t - hit.bound > high)) return;
     const bool is_sure = hit.surely_hit && hit.t - hit.bound > low && hit.t + hit.bound < high;
-    findings.push_back({index, is_sure, hit.t + hit.bound});
+    findings.push_back({index, is_sure ? Finding::kSure : Finding::kUnsure, hit.t + hit.bound});
   }
 
   const Snapshot& snapshot_;
@@ -232,7 +198,6 @@ class Audit {
   const Cull cull_;
   std::vector<AuditedRay> rays_;
   std::vector<BallAround> balls_;  // one an instance
-  std::vector<double> reaches_;    // of its mesh, in its own frame
   std::vector<std::size_t> first_triangle_;
   std::mutex mutex_;
 };
@@ -240,7 +205,7 @@ class Audit {
 }  // namespace
 
 void audit_answers(const Snapshot& snapshot, const RayColumns& rays, const AuditedAnswers& answers,
-                   const AuditVerdicts& verdicts, ThreadPool& pool, int max_threads, CancelToken& cancel) {
+                   std::uint8_t* verdicts, ThreadPool& pool, int max_threads, CancelToken& cancel) {
   Audit audit(snapshot, rays, cancel);
   cancel.expect(audit.triangle_count());
   const auto test = [&](std::size_t begin, std::size_t end) {
@@ -250,8 +215,7 @@ void audit_answers(const Snapshot& snapshot, const RayColumns& rays, const Audit
   };
   parallel_for(pool, audit.triangle_count(), kTaskTriangles, test, max_threads, [&] { cancel.checkpoint(); });
   for (std::size_t row = 0; row < rays.count; ++row) {
-    verdicts.wrong[row] = audit.is_wrong(row, answers.t[row], answers.instance_ids[row], answers.primitive_ids[row]);
-    verdicts.ambiguous[row] = audit.is_ambiguous(row);
+    verdicts[row] = audit.judge(row, answers.t[row], answers.instance_ids[row], answers.primitive_ids[row]);
   }
 }
 

@@ -19,16 +19,16 @@ struct AuditedAnswers {
   const std::int32_t* primitive_ids = nullptr;
 };
 
-// wrong: a miss although some triangle in range is surely hit; or a hit that names a triangle which is surely missed,
+// Bits of verdicts.
+// kWrong: a miss although some triangle in range is surely hit; or a hit that names a triangle which is surely missed,
 // masked, culled or does not exist, whose t differs from the judge's by more than its bound or is out of range, or
 // that lies behind a surely hit one by more than both bounds.
-// ambiguous: some triangle in range is neither surely hit nor surely missed: several answers would be right.
-struct AuditVerdicts {
-  std::uint8_t* wrong = nullptr;
-  std::uint8_t* ambiguous = nullptr;
-};
+// kAmbiguous: some triangle in range is neither surely hit nor surely missed: several answers would be right.
+// kNotJudged, alone: no triangle shows the answer wrong, but the ray comes near curves or points, which have no judge.
+inline constexpr std::uint8_t kWrong = 1, kAmbiguous = 2, kNotJudged = 4;
 
+// verdicts: one row a ray.
 void audit_answers(const Snapshot& snapshot, const RayColumns& rays, const AuditedAnswers& answers,
-                   const AuditVerdicts& verdicts, ThreadPool& pool, int max_threads, CancelToken& cancel);
+                   std::uint8_t* verdicts, ThreadPool& pool, int max_threads, CancelToken& cancel);
 
 }  // namespace perfect_bvh

@@ -7,7 +7,7 @@
 
 #include "math/distance.h"
 #include "mesh/round_mesh.h"
-#include "query/round_judge.h"
+#include "query/round_surface.h"
 #include "query/trace.h"
 #include "tlas/assemble.h"
 #include "traverse/dispatch.h"

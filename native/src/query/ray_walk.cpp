@@ -5,7 +5,7 @@
 
 #include "math/turning.h"
 #include "mesh/round_mesh.h"
-#include "query/round_judge.h"
+#include "query/round_surface.h"
 #include "query/trace.h"
 #include "query/tree_boxes.h"
 #include "tlas/assemble.h"

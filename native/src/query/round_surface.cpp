@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cmath>
 
-#include "query/round_judge.h"
 #include "query/trace.h"
 
 namespace perfect_bvh {

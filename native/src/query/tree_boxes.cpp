@@ -240,7 +240,7 @@ void add(PrimitiveCounts& counts, const Mesh& mesh) {
   count += mesh.primitive_count();
 }
 
-TreeStatistics describe(const TreeQuality& quality, const StatisticsOptions& options) {
+TreeStatistics describe(const TreeQuality& quality) {
   TreeStatistics row;
   row.node_count = quality.node_count;
   row.leaf_count = quality.leaf_count;
@@ -248,7 +248,7 @@ TreeStatistics describe(const TreeQuality& quality, const StatisticsOptions& opt
   row.max_leaf_size = quality.max_leaf_size;
   row.depth = quality.depth;
   row.is_refittable = quality.is_refittable;
-  row.sah = quality.sah_at(options.traversal_cost, options.intersection_cost);
+  row.sah = quality.sah;
   row.sibling_overlap = quality.sibling_overlap;
   return row;
 }
@@ -263,9 +263,9 @@ void add_bytes(TreeStatistics& row, std::size_t geometry, const Bvh2& binary, co
   row.byte_count = row.geometry_byte_count + row.binary_byte_count + row.wide_byte_count;
 }
 
-TreeStatistics describe_mesh(std::int32_t mesh_id, const Blas& blas, const StatisticsOptions& options) {
+TreeStatistics describe_mesh(std::int32_t mesh_id, const Blas& blas) {
   const bool was_binary = blas.quality.node_count > 0;
-  TreeStatistics row = describe(was_binary ? blas.quality : measure_wide_quality(blas.wide, blas.mesh), options);
+  TreeStatistics row = describe(was_binary ? blas.quality : measure_wide_quality(blas.wide, blas.mesh));
   row.mesh_id = mesh_id;
   row.builder = builder_name(blas.config.builder);
   row.kind = kind_name(blas.mesh.kind);
@@ -279,8 +279,8 @@ TreeStatistics describe_mesh(std::int32_t mesh_id, const Blas& blas, const Stati
   return row;
 }
 
-TreeStatistics describe_top_level(const Snapshot& snapshot, const StatisticsOptions& options) {
-  TreeStatistics row = describe(measure_quality(snapshot.tlas), options);
+TreeStatistics describe_top_level(const Snapshot& snapshot) {
+  TreeStatistics row = describe(measure_quality(snapshot.tlas));
   row.builder = snapshot.top_level_builder;
   row.kind = "instances";
   row.primitive_count = snapshot.instances.size();
@@ -293,8 +293,7 @@ TreeStatistics describe_top_level(const Snapshot& snapshot, const StatisticsOpti
 }
 
 // Builders are deterministic: built again, a tree is the one that it was.
-void add_details(TreeStatistics& row, const Blas& blas, const StatisticsOptions& options, ThreadPool& pool,
-                 CancelToken& cancel) {
+void add_details(TreeStatistics& row, const Blas& blas, ThreadPool& pool, CancelToken& cancel) {
   if (blas.quality.node_count == 0 && !blas.wide.is_empty) {  // there is no binary tree to tell of
     cancel.advance(2 * blas.mesh.primitive_count());
     return;
@@ -303,30 +302,28 @@ void add_details(TreeStatistics& row, const Blas& blas, const StatisticsOptions&
   if (blas.mesh.is_round()) {
     cancel.advance(blas.mesh.primitive_count());  // it is a measure of triangles' surfaces
   } else {
-    row.epo = measure_epo(tree, blas.mesh.positions, blas.mesh.triangles, pool, cancel, options.traversal_cost,
-                          options.intersection_cost);
+    row.epo = measure_epo(tree, blas.mesh.positions, blas.mesh.triangles, pool, cancel);
   }
   row.leaf_count_variability = measure_leaf_count_variability(tree, kLineCount, pool, cancel);
 }
 
 }  // namespace
 
-SceneStatistics measure(const Snapshot& snapshot, const StatisticsOptions& options, ThreadPool& pool,
-                        CancelToken& cancel) {
+SceneStatistics measure(const Snapshot& snapshot, bool is_detailed, ThreadPool& pool, CancelToken& cancel) {
   SceneStatistics result;
   std::map<std::int32_t, std::size_t> rows;
   std::size_t primitive_count = 0;
   for (const auto& [mesh_id, blas] : snapshot.meshes) {
     rows[mesh_id] = result.meshes.size();
-    result.meshes.push_back(describe_mesh(mesh_id, *blas, options));
+    result.meshes.push_back(describe_mesh(mesh_id, *blas));
     add(result.distinct, blas->mesh);
     primitive_count += blas->mesh.primitive_count();
   }
-  result.top_level = describe_top_level(snapshot, options);
-  if (options.is_detailed) {
+  result.top_level = describe_top_level(snapshot);
+  if (is_detailed) {
     cancel.expect(2 * primitive_count);
     for (std::size_t i = 0; i < snapshot.meshes.size(); ++i) {
-      add_details(result.meshes[i], *snapshot.meshes[i].second, options, pool, cancel);
+      add_details(result.meshes[i], *snapshot.meshes[i].second, pool, cancel);
     }
     result.top_level.leaf_count_variability = measure_leaf_count_variability(snapshot.tlas, kLineCount, pool, cancel);
   }

@@ -51,7 +51,7 @@ inline std::size_t take_all_round(const Slot& slot, const InstanceView& instance
     const std::uint32_t primitive = candidates.primitives[__builtin_ctz(lanes)];
     RoundMeeting at;
     if (!meet_round(at, ray, list, primitive, slot.local.time)) continue;
-    const bool may_enter = batch.cull != Cull::kFront && is_in_range(at.entry, batch.rays[slot.ray]);
+    const bool may_enter = is_in_range(at.entry, batch.rays[slot.ray]);
     const bool may_exit = batch.cull != Cull::kBack && is_in_range(at.exit, batch.rays[slot.ray]);
     if (!may_enter && !may_exit) continue;
     const ShownEnds shows = shown_ends(ray, list, primitive, at.chord);

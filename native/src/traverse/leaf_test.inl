@@ -162,7 +162,7 @@ PERFECT_BVH_INLINE bool meet_candidate(Meeting& meeting, const LeafCandidates& c
 PERFECT_BVH_INLINE bool is_culled(Cull cull, float sum, const TriangleRay& ray, bool is_mirrored) noexcept {
   if (cull == Cull::kNone) return false;
   const bool is_front = ((sum > 0.0f) != ray.runs_down) != is_mirrored;
-  return is_front == (cull == Cull::kFront);
+  return !is_front;
 }
 
 // Of two hits at the same t, the one of the smaller (order, id, primitive) counts.

@@ -236,10 +236,7 @@ unsigned test_triangles(Packet& packet, const PacketLevel& level, const LeafBloc
     unsigned inside = near & bits(less(slack, least_weight));
     ambiguous |= near & ~inside;
     const RayFloat sum = add(add(weight0, weight1), weight2);
-    if (packet.cull != Cull::kNone) {
-      const unsigned front = bits(less(none, sum)) ^ turned;
-      inside &= packet.cull == Cull::kFront ? ~front : front;
-    }
+    if (packet.cull == Cull::kBack) inside &= bits(less(none, sum)) ^ turned;
     if (inside == 0) continue;
     if constexpr (kAny) {
       const unsigned found =

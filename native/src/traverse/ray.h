@@ -13,8 +13,8 @@ namespace perfect_bvh {
 inline constexpr float kInfiniteDistance = std::numeric_limits<float>::infinity();
 inline constexpr std::uint32_t kNoHit = 0xFFFFFFFFu;
 
-// Which side of a triangle is passed through. Front: counter-clockwise in world space, as seen from the ray's origin.
-enum class Cull : std::uint8_t { kNone, kBack, kFront };
+// Whether backs of triangles are passed through: clockwise in world space, as seen from the ray's origin.
+enum class Cull : std::uint8_t { kNone, kBack };
 
 // World space. t is in multiples of the direction's length; a hit counts if t_min <= t <= t_max.
 struct alignas(64) Ray {

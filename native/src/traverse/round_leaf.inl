@@ -208,7 +208,7 @@ inline bool meet_end(RoundHit& hit, const RoundRay& ray, const RoundList& list, 
                      const TimeFrame& time, Cull cull, const Counts& counts) noexcept {
   RoundMeeting meeting;
   if (!meet_round(meeting, ray, list, primitive, time)) return false;
-  const bool may_enter = cull != Cull::kFront && counts(meeting.entry);
+  const bool may_enter = counts(meeting.entry);
   const bool may_exit = cull != Cull::kBack && counts(meeting.exit);
   if (!may_enter && !may_exit) return false;
   const ShownEnds shows = shown_ends(ray, list, primitive, meeting.chord);

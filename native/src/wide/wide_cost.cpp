@@ -105,7 +105,7 @@ TreeQuality measure_wide_quality(const WideBvh& tree, const Mesh& mesh) {
   quality.sibling_overlap = node_area > 0 ? overlap / node_area : 0;
   quality.node_visits = root_area > 0 ? node_area / root_area : 0;
   quality.primitive_tests = root_area > 0 ? test_area / root_area : static_cast<double>(quality.reference_count);
-  quality.sah = quality.sah_at(1.0f, 1.0f);
+  quality.sah = quality.node_visits + quality.primitive_tests;
   return quality;
 }
 

@@ -127,9 +127,7 @@ std::vector<NamedConfig> builders() {
     const bool is_slow = each.config.builder == BuilderKind::kSweep || each.config.builder == BuilderKind::kSpatial ||
                          each.config.builder == BuilderKind::kMedian;
     if (is_slow) each.most_runs = kMostRunsOfSlowBuilders;
-    if (each.name != "optimize") continue;
-    each.config.optimize_passes = 2;
-    each.config.optimize_milliseconds = 1e9;
+    if (each.name == "optimize") each.config.optimize_passes = 2;
   }
   return all;
 }
