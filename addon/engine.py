@@ -9,17 +9,18 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import partial
 from typing import TypeVar
 
 import bpy
 import numpy as np
 
 from .image.data_previews import render_preview
-from .image.plan import RenderPlan, plan_render
+from .image.plan import RenderPlan, enabled_passes, plan_layer, plan_render
 from .image.progressive import Throttle
-from .image.still import Frame, Images, PassSpec, Progress, enabled_passes, render_frame, write_passes
+from .image.still import CameraReader, Frame, Images, Progress, render_frame, write_passes
 from .settings.preferences import native_error
-from .settings.scene_settings import ENGINE_NAME, has_motion_blur, preview_settings, read_settings
+from .settings.scene_settings import ENGINE_NAME, preview_settings
 from .statistics import messages
 from .statistics.last_result import FrameStatistics, edits_of, remember
 from .statistics.not_shown import line_in_viewports, tell
@@ -38,14 +39,11 @@ SHOWS_ROUNDS = not bpy.app.background
 class RenderJob:
     """What a caller of `bpy.ops.render.render` wants besides the Render Result, and what comes back to it.
 
-    A headless Render Result cannot be read, and operators take no callbacks: the command line and scripts leave
-    a job with `attend` and find the last frame in it. progress: called with 0..1, returns False to cancel.
-    trace: False to bring the trees in step and stop there. for_viewport: what viewports show is rendered.
+    A headless Render Result cannot be read, and operators take no callbacks: scripts leave a job with `attend` and find
+    the last frame in it. progress: called with 0..1, returns False to cancel.
     """
 
     progress: Progress | None = None
-    trace: bool = True
-    for_viewport: bool = False
     frame: Frame | None = None
     is_cancelled: bool = False
 
@@ -80,7 +78,7 @@ class PerfectBVHRenderEngine(bpy.types.RenderEngine):
     def update_render_passes(self, scene: bpy.types.Scene, view_layer: bpy.types.ViewLayer) -> None:
         """Tell the compositor which sockets the engine's layer has."""
         self.register_pass(scene, view_layer, "Combined", 4, "RGBA", "COLOR")
-        for spec in enabled_passes(view_layer, with_vector=not has_motion_blur(view_layer, scene)):
+        for spec in enabled_passes(view_layer, scene):
             self.register_pass(scene, view_layer, spec.name, len(spec.channels), spec.channels, spec.kind)
 
     def render(self, depsgraph: bpy.types.Depsgraph) -> None:
@@ -88,35 +86,30 @@ class PerfectBVHRenderEngine(bpy.types.RenderEngine):
         if self.is_preview:
             self._render_preview(depsgraph)  # no render of the scene: nothing is kept or told of it
             return
-        error = native_error()
-        if error is None and self._serves_reading(depsgraph):
-            return
-        scene = depsgraph.scene
-        self._begin_part(scene, depsgraph.view_layer.name)
-        if error is not None:
+        scene, layer_name = depsgraph.scene, depsgraph.view_layer.name
+        if (error := native_error()) is not None:
+            self._begin_part(scene, layer_name)
             self._fail(scene, error)
             return
-        is_blurred = has_motion_blur(depsgraph.view_layer, scene)
-        specs = enabled_passes(depsgraph.view_layer, with_vector=not is_blurred)
-        sources = tuple(spec.source for spec in specs)
-        plan = plan_render(scene, read_settings(scene), sources, is_blurred=is_blurred)
-        if not self._has_room(scene, plan):
-            return
-        views = _view_names(scene)
-        if not views:
-            self._fail(scene, f'No active view found in scene "{scene.name}": enable one under Output > Stereoscopy')
-            return
-        layer_name = depsgraph.view_layer.name
-        for spec in specs:
-            self.add_pass(spec.name, len(spec.channels), spec.channels, layer=layer_name)
-        for view in views:
-            if not self._render_view(depsgraph, plan, specs, view):
-                return
-
-    def _serves_reading(self, depsgraph: bpy.types.Depsgraph) -> bool:
         from .live.scene_view import serve_visit
 
-        return serve_visit(self, depsgraph)
+        if serve_visit(self, depsgraph):
+            return
+        self._begin_part(scene, layer_name)
+        edits = edits_of(scene)  # while it renders on a thread of its own, users go on
+        plan, views = plan_layer(depsgraph), _view_names(scene)
+        try:
+            plan.check_memory()  # before Blender allocates the image
+            if not views:
+                raise ValueError(f'No active view found in scene "{scene.name}": enable one under Output > Stereoscopy')
+        except ValueError as problem:
+            self._fail(scene, str(problem))
+            return
+        for spec in plan.specs:
+            self.add_pass(spec.name, len(spec.channels), spec.channels, layer=layer_name)
+        for view in views:
+            if not self._render_view(depsgraph, plan, view, edits):
+                return
 
     def _render_preview(self, depsgraph: bpy.types.Depsgraph) -> None:
         """A material, a light or a world on Blender's own stage."""
@@ -188,9 +181,7 @@ class PerfectBVHRenderEngine(bpy.types.RenderEngine):
         if not goes_on:
             messages.begin_render(scene)
 
-    def _render_view(
-        self, depsgraph: bpy.types.Depsgraph, plan: RenderPlan, specs: tuple[PassSpec, ...], view: str
-    ) -> bool:
+    def _render_view(self, depsgraph: bpy.types.Depsgraph, plan: RenderPlan, view: str, edits: int) -> bool:
         """Whether there was an image. view: the name of one of several, "" if there is only one."""
         if view:
             self.active_view_set(view)
@@ -198,57 +189,42 @@ class PerfectBVHRenderEngine(bpy.types.RenderEngine):
         result = self.begin_result(0, 0, right - left, top - bottom, layer=depsgraph.view_layer.name, view=view)
 
         def show(images: Images) -> None:
-            write_passes(result.layers[0], specs, images, plan.window)
+            write_passes(result.layers[0], plan.specs, images, plan.window)
             self.update_result(result)
 
         try:
-            frame = self._render_frame(depsgraph, plan, Throttle(show) if SHOWS_ROUNDS else None, view)
-            if frame is not None and frame.images:
-                write_passes(result.layers[0], specs, frame.images, plan.window)
+            camera = partial(self._read_camera, plan) if view else None
+            frame = self._render_frame(depsgraph, plan, Throttle(show) if SHOWS_ROUNDS else None, camera, edits)
+            if frame is not None:
+                write_passes(result.layers[0], plan.specs, frame.images, plan.window)
         finally:
             self.end_result(result)
         return frame is not None
 
-    def _camera_of(self, depsgraph: bpy.types.Depsgraph) -> CameraRecord | None:
+    def _read_camera(self, plan: RenderPlan, depsgraph: bpy.types.Depsgraph) -> CameraRecord | None:
         """Where the eye of the active view stands, as Blender has it; None if it is no camera that can be rendered."""
-        from .extract.camera import Eye, read_camera, read_frame
+        from .extract.camera import Eye, read_camera
 
         camera = self.camera_override
         if camera is None:
             return None
         eye = Eye(np.array(self.camera_model_matrix(camera), np.float64), self.camera_shift_x(camera))
-        return read_camera(camera.evaluated_get(depsgraph), read_frame(depsgraph.scene), eye)[0]
-
-    def _has_room(self, scene: bpy.types.Scene, plan: RenderPlan) -> bool:
-        """Whether the image fits into memory, asked before Blender allocates it; if not, an error is reported."""
-        if _job is not None and not _job.trace:
-            return True
-        try:
-            plan.check_memory()
-        except ValueError as problem:
-            self._fail(scene, str(problem))
-            return False
-        return True
+        return read_camera(camera.evaluated_get(depsgraph), plan.frame, eye)[0]
 
     def _render_frame(
         self,
         depsgraph: bpy.types.Depsgraph,
         plan: RenderPlan,
         show: Callable[[Images], None] | None,
-        view: str,
+        camera: CameraReader | None,
+        edits: int,
     ) -> Frame | None:
         """The frame; None if the render was cancelled or failed, with an error reported."""
         import perfect_bvh
 
-        from .live.scene_view import viewport_depsgraph
         from .live.sync_cache import sync_of
 
-        job = _job or RenderJob()
-        scene = depsgraph.scene
-        frame_set: Callable[[int, float], None] | None = self.frame_set
-        if job.for_viewport:
-            depsgraph, frame_set = viewport_depsgraph(depsgraph), None
-        edits = edits_of(scene)  # while it renders on a thread of its own, users go on
+        job, scene = _job or RenderJob(), depsgraph.scene
         job.frame = None
         try:
             job.frame = render_frame(
@@ -257,9 +233,8 @@ class PerfectBVHRenderEngine(bpy.types.RenderEngine):
                 plan,
                 progress=lambda done: self._advance(job, done),
                 show=show,
-                trace=job.trace,
-                camera=self._camera_of if view else None,
-                frame_set=frame_set,
+                camera=camera,
+                frame_set=self.frame_set,
             )
         except perfect_bvh.Cancelled:
             job.is_cancelled = True

@@ -18,8 +18,6 @@ from .arguments import CommandError
 if TYPE_CHECKING:
     import bpy
 
-    from ..engine import RenderJob
-
 
 def open_scene(path: Path, arguments: argparse.Namespace) -> bpy.types.Scene:
     """The active scene of a .blend file, with the add-on registered. Errors: CommandError."""
@@ -132,19 +130,6 @@ def active_view_layer(scene: bpy.types.Scene) -> bpy.types.ViewLayer:
 
     active = bpy.context.view_layer
     return active if active.name in scene.view_layers else scene.view_layers[0]
-
-
-def render_job(scene: bpy.types.Scene, job: RenderJob) -> None:
-    """Render the scene's current frame; the frame is in the job afterwards. Errors: CommandError."""
-    import bpy
-
-    from ..engine import attend
-
-    with attend(job):
-        try:
-            bpy.ops.render.render(scene=scene.name)
-        except RuntimeError as error:
-            raise CommandError(f"scene {scene.name!r}: {_reason(error)}") from error
 
 
 # Ctrl-C, and on Windows Ctrl-Break as well: the only one of the two that a program can send to another.

@@ -11,7 +11,7 @@ from ..settings.modes import find_mode
 from ..settings.native_fault import explain, read_manifest
 from ..statistics.words import memory, primitives, sum_of
 from .arguments import EXIT_INTERRUPTED, CommandError, check_blend_file, check_pieces, parse_folder, parse_path
-from .blender import StopRequest, active_view_layer, apply_settings, open_scene, render_job, stop_on_interrupt
+from .blender import StopRequest, active_view_layer, apply_settings, open_scene, stop_on_interrupt
 from .frames import run_pieces
 from .report import format_table, quiet_blender
 
@@ -19,10 +19,11 @@ if TYPE_CHECKING:
     import bpy
     from perfect_bvh import MeshReport, SceneStatistics
 
+    from ..image.plan import RenderPlan
     from ..live.scene_sync import SceneSync
+    from ..live.scene_view import SceneMoment
     from ..pieces.work import PieceWork
     from ..scanning.sensor_files import Sensor
-    from ..statistics.last_result import FrameStatistics
     from ..sync.report import SyncReport
 
 # `perfect-bvh bench`: what builders and policies cost and gain on a scene, as a table and charts.
@@ -151,40 +152,32 @@ def run_info(arguments: argparse.Namespace) -> int:
     path = check_blend_file(arguments.file)
     with quiet_blender() as out, stop_on_interrupt():
         scene = open_scene(path, arguments)
+        from ..live.scene_view import SceneView, go_to_frame
+
         apply_settings(scene, arguments)
         if arguments.frame is not None:
-            from ..live.scene_view import go_to_frame
-
             go_to_frame(scene, arguments.frame, arguments.viewport)
-        if scene.camera is None:
-            _add_camera(scene)
-        _write(out, scene, *_sync_scene(scene, arguments.viewport))
+        view = SceneView("info", scene, active_view_layer(scene), for_viewport=arguments.viewport)
+        try:
+            _write(out, scene, *view.read(_bring_in_step))
+        except ValueError as error:
+            raise CommandError(str(error)) from error
     return 0
 
 
-def _add_camera(scene: bpy.types.Scene) -> None:
-    """Blender renders nothing without one, although no mesh depends on it. The file is never saved."""
-    import bpy
+def _bring_in_step(moment: SceneMoment) -> tuple[SceneSync, RenderPlan, SyncReport]:
+    """Builds the trees that a render of a scene needs."""
+    from ..image.plan import plan_layer
+    from ..image.still import bring_in_step
+    from ..live.sync_cache import sync_of
 
-    scene.camera = bpy.data.objects.new("Camera", bpy.data.cameras.new("Camera"))
-    scene.collection.objects.link(scene.camera)
-
-
-def _sync_scene(scene: bpy.types.Scene, for_viewport: bool) -> tuple[SceneSync, FrameStatistics]:
-    """The scene as a render sees it, or as viewports do."""
-    from ..engine import RenderJob
-    from ..live.sync_cache import syncs_of
-
-    job = RenderJob(trace=False, for_viewport=for_viewport)
-    render_job(scene, job)
-    if job.frame is None:
-        raise CommandError(f"scene {scene.name!r} could not be read")
-    return syncs_of(scene)[-1], job.frame.statistics
+    plan, sync = plan_layer(moment.depsgraph), sync_of(moment.depsgraph)
+    return sync, plan, bring_in_step(sync, moment.depsgraph, plan, frame_set=moment.frame_set)
 
 
-def _write(out: TextIO, scene: bpy.types.Scene, sync: SceneSync, planned: FrameStatistics) -> None:
+def _write(out: TextIO, scene: bpy.types.Scene, sync: SceneSync, plan: RenderPlan, report: SyncReport) -> None:
     statistics = sync.scene.statistics()
-    rows = _mesh_rows(sync, planned.report, statistics)
+    rows = _mesh_rows(sync, report, statistics)
     out.write(f"{scene.name}, frame {scene.frame_current}\n")
     out.write(format_table(HEADER, rows, LEFT_COLUMNS) + "\n")
     top, made = statistics.top_level, statistics
@@ -195,7 +188,7 @@ def _write(out: TextIO, scene: bpy.types.Scene, sync: SceneSync, planned: FrameS
         f"top level {top.node_count:,} nodes, depth {top.depth}, {memory(top.byte_count)}; "
         f"all {memory(statistics.byte_count)}\n"
     )
-    settings, (width, height) = planned.settings, planned.size
+    settings, (width, height) = plan.settings, plan.size
     mode = find_mode(settings.mode)
     samples = 1 if mode.has_range else settings.samples
     out.write(
@@ -286,9 +279,7 @@ def scan_work(scene: bpy.types.Scene, _stop: StopRequest, arguments: argparse.Na
         for_viewport=arguments.viewport,
     )
     carrier = _carrier(scene, arguments.on)
-    how = {"autoexec": arguments.autoexec, "allow_missing": arguments.allow_missing}
-    inputs = plan.inputs(Path(arguments.file), carrier, **how)
-    return ScanWork(plan, carrier, plan.folder(Path(arguments.output), inputs))
+    return ScanWork(plan, carrier, plan.folder(Path(arguments.output), plan.inputs(arguments, carrier)))
 
 
 def _list_sensors() -> None:

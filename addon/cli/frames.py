@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, TextIO, TypeVar
 
 from ..pieces.work import Advance, Done, Outcome, PieceWork, Steps, do_pieces
 from .arguments import EXIT_FAILED_PIECES, EXIT_INTERRUPTED, CommandError, Output, explained
-from .blender import StopRequest, active_view_layer, apply_settings, render_job
+from .blender import StopRequest, active_view_layer, apply_settings
 from .report import Teller, is_reader_gone, progress_bar
 
 if TYPE_CHECKING:
@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     import numpy.typing as npt
 
     from ..image.still import Frame
+    from ..live.scene_view import SceneView
     from ..pieces.piece import Piece
 
 
@@ -30,24 +31,35 @@ CHOICES = ("mode", "size", "samples", "denoise", "time_limit", "noise_threshold"
 
 
 def render_frame(
-    scene: bpy.types.Scene,
-    number: int,
-    progress: Callable[[float], bool],
-    is_simulated: bool = False,
-    for_viewport: bool = False,
+    view: SceneView, number: int, progress: Callable[[float], bool], is_simulated: bool = False
 ) -> Frame | None:
-    """A frame of a scene; None if it was stopped. progress: called with 0 to 1, False stops. Errors: CommandError."""
-    from ..engine import RenderJob
-    from ..live.scene_view import go_to_frame
+    """Plans, reads and traces a frame of a scene; None if it was stopped. Errors: CommandError.
 
-    go_to_frame(scene, number, is_simulated or for_viewport)
-    job = RenderJob(progress=progress, for_viewport=for_viewport)
-    render_job(scene, job)
-    if job.is_cancelled:
+    progress: called with 0 to 1; False stops. is_simulated: whether the frame depends on those before.
+    """
+    import perfect_bvh
+
+    from ..image import still
+    from ..image.plan import plan_layer
+    from ..live.scene_view import SceneMoment, go_to_frame
+    from ..live.sync_cache import sync_of
+    from ..statistics.words import reason_of, sentence
+
+    def render(moment: SceneMoment) -> Frame:
+        plan, graph = plan_layer(moment.depsgraph), moment.depsgraph
+        plan.check_memory()
+        if moment.camera is None:
+            raise ValueError(f"scene {moment.scene.name!r} has no camera")
+        return still.render_frame(sync_of(graph), graph, plan, progress=progress, frame_set=moment.frame_set)
+
+    scene = view.find()
+    go_to_frame(scene, number, is_simulated or view.for_viewport)
+    try:
+        return view.read(render)
+    except perfect_bvh.Cancelled:
         return None
-    if job.frame is None:
-        raise CommandError(f"frame {number}: the engine gave no image")
-    return job.frame
+    except (ValueError, perfect_bvh.EngineError, MemoryError) as problem:
+        raise CommandError(f"scene {scene.name!r}: {sentence(reason_of(problem))}") from problem
 
 
 class ImageWriter:
@@ -102,16 +114,17 @@ class RenderWork(PieceWork):
 
     def __init__(self, scene: bpy.types.Scene, stop: StopRequest, arguments: argparse.Namespace) -> None:
         from ..live.scene_view import SceneView
-        from ..pieces.piece import Piece, PieceFolder, runs_of
+        from ..pieces.piece import Piece, PieceFolder, runs_of, scene_inputs
+        from ..settings.preferences import denoiser_in_use
 
         view = SceneView("render", scene, active_view_layer(scene), for_viewport=arguments.viewport)
         super().__init__(view, arguments.frames or (scene.frame_current,))
         self._stop, self._arguments = stop, arguments
-        if scene.camera is None:
-            raise CommandError(f"{arguments.file}: scene {scene.name!r} has no camera")
         self._output = Output.parse(arguments.output, len(self.frames))
         self._output.check_frames(self.frames, Path(arguments.file))
-        inputs = self._inputs()
+        suffix, first = self._output.pattern.suffix, self.frames[0]
+        further = {"denoiser": denoiser_in_use(), "format": suffix, "first": first, "begins": self.begins}
+        inputs = scene_inputs(arguments, *CHOICES, **further)
         apply_settings(scene, arguments)
         self._writer = ImageWriter(scene)
         self.pieces = [
@@ -152,8 +165,7 @@ class RenderWork(PieceWork):
     def _render(self, frame: int) -> Frame | None:
         if self._stop.is_set:
             return None
-        how = self.is_simulated, self._arguments.viewport
-        return render_frame(self.view.find(), frame, lambda _: not self._stop.is_set, *how)
+        return render_frame(self.view, frame, lambda _: not self._stop.is_set, self.is_simulated)
 
     def _know_scale(self, piece: Piece) -> bool:
         """Renders the first of all frames, if greys are on its scale and it was not rendered here; False if stopped."""
@@ -169,22 +181,6 @@ class RenderWork(PieceWork):
         """Of a manifest, which is told from other files of JSON by its name."""
         name = re.sub("#+", f"{frames[0]:04d}-{frames[-1]:04d}", self._output.pattern.stem)
         return f"{name}.manifest"
-
-    def _inputs(self) -> dict[str, object]:
-        from ..pieces.piece import scene_inputs
-        from ..settings.preferences import denoiser_in_use
-
-        arguments = self._arguments
-        return scene_inputs(
-            Path(arguments.file),
-            autoexec=arguments.autoexec,
-            allow_missing=arguments.allow_missing,
-            **{name: getattr(arguments, name) for name in CHOICES},
-            denoiser=denoiser_in_use(),
-            format=self._output.pattern.suffix,
-            first=self.frames[0],
-            begins=min(self.frames) if self.is_simulated else None,
-        )
 
 
 # Piece work ----------------------------------------------------------------------------------------------------------

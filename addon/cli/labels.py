@@ -21,6 +21,8 @@ if TYPE_CHECKING:
     from ..pieces.piece import Piece
 
 DEPTH_SCALE = 0.001  # world units, unless --depth-scale says otherwise
+# What labels depend on, among the arguments.
+CHOICES = ("size", "category", "labels", "layers", "flow", "viewport", "format", "depth_scale", "no_coco")
 BEFORE = "labels_"  # of the names of all files but the joined one
 
 
@@ -65,12 +67,12 @@ class LabelsWork(PieceWork):
 
     def __init__(self, scene: bpy.types.Scene, stop: StopRequest, arguments: argparse.Namespace) -> None:
         from ..live.scene_view import SceneView
-        from ..pieces.piece import Piece, PieceFolder, runs_of
+        from ..pieces.piece import Piece, PieceFolder, runs_of, scene_inputs
 
         view = SceneView("labels", scene, active_view_layer(scene), for_viewport=arguments.viewport)
         super().__init__(view, arguments.frames or (scene.frame_current,))
         self._stop, self._arguments = stop, arguments
-        inputs = self._inputs()
+        inputs = scene_inputs(arguments, *CHOICES, begins=self.begins)
         apply_settings(scene, arguments)
         self.pieces = []
         for frames in runs_of(self.frames, arguments.piece, has_gaps=True):
@@ -114,26 +116,6 @@ class LabelsWork(PieceWork):
             paths = [self.place.path_of(piece.files[-1]) for piece in self.pieces]
             with explained():
                 join_rows(lambda: read_rows(paths), self.place.path_of(self.joined[0]))
-
-    def _inputs(self) -> dict[str, object]:
-        from ..pieces.piece import scene_inputs
-
-        arguments = self._arguments
-        return scene_inputs(
-            Path(arguments.file),
-            autoexec=arguments.autoexec,
-            allow_missing=arguments.allow_missing,
-            size=arguments.size,
-            category=arguments.category,
-            labels=arguments.labels,
-            layers=arguments.layers,
-            flow=arguments.flow,
-            viewport=arguments.viewport,
-            formats=arguments.format,
-            depth_scale=arguments.depth_scale,
-            has_coco=not arguments.no_coco,
-            begins=min(self.frames) if self.is_simulated else None,
-        )
 
     def _files_of(self, frame: int) -> list[str]:
         from ..labels.files import file_names

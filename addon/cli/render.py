@@ -72,15 +72,15 @@ class RenderSession:
     ) -> None:
         from ..extract.label_values import find_missing_libraries
         from ..extract.scene_in_time import has_simulations
+        from ..live.scene_view import SceneView
 
-        self._scene = scene
+        self._view = SceneView("render", scene, active_view_layer(scene), for_viewport=arguments.viewport)
         self._output = output
         self._out = out
         self._stop = stop
         self._wants_stats: bool = arguments.stats
         self._is_quiet: bool = arguments.quiet
         self._writer = ImageWriter(scene)
-        self._for_viewport: bool = arguments.viewport
         self._is_simulated = has_simulations(scene)
         self._times: list[FrameTimes] = []
         self._reports: list[SyncReport] = []
@@ -107,7 +107,7 @@ class RenderSession:
             return not self._stop.is_set
 
         start = time.perf_counter()
-        frame = render_frame(self._scene, number, advance, self._is_simulated, self._for_viewport)
+        frame = render_frame(self._view, number, advance, self._is_simulated)
         if frame is None:
             return False
         rendered = time.perf_counter()

@@ -40,11 +40,15 @@ class Eye:
     shift_x: float
 
 
-def read_frame(scene: Any, size: tuple[int, int] | None = None) -> Frame:
-    """Reads the frame of a scene's render settings. size: (width, height) in pixels instead of the scene's own.
+def read_frame(scene: Any, size: tuple[int, int] | Frame | None = None) -> Frame:
+    """Reads the frame of a scene's render settings.
+
+    size: (width, height) in pixels instead of the scene's own, or a frame that was read before, which is returned.
 
     Raises ValueError for a size that is none.
     """
+    if isinstance(size, Frame):
+        return size
     render = scene.render
     size = _resolution(render) if size is None else _checked(size)
     border = (0.0, 1.0, 0.0, 1.0)

@@ -8,20 +8,22 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
+import bpy
 import numpy as np
 import numpy.typing as npt
 
 from ..settings.modes import find_mode
-from ..settings.scene_settings import NEIGHBOURS, ShutterSettings, read_motion_blur
+from ..settings.preferences import denoising_data_settings
+from ..settings.scene_settings import NEIGHBOURS, ShutterSettings, has_motion_blur, read_motion_blur, read_settings
 from ..statistics.last_result import Owners
 from ..support.memory import check_fits
 from ..sync.records import AttributeRequest
 
 if TYPE_CHECKING:
-    import bpy
     from perfect_bvh import AdaptiveSampling, Appearance, Camera, Scene, Shutter, Snapshot
     from perfect_bvh.render import Passes, Progress
 
+    from ..extract.camera import Frame
     from ..live.scene_sync import SceneSync
     from ..settings.scene_settings import RenderSettings
 
@@ -39,13 +41,66 @@ BYTES_A_PIXEL = 288
 GOING_ON = 0.6
 
 
+# Passes --------------------------------------------------------------------------------------------------------------
+# The passes of a render: which ones a view layer asks for.
+
+
+MODERN_PASS_NAMES = bpy.app.version >= (5, 0, 0)
+
+
+@dataclass(frozen=True, slots=True)
+class PassSpec:
+    """A pass in Blender's words (name, channels, kind, the view layer's switch) and in a frame's images (source)."""
+
+    name: str
+    channels: str
+    kind: str
+    switch: str
+    source: str
+
+
+PASSES = (
+    PassSpec("Depth", "Z", "VALUE", "use_pass_z", "depth"),
+    PassSpec("Normal", "XYZ", "VECTOR", "use_pass_normal", "normal"),
+    PassSpec("Vector", "XYZW", "VECTOR", "use_pass_vector", VECTOR),
+    PassSpec("Object Index" if MODERN_PASS_NAMES else "IndexOB", "X", "VALUE", "use_pass_object_index", "object_index"),
+    PassSpec(
+        "Material Index" if MODERN_PASS_NAMES else "IndexMA", "X", "VALUE", "use_pass_material_index", "material_index"
+    ),
+)
+
+
+# What compositors denoise by themselves, under the names that Cycles gives it.
+DENOISING_PASSES = (
+    PassSpec("Noisy Image", "RGBA", "COLOR", "denoising_store_passes", NOISY),
+    PassSpec("Denoising Normal", "XYZ", "VECTOR", "denoising_store_passes", "denoising_normal"),
+    PassSpec("Denoising Albedo", "RGB", "COLOR", "denoising_store_passes", "denoising_albedo"),
+)
+
+
+def enabled_passes(view_layer: bpy.types.ViewLayer, scene: bpy.types.Scene) -> tuple[PassSpec, ...]:
+    """Returns the passes beside Combined that a view layer asks for.
+
+    With motion blur there are no vectors: a blurred image must not be blurred again. Blender's own engines do the same.
+    """
+    switches = denoising_data_settings(view_layer)
+    denoising = () if switches is None else (spec for spec in DENOISING_PASSES if getattr(switches, spec.switch))
+    with_vector = not has_motion_blur(view_layer, scene)
+    wanted = (spec for spec in PASSES if getattr(view_layer, spec.switch) and (with_vector or spec.source != VECTOR))
+    return (*wanted, *denoising)
+
+
+# Plan -----------------------------------------------------------------------------------------------------------------
+
+
 @dataclass(frozen=True, slots=True)
 class RenderPlan:
     """Of one image.
 
     size: (width, height) in pixels. window: (left, right, bottom, top), the pixels to trace, from the lower left.
     passes: the renderer's names of what is wanted beside "combined". is_cropped: whether files hold the
-    window alone. motion: what of the scene's motion is shown; None if no pixel shows any.
+    window alone. motion: what of the scene's motion is shown; None if no pixel shows any. frame: what the scene's
+    camera fills; None for a view. specs: of Blender's passes beside Combined.
     """
 
     settings: RenderSettings
@@ -54,6 +109,8 @@ class RenderPlan:
     passes: tuple[str, ...] = ()
     is_cropped: bool = False
     motion: ShutterSettings | None = None
+    frame: Frame | None = None
+    specs: tuple[PassSpec, ...] = ()
 
     @property
     def pixel_count(self) -> int:
@@ -149,7 +206,16 @@ def plan_render(
     motion = NEIGHBOURS if VECTOR in passes else None
     if is_blurred and find_mode(settings.mode).has_bounces:
         motion = read_motion_blur(scene)
-    return RenderPlan(settings, size, border_pixels(frame.border, size), passes, is_cropped(scene), motion)
+    return RenderPlan(settings, size, border_pixels(frame.border, size), passes, is_cropped(scene), motion, frame)
+
+
+def plan_layer(depsgraph: bpy.types.Depsgraph) -> RenderPlan:
+    """Plans a render of the view layer of an evaluated depsgraph, by its scene's settings and its passes."""
+    scene, layer = depsgraph.scene, depsgraph.view_layer
+    specs = enabled_passes(layer, scene)
+    sources = tuple(spec.source for spec in specs)
+    plan = plan_render(scene, read_settings(scene), sources, is_blurred=has_motion_blur(layer, scene))
+    return replace(plan, specs=specs)
 
 
 def plan_view(settings: RenderSettings, size: tuple[int, int]) -> RenderPlan:

@@ -12,10 +12,9 @@ import bpy
 import numpy as np
 import numpy.typing as npt
 
-from ..settings.preferences import denoising_data_settings
 from ..statistics.last_result import FrameStatistics
 from .denoising import Denoised, ImageDenoiser
-from .plan import NOISY, VECTOR, RenderPlan, Window, owners_of, trace_costs
+from .plan import PassSpec, RenderPlan, Window, owners_of, trace_costs
 
 if TYPE_CHECKING:
     from ..live.scene_sync import SceneSync
@@ -25,6 +24,7 @@ if TYPE_CHECKING:
 
 Progress = Callable[[float], bool]
 FrameSet = Callable[[int, float], object]
+CameraReader = Callable[["bpy.types.Depsgraph"], "CameraRecord | None"]
 Images = dict[str, npt.NDArray[Any]]
 
 
@@ -49,6 +49,29 @@ class Frame:
         return image[len(image) - top : len(image) - bottom, left:right]
 
 
+def bring_in_step(
+    sync: SceneSync,
+    depsgraph: bpy.types.Depsgraph,
+    plan: RenderPlan,
+    *,
+    progress: Progress | None = None,
+    camera: CameraReader | None = None,
+    frame_set: FrameSet | None = None,
+) -> SyncReport:
+    """Reads of an evaluated depsgraph what the plan needs, and builds its trees. The arguments: see `render_frame`."""
+    sync.request(plan.attributes, only=True)
+    # The bar stays at its beginning meanwhile, but a long build can be cancelled.
+    return sync.update(
+        depsgraph,
+        plan.expected_rays,
+        progress=None if progress is None else lambda _: progress(0.0),
+        camera=camera,
+        size=plan.frame,
+        shutter=None if plan.motion is None else (plan.motion.begin, plan.motion.end),
+        frame_set=frame_set if plan.motion is not None else None,
+    )
+
+
 def render_frame(
     sync: SceneSync,
     depsgraph: bpy.types.Depsgraph,
@@ -56,34 +79,21 @@ def render_frame(
     *,
     progress: Progress | None = None,
     show: Callable[[Images], None] | None = None,
-    trace: bool = True,
-    camera: CameraRecord | None = None,
+    camera: CameraReader | None = None,
     frame_set: FrameSet | None = None,
 ) -> Frame:
-    """Bring a sync's scene in step with an evaluated depsgraph and trace what is planned.
+    """Brings a sync's scene in step with an evaluated depsgraph and traces what is planned.
 
     progress: called with 0..1, False cancels. show: called with the images each time they have become better, and at
-    the end. trace: False to stop after the sync. camera: instead of the scene's. frame_set: what evaluates the
-    depsgraph at another frame and subframe, for motion; None for the scene's own `frame_set`.
+    the end. camera: reads the camera of a depsgraph, instead of the scene's. frame_set: what evaluates the depsgraph at
+    another frame and subframe, for motion; None for the scene's own `frame_set`.
 
     Raises ValueError if the scene has no usable camera, `perfect_bvh.Cancelled`, and what the engine raises.
     """
-    sync.request(plan.attributes, only=True)
-    # The bar stays at its beginning meanwhile, but a long build can be cancelled.
-    report = sync.update(
-        depsgraph,
-        plan.expected_rays,
-        progress=None if progress is None else lambda _: progress(0.0),
-        camera=camera,
-        shutter=None if plan.motion is None else (plan.motion.begin, plan.motion.end),
-        frame_set=frame_set if plan.motion is not None else None,
-    )
-    frame = depsgraph.scene.frame_current_final
-    if not trace:
-        return Frame({}, FrameStatistics(frame, plan.size, plan.settings, report, 0.0, 0, owners=owners_of(sync)))
+    report = bring_in_step(sync, depsgraph, plan, progress=progress, camera=camera, frame_set=frame_set)
     if sync.camera is None:
         raise ValueError(missing_camera(depsgraph.scene, sync))
-    return _trace(sync, plan, frame, report, progress, show)
+    return _trace(sync, plan, depsgraph.scene.frame_current_final, report, progress, show)
 
 
 def _trace(
@@ -172,55 +182,6 @@ def missing_camera(scene: bpy.types.Scene, sync: SceneSync) -> str:
     reason = f". {sync.warnings[-1]}" if scene.camera is not None and sync.warnings else ""
     way_out = reason or ": add one with Add > Camera, or choose one in the scene's properties"
     return f"scene {scene.name!r} has no camera that can be rendered{way_out}"
-
-
-# Passes --------------------------------------------------------------------------------------------------------------
-# The passes of a render: which ones a view layer asks for, and how images get into them.
-
-
-MODERN_PASS_NAMES = bpy.app.version >= (5, 0, 0)
-
-
-@dataclass(frozen=True, slots=True)
-class PassSpec:
-    """A pass in Blender's words (name, channels, kind, the view layer's switch) and in a frame's images (source)."""
-
-    name: str
-    channels: str
-    kind: str
-    switch: str
-    source: str
-
-
-PASSES = (
-    PassSpec("Depth", "Z", "VALUE", "use_pass_z", "depth"),
-    PassSpec("Normal", "XYZ", "VECTOR", "use_pass_normal", "normal"),
-    PassSpec("Vector", "XYZW", "VECTOR", "use_pass_vector", VECTOR),
-    PassSpec("Object Index" if MODERN_PASS_NAMES else "IndexOB", "X", "VALUE", "use_pass_object_index", "object_index"),
-    PassSpec(
-        "Material Index" if MODERN_PASS_NAMES else "IndexMA", "X", "VALUE", "use_pass_material_index", "material_index"
-    ),
-)
-
-
-# What compositors denoise by themselves, under the names that Cycles gives it.
-DENOISING_PASSES = (
-    PassSpec("Noisy Image", "RGBA", "COLOR", "denoising_store_passes", NOISY),
-    PassSpec("Denoising Normal", "XYZ", "VECTOR", "denoising_store_passes", "denoising_normal"),
-    PassSpec("Denoising Albedo", "RGB", "COLOR", "denoising_store_passes", "denoising_albedo"),
-)
-
-
-def enabled_passes(view_layer: bpy.types.ViewLayer, with_vector: bool) -> tuple[PassSpec, ...]:
-    """The passes beside Combined that the view layer asks for.
-
-    with_vector: False where there is motion blur: what is blurred shall not be blurred again, so that Blender's own
-    engines have one of both, too.
-    """
-    switches = denoising_data_settings(view_layer)
-    denoising = () if switches is None else (spec for spec in DENOISING_PASSES if getattr(switches, spec.switch))
-    wanted = (spec for spec in PASSES if getattr(view_layer, spec.switch) and (with_vector or spec.source != VECTOR))
-    return (*wanted, *denoising)
 
 
 def write_passes(

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import secrets
 from pathlib import Path
+from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import bpy
@@ -191,12 +192,12 @@ class ScannedFile:
         from ..extract.label_values import find_missing_libraries
 
         path = Path(bpy.data.filepath)
-        inputs = plan.inputs(
-            path,
-            carrier,
+        arguments = SimpleNamespace(
+            file=path,
             autoexec=bpy.context.preferences.filepaths.use_scripts_auto_execute,
             allow_missing=bool(find_missing_libraries()),
         )
+        inputs = plan.inputs(arguments, carrier)
         if self._name:
             inputs["files"][path.name or "not saved"] = self._name
         return inputs

@@ -236,17 +236,22 @@ def _read(path: Path) -> dict[str, Any] | None:
 # What pieces of an open scene depend on: its file and all that it reads, and whose work they are.
 
 
-def scene_inputs(path: Path, *, autoexec: bool, allow_missing: bool, **options: Any) -> dict[str, Any]:
-    """path: of the file that is open. autoexec: whether its scripts may run. options: of the work."""
+def scene_inputs(arguments: Any, *names: str, **options: Any) -> dict[str, Any]:
+    """Returns what pieces of the open scene depend on.
+
+    Args:
+        arguments: a command's; their `file` is the open one.
+        names: of further arguments that count.
+        options: what else counts.
+    """
     import bpy
     import perfect_bvh
 
     read = [Path(name) for name in bpy.utils.blend_paths(absolute=True)]
     return inputs_of(
-        [path, *read],
+        [Path(arguments.file), *read],
+        **{name: getattr(arguments, name) for name in (*names, "autoexec", "allow_missing")},
         **options,
-        autoexec=autoexec,
-        allow_missing=allow_missing,
         blender=bpy.app.version_string,
         version=perfect_bvh.__version__,
     )

@@ -81,6 +81,7 @@ class PieceWork(ABC):
         self.view = view
         self.frames = frames
         self.is_simulated = has_simulations(view.find())
+        self.begins = min(frames) if self.is_simulated else None  # what is simulated depends on its first frame
         self._played_to = min(frames) - 1
 
     def can_do(self, piece: Piece) -> bool:

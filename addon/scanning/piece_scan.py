@@ -59,11 +59,10 @@ class ScanPlan:
         """Where pieces go. inputs: see below."""
         return PieceFolder(path, inputs, BEFORE, "scan")
 
-    def inputs(self, scene_file: Path, carrier: bpy.types.Object | None, **how: bool) -> dict[str, Any]:
-        """What the bytes of pieces depend on. carrier: None for the camera of each frame. how: see `scene_inputs`."""
+    def inputs(self, arguments: Any, carrier: bpy.types.Object | None) -> dict[str, Any]:
+        """What pieces depend on. carrier: None for the camera of each frame. For the rest, see `scene_inputs`."""
         return scene_inputs(
-            scene_file,
-            **how,
+            arguments,
             sensor=sensor_input(self.sensor.pattern),
             light=light_input(self.sensor.light),
             seed=self.seed,

@@ -279,11 +279,11 @@ def test_a_build_can_be_cancelled(scene) -> None:
         asked.append(done)
         return False
 
-    job = render(RenderJob(progress=stop, trace=False))
+    job = render(RenderJob(progress=stop))
     assert job.is_cancelled
     assert job.frame is None
     assert asked == [0.0]
-    assert render(RenderJob(trace=False)).frame.statistics.report.finishes_earlier_update
+    assert render().frame.statistics.report.finishes_earlier_update
 
 
 @pytest.mark.parametrize("file_format", ["PNG", "OPEN_EXR_MULTILAYER"])
