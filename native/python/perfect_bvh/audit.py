@@ -147,7 +147,8 @@ def _judge(
     for start in range(0, count, _ROWS_AT_A_TIME):
         part = slice(start, min(start + _ROWS_AT_A_TIME, count))
         share = share_of(progress, part.start / count, (part.stop - part.start) / count)
-        verdicts[part] = snapshot.audit_answers(*columns_of(part), cull=cull, threads=threads, progress=share)
+        arguments: Any = (*columns_of(part), cull, threads, share)
+        verdicts[part] = snapshot.audit_answers(*arguments)
     return verdicts
 
 
