@@ -111,6 +111,8 @@ def _reliably_best(figures: Figures, rows: dict[str, Figures], rays: float) -> s
 
 def _answer_advice(figures: Figures) -> str:
     answers = figures["answers"]
+    if not answers["checked"] and answers["not_judged"]:
+        return "No answer is checked: all rays come near curves or points, which are not judged."
     if not answers["checked"]:
         return "The scene is too large to check an answer without a tree in this time: give --seconds more."
     if answers["wrong"]:

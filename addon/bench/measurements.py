@@ -210,6 +210,7 @@ class SceneBench:
         self.figures["answers"] = {
             **row.as_json(),
             "checked": audit.checked_count,
+            "not_judged": audit.not_judged_count,
             "wrong": len(audit.wrong_rows),
             "wrong_per_million": audit.wrong_per_million,
             "interval": list(audit.interval),

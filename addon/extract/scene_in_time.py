@@ -8,7 +8,6 @@ evaluated again at a moment is not read again, for which its changes are listene
 from __future__ import annotations
 
 import math
-import operator
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass, replace
@@ -17,6 +16,7 @@ from typing import Any
 
 import bpy
 import numpy as np
+from perfect_bvh._checks import check_count
 
 from ..events.asking import EvaluationLog
 from ..events.changes import listen, stop_listening, watched_evaluations
@@ -72,7 +72,9 @@ def as_shutter(function: str, shutter: Any, steps: Any, frame_set: FrameSet | No
     begin, end = _as_range(function, shutter)
     if frame_set is not None and not callable(frame_set):
         raise ValueError(f"{function}: frame_set must be a function of a frame and a subframe, got {frame_set!r}")
-    return Shutter(begin, end, None if steps is None else _as_steps(function, steps), frame_set)
+    if steps is not None:
+        steps = check_count(function, "steps", steps, 2, MOST_STEPS)
+    return Shutter(begin, end, steps, frame_set)
 
 
 def _as_range(function: str, shutter: Any) -> tuple[float, float]:
@@ -88,18 +90,6 @@ def _as_range(function: str, shutter: Any) -> tuple[float, float]:
             f"{function}: shutter must lie within {_FARTHEST:,} frames of the current one, got {shutter!r}"
         )
     return begin, end
-
-
-def _as_steps(function: str, steps: Any) -> int:
-    try:
-        if isinstance(steps, (bool, np.bool_)):
-            raise TypeError
-        count = operator.index(steps)
-    except TypeError:
-        raise ValueError(f"{function}: steps must be an integer, got {steps!r}") from None
-    if not 2 <= count <= MOST_STEPS:
-        raise ValueError(f"{function}: steps must be 2 to {MOST_STEPS}, got {count}")
-    return count
 
 
 def place_of(scene: Any) -> Place:

@@ -255,10 +255,11 @@ def save_labels(
     is nothing; in PNG depths that 16 bits do not reach are 0, too, which is a warning. Raises ValueError for what a
     format cannot hold, before any file is written, ImportError, OSError.
     """
+    from perfect_bvh._checks import check_number
+
     folder = Path(folder)
     check_formats(formats, labels.labels)
-    if not depth_scale > 0.0:
-        raise ValueError(f"save_labels: depth_scale must be above 0, got {depth_scale}")
+    check_number("save_labels", "depth_scale", depth_scale, 0.0, above=True)
     plain = plain_names(labels.labels)
     images, too_far = grey_images(labels, depth_scale, plain) if "png" in formats else ({}, 0)
     channels = exr_channels(labels, plain) if "exr" in formats else {}

@@ -123,11 +123,11 @@ def label_image(
     nothing in the file has or whose values are neither numbers, texts nor data-blocks, and what the engine raises.
     """
     import bpy
+    from perfect_bvh._checks import check_count
 
     from ..live.scene_view import SceneView
 
-    if isinstance(layers, bool) or not isinstance(layers, (int, np.integer)) or not 1 <= layers <= 1000:
-        raise ValueError(f"label_image: layers must be an integer of 1 to 1000, got {layers!r}")
+    check_count("label_image", "layers", layers, 1, 1000)
     classes = LabelReader("label_image", (OBJECT if category is None else category,), as_names=True)
     others = LabelReader("label_image", labels)
 

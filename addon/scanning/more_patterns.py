@@ -6,13 +6,13 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+from perfect_bvh._checks import check_count, check_number
 
 from .patterns import (
     Float64Array,
     OnAnyObject,
     Rays,
     View,
-    check_at_least,
     check_range,
     check_ray_count,
     directions_of,
@@ -37,11 +37,11 @@ class Rosette(OnAnyObject):
     max_distance: float = math.inf
 
     def __post_init__(self) -> None:
-        if not 0.0 < self.field_of_view < 180.0:
-            raise ValueError(f"Rosette: field_of_view must be degrees from 0 to 180, got {self.field_of_view}")
+        check_number("Rosette", "field_of_view, in degrees,", self.field_of_view, 0.0, 180.0, above=True, below=True)
         if len(self.turns) != 2 or not all(map(math.isfinite, self.turns)):
             raise ValueError(f"Rosette: turns must be two numbers of turns a second, got {self.turns}")
-        _check_rate("Rosette", self.rate, self.duration)
+        check_number("Rosette", "rate, a second,", self.rate, 0.0, above=True)
+        check_number("Rosette", "duration, in seconds,", self.duration, 0.0, above=True)
         check_range("Rosette", self.min_distance, self.max_distance)
 
     def count(self, start: float, end: float) -> int:
@@ -90,7 +90,7 @@ class Raster(OnAnyObject):
     def __post_init__(self) -> None:
         _check_grid("Raster", self.width, self.height)
         _check_field("Raster", self.horizontal, self.vertical, (360.0, 180.0))
-        _check_rate("Raster", self.rate, 1.0)
+        check_number("Raster", "rate, a second,", self.rate, 0.0, above=True)
         check_range("Raster", self.min_distance, self.max_distance)
 
     @property
@@ -143,10 +143,9 @@ class DepthCamera(OnAnyObject):
     def __post_init__(self) -> None:
         _check_grid("DepthCamera", self.width, self.height)
         _check_field("DepthCamera", self.horizontal, self.vertical, (170.0, 170.0))
-        _check_rate("DepthCamera", self.rate, 1.0)
+        check_number("DepthCamera", "rate, a second,", self.rate, 0.0, above=True)
         check_range("DepthCamera", self.min_distance, self.max_distance)
-        if not math.isfinite(self.baseline):
-            raise ValueError(f"DepthCamera: baseline must be a finite length, got {self.baseline}")
+        check_number("DepthCamera", "baseline", self.baseline)
 
     @property
     def duration(self) -> float:
@@ -180,19 +179,11 @@ class DepthCamera(OnAnyObject):
 
 
 def _check_grid(pattern: str, width: int, height: int) -> None:
-    check_at_least(pattern, "width", width, 1)
-    check_at_least(pattern, "height", height, 1)
+    check_count(pattern, "width", width, 1)
+    check_count(pattern, "height", height, 1)
     check_ray_count(pattern, "width * height", width * height)
 
 
 def _check_field(pattern: str, horizontal: float, vertical: float, most: tuple[float, float]) -> None:
     for name, angle, limit in (("horizontal", horizontal, most[0]), ("vertical", vertical, most[1])):
-        if not 0.0 < angle <= limit:
-            raise ValueError(f"{pattern}: {name} must be degrees above 0 and at most {limit:g}, got {angle}")
-
-
-def _check_rate(pattern: str, rate: float, duration: float) -> None:
-    if not (math.isfinite(rate) and rate > 0.0):
-        raise ValueError(f"{pattern}: rate must be a number a second, above 0, got {rate}")
-    if not (math.isfinite(duration) and duration > 0.0):
-        raise ValueError(f"{pattern}: duration must be seconds above 0, got {duration}")
+        check_number(pattern, f"{name}, in degrees,", angle, 0.0, limit, above=True)

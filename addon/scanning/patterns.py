@@ -12,6 +12,7 @@ from typing import Protocol
 
 import numpy as np
 import numpy.typing as npt
+from perfect_bvh._checks import check_count, check_number
 
 Float64Array = npt.NDArray[np.float64]
 
@@ -111,8 +112,8 @@ class CameraGrid:
     height: int = 360
 
     def __post_init__(self) -> None:
-        check_at_least("CameraGrid", "width", self.width, 1)
-        check_at_least("CameraGrid", "height", self.height, 1)
+        check_count("CameraGrid", "width", self.width, 1)
+        check_count("CameraGrid", "height", self.height, 1)
         check_ray_count("CameraGrid", "width * height", self.width * self.height)
 
     @property
@@ -187,12 +188,10 @@ class SpinningLidar(OnAnyObject):
             raise ValueError(
                 f"SpinningLidar: elevations must be degrees from -90 to 90, at least one, got {self.elevations}"
             )
-        check_at_least("SpinningLidar", "columns", self.columns, 1)
+        check_count("SpinningLidar", "columns", self.columns, 1)
         check_ray_count("SpinningLidar", "elevations * columns", len(self.elevations) * self.columns)
-        if not (math.isfinite(self.rate) and self.rate > 0.0):
-            raise ValueError(f"SpinningLidar: rate must be turns a second above 0, got {self.rate}")
-        if not 0.0 < self.sweep <= 360.0:
-            raise ValueError(f"SpinningLidar: sweep must be degrees above 0 and up to 360, got {self.sweep}")
+        check_number("SpinningLidar", "rate, in turns a second,", self.rate, 0.0, above=True)
+        check_number("SpinningLidar", "sweep, in degrees,", self.sweep, 0.0, 360.0, above=True)
         check_range("SpinningLidar", self.min_distance, self.max_distance)
 
     @property
@@ -234,12 +233,6 @@ def directions_of(azimuths: Float64Array, elevations: Float64Array) -> Float64Ar
 def first_shot(place: float) -> int:
     """The number of the first shot at or after a place among them, but for rounding."""
     return math.ceil(place - 1e-6)
-
-
-def check_at_least(pattern: str, name: str, value: object, least: int) -> None:
-    """Raises ValueError for anything but an integer of at least `least`; numpy's are welcome, bools are not."""
-    if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or value < least:
-        raise ValueError(f"{pattern}: {name} must be an integer of at least {least}, got {value!r}")
 
 
 def check_range(pattern: str, nearest: float, farthest: float) -> None:

@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
+from perfect_bvh._checks import check_count
 
-from .patterns import Pattern, check_at_least
+from .patterns import Pattern
 
 if TYPE_CHECKING:
     from perfect_bvh import Hits, Snapshot
@@ -49,7 +50,7 @@ def stretches_of(
     first, last = frames
     if last < first:
         raise ValueError(f"scan: frames must be (first, last) with first <= last, got {frames}")
-    check_at_least("scan", "steps_per_frame", steps_per_frame, 1)
+    check_count("scan", "steps_per_frame", steps_per_frame, 1)
     before = 0 if since is None else (first - since) * steps_per_frame
     if before < 0:
         raise ValueError(f"scan: since must be no later than the first of the frames {frames}, got {since}")

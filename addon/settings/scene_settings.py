@@ -221,7 +221,8 @@ class PERFECT_BVH_PG_settings(bpy.types.PropertyGroup):
     # a panel's switch and share beside it has renders checked without a way to see that.
     audit: bpy.props.FloatProperty(
         name="Audit",
-        description="Share of a render's camera rays that are checked again, in double precision and without a tree",
+        description="Share of a render's camera rays that are checked again, in double precision and without a tree; "
+        "those near hair and points are not judged",
         default=0.0,
         min=0.0,
         max=1.0,

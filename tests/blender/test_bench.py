@@ -226,11 +226,14 @@ def test_it_goes_on_while_it_audits_and_hands_on_what_is_wrong(
 
 def test_no_audit_is_not_called_a_good_one() -> None:
     spread = {"typical": 1.0, "low": 1.0, "high": 1.0, "count": 1}
-    row = {"trace_ms": spread, "checked": 0, "wrong": 0, "wrong_per_million": 0.0}
+    row = {"trace_ms": spread, "checked": 0, "not_judged": 0, "wrong": 0, "wrong_per_million": 0.0}
     machine = {"processor": "one", "threads": 1, "isa": "scalar", "perfect_bvh": "0"}
     scene = {"scene": "s", "triangles": 1, "meshes": 1, "instances": 1, "rays": 10, "machine": machine}
     sentence = advice({**scene, "answers": {**row, "interval": [0.0, 1e6]}})["answers"]
     assert "too large" in sentence
+    row["not_judged"] = 10
+    sentence = advice({**scene, "answers": {**row, "interval": [0.0, 1e6]}})["answers"]
+    assert "near curves or points" in sentence
 
 
 def test_an_empty_scene_is_refused() -> None:

@@ -260,7 +260,7 @@ def test_run_lengths_are_those_of_single_masks(size: tuple[int, int]) -> None:
 
 def test_bad_arguments_are_named(scene: Any) -> None:
     for layers in (0, 1.5, True, 2000):
-        with pytest.raises(ValueError, match="label_image: layers must be an integer of 1 to 1000"):
+        with pytest.raises(ValueError, match="label_image: layers must be an integer from 1 to 1000"):
             label_image(layers=layers)
     scene.camera = None
     with pytest.raises(ValueError, match="has no camera that can be used"):

@@ -299,7 +299,7 @@ def test_an_ideal_sensor_is_as_before_but_for_its_intensities(head) -> None:
 def test_light_has_to_be_light(head) -> None:
     with pytest.raises(ValueError, match="light must be a Light"):
         scan(ONE_RAY, head, light=Beam())
-    with pytest.raises(ValueError, match="seed must be 0 to 2147483647, got -1"):
+    with pytest.raises(ValueError, match="seed must be an integer from 0 to 2147483647, got -1"):
         scan(ONE_RAY, head, seed=-1)
 
 

@@ -140,7 +140,7 @@ def test_scan_names_what_is_wrong(room) -> None:
     head = bpy.data.objects["Head"]
     with pytest.raises(ValueError, match=r"frames must be \(first, last\) with first <= last, got \(3, 1\)"):
         scan(LIDAR, head, frames=(3, 1))
-    with pytest.raises(ValueError, match="steps_per_frame must be an integer of at least 1, got 0"):
+    with pytest.raises(ValueError, match="steps_per_frame must be an integer from 1 to 2147483647, got 0"):
         scan(LIDAR, head, frames=(1, 1), steps_per_frame=0)
     head.scale = (0.0, 1.0, 1.0)
     with pytest.raises(ValueError, match="'Head' has no usable matrix"):

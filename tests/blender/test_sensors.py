@@ -95,7 +95,7 @@ def test_a_file_of_ones_own(tmp_path: Path) -> None:
         ('kind = "spinning"\nelevations = ["a"]', "must be a list of numbers"),
         ('kind = "rosette"\nturns = [1.0]', "turns must be two numbers"),
         ('kind = "rosette"\nrate = 0.0', "rate must be a number a second"),
-        ('kind = "raster"\nhorizontal = 0', "horizontal must be degrees"),
+        ('kind = "raster"\nhorizontal = 0', "horizontal, in degrees, must be a number above 0 to 360"),
         ('kind = "raster"\nmin_distance = 5.0\nmax_distance = 4.0', "min_distance must be at least 0"),
         ('kind = "depth camera"\nvertical = 179.0', "vertical must be degrees"),
         ('kind = "depth camera"\nbaseline = inf', "baseline must be a finite length"),

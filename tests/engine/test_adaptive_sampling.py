@@ -213,7 +213,7 @@ def test_a_threshold_is_a_number_above_zero(threshold: Any) -> None:
 
 
 def test_other_bad_arguments() -> None:
-    with pytest.raises(ValueError, match="AdaptiveSampling: min_samples must be 0 to"):
+    with pytest.raises(ValueError, match="AdaptiveSampling: min_samples must be an integer from 0 to"):
         AdaptiveSampling(SIZE, 0.01, -1)
     with pytest.raises(ValueError, match="AdaptiveSampling: size must be"):
         AdaptiveSampling((0, 4), 0.01)

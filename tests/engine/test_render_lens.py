@@ -182,10 +182,10 @@ def test_blur_does_not_depend_on_threads(threads: int) -> None:
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"radius": 0.0}, "Lens: radius must be positive and finite, got 0.0"),
-        ({"focus_distance": math.nan}, "Lens: focus_distance must be positive"),
-        ({"ratio": -1.0}, "Lens: ratio must be positive"),
-        ({"rotation": math.inf}, "Lens: rotation must be finite"),
+        ({"radius": 0.0}, "Lens: radius must be a finite number above 0, got 0.0"),
+        ({"focus_distance": math.nan}, "Lens: focus_distance must be a finite number above 0"),
+        ({"ratio": -1.0}, "Lens: ratio must be a finite number above 0"),
+        ({"rotation": math.inf}, "Lens: rotation must be a finite number"),
         ({"blades": 2}, "Lens: blades must be 0 for a circle, or 3 to 1000; got 2"),
         ({"blades": -3}, "Lens: blades"),
     ],

@@ -436,7 +436,7 @@ def test_a_commit_refuses_its_own_progress_callable(use):
 def test_the_number_of_threads_is_checked():
     before = perfect_bvh.thread_count()
     for count in (-1, 1025):
-        with pytest.raises(ValueError, match=f"set_thread_count: count must be 0 .* got {count}"):
+        with pytest.raises(ValueError, match=f"set_thread_count: count must be an integer from 0 .* got {count}"):
             perfect_bvh.set_thread_count(count)
     assert perfect_bvh.thread_count() == before
 

@@ -270,12 +270,12 @@ def test_a_shutter_that_opens_late_shows_what_is_late() -> None:
         ({"curve": (0.0, 0.0)}, "not all 0"),
         ({"curve": (1.0, float("nan"))}, "two or more finite numbers"),
         ({"curve": (1.0, -1.0)}, "0 or more"),
-        ({"rolling": 1.5}, "rolling must be 0 to 1"),
-        ({"rolling": float("nan")}, "rolling must be 0 to 1"),
-        ({"frame_time": -0.1}, "frame_time must be 0 to 1"),
+        ({"rolling": 1.5}, "rolling must be a number from 0 to 1"),
+        ({"rolling": float("nan")}, "rolling must be a number from 0 to 1"),
+        ({"frame_time": -0.1}, "frame_time must be a number from 0 to 1"),
         ({"cameras": (CAMERA,)}, "two or more of one projection"),
         ({"cameras": (CAMERA, replace(CAMERA, projection="orthographic"))}, "two or more of one projection"),
-        ({"cameras": (CAMERA, 3)}, "must be perfect_bvh.Camera"),
+        ({"cameras": (CAMERA, 3)}, r"cameras\[1\] must be a perfect_bvh.Camera, got int"),
     ],
 )
 def test_bad_shutters_are_refused(bad: dict[str, Any], message: str) -> None:

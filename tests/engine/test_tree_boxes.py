@@ -257,5 +257,5 @@ def test_wrong_arguments_are_named() -> None:
         snapshot.tree_boxes(7)
     with pytest.raises(ValueError, match="0 <= first_level <= last_level, got 3 and 2"):
         snapshot.tree_boxes(0, first_level=3, last_level=2)
-    with pytest.raises(ValueError, match="tree_boxes: first_level must be 0 to 4294967295, got -1"):
+    with pytest.raises(ValueError, match="tree_boxes: first_level must be an integer from 0 to 4294967295, got -1"):
         snapshot.tree_boxes(0, first_level=-1)

@@ -39,7 +39,7 @@ The {count} shapes of [`tests/stress/round_zoo.py`](round_zoo.py), which have no
 checks the answers on all of them against a double-precision oracle of round curves and balls, with every builder, on
 every instruction set, in every way of tracing. *As triangles*: of a million rays, those that meet another curve or
 point, or hit where the true surface is missed or the other way round, if tubes of six sides (of points octahedra)
-stand for it; ours are the true surface's, as the audit finds.
+stand for it; ours are the true surface's, as the reference finds.
 
 | case | what breaks | the usual method | loses | ours loses | as triangles | how it is held |
 |---|---|---|---|---|---|---|

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from perfect_bvh._arrays import check_count
+from perfect_bvh._checks import check_count, check_number
 
 LUMINANCE = (0.2126, 0.7152, 0.0722)  # of linear Rec. 709
 RULES = ("first", "strongest", "last")
@@ -37,12 +37,12 @@ class Beam:
     resolution: float = 0.0
 
     def __post_init__(self) -> None:
-        _check_number("beam", "divergence", self.divergence, 0.0, 1000.0)
-        _check_count("beam", "rays", self.rays, 1, MOST_RAYS_A_BEAM)
-        _check_count("beam", "returns", self.returns, 1, MOST_RETURNS)
+        check_number("beam", "divergence", self.divergence, 0.0, 1000.0, below=True)
+        check_count("beam", "rays", self.rays, 1, MOST_RAYS_A_BEAM)
+        check_count("beam", "returns", self.returns, 1, MOST_RETURNS)
         if not self.keep or not set(self.keep) <= set(RULES) or len(set(self.keep)) < len(self.keep):
             raise ValueError(f"beam: keep must be some of {', '.join(RULES)}, each once, got {list(self.keep)}")
-        _check_number("beam", "resolution", self.resolution, 0.0, math.inf)
+        check_number("beam", "resolution", self.resolution, 0.0)
         if self.rays > 1 and not self.resolution > 0.0:
             raise ValueError("beam: several rays need a resolution above 0, within which their echoes are one")
 
@@ -70,14 +70,13 @@ class Optics:
         for name in ("refract", "calibrated"):
             if not isinstance(getattr(self, name), bool):
                 raise ValueError(f"light: {name} must be true or false, got {getattr(self, name)!r}")
-        _check_count("light", "bounces", self.bounces, 0, MOST_BOUNCES)
-        _check_number("light", "mirror_roughness", self.mirror_roughness, 0.0, 1.0)
+        check_count("light", "bounces", self.bounces, 0, MOST_BOUNCES)
+        check_number("light", "mirror_roughness", self.mirror_roughness, 0.0, 1.0, below=True)
         if len(self.spectrum) != 3 or not all(0.0 <= weight < math.inf for weight in self.spectrum):
             raise ValueError(f"light: spectrum must be three numbers of at least 0, got {list(self.spectrum)}")
         if not sum(self.spectrum) > 0.0:
             raise ValueError("light: spectrum must have a number above 0")
-        if not 0.0 < self.reference < math.inf:
-            raise ValueError(f"light: reference must be a distance above 0, got {self.reference}")
+        check_number("light", "reference", self.reference, 0.0, above=True)
 
 
 @dataclass(frozen=True, slots=True)
@@ -121,9 +120,9 @@ class Noise:
 
     def __post_init__(self) -> None:
         for name in ("range", "range_square", "angle", "line_bias"):
-            _check_number("noise", name, getattr(self, name), 0.0, math.inf)
-        _check_number("noise", "dropout", self.dropout, 0.0, 1.0, includes_most=True)
-        _check_number("noise", "bias", self.bias, -math.inf, math.inf)
+            check_number("noise", name, getattr(self, name), 0.0)
+        check_number("noise", "dropout", self.dropout, 0.0, 1.0)
+        check_number("noise", "bias", self.bias)
 
     @property
     def moves_points(self) -> bool:
@@ -139,25 +138,6 @@ class Light:
     optics: Optics = field(default_factory=Optics)
     detection: Detection = field(default_factory=Detection)
     noise: Noise = field(default_factory=Noise)
-
-
-def _check_number(table: str, name: str, value: Any, least: float, most: float, *, includes_most: bool = False) -> None:
-    is_number = isinstance(value, (int, float, np.number)) and not isinstance(value, bool)
-    if is_number and least <= value and (value < most or (includes_most and value == most)) and math.isfinite(value):
-        return
-    if math.isinf(least):
-        wanted = "a finite number"
-    elif math.isinf(most):
-        wanted = f"a finite number of at least {least:g}"
-    else:
-        wanted = f"a number from {least:g} to {'' if includes_most else 'below '}{most:g}"
-    raise ValueError(f"{table}: {name} must be {wanted}, got {value!r}")
-
-
-def _check_count(table: str, name: str, value: Any, least: int, most: int) -> None:
-    is_whole = isinstance(value, (int, np.integer)) and not isinstance(value, bool)
-    if not is_whole or not least <= value <= most:
-        raise ValueError(f"{table}: {name} must be a whole number from {least} to {most}, got {value!r}")
 
 
 # Beam rays -----------------------------------------------------------------------------------------------------------

@@ -60,7 +60,7 @@ class Hits:
         into a curve or point from outside.
     nodes_visited, primitives_tested (...) int32: boxes and triangles tested for this ray.
     invalid_count: rays that can hit nothing because they are not finite, have no direction or an empty range.
-    packet_ray_count: rays that were traced in packets, see `strategy` in `Queries.cast_rays`.
+    packet_ray_count: rays that were traced in packets, 64 consecutive ones together, as coherent rays are.
     generation, scene_id: of the snapshot that answered, see `Snapshot`; ids mean what they meant then.
     audit: what checking a share of the answers has shown; None if none was asked for.
     """
