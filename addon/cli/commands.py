@@ -7,7 +7,6 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, TextIO
 
-from ..settings.modes import find_mode
 from ..settings.native_fault import explain, read_manifest
 from ..statistics.words import memory, primitives, sum_of
 from .arguments import EXIT_INTERRUPTED, CommandError, check_blend_file, check_pieces, parse_folder, parse_path
@@ -188,12 +187,10 @@ def _write(out: TextIO, scene: bpy.types.Scene, sync: SceneSync, plan: RenderPla
         f"top level {top.node_count:,} nodes, depth {top.depth}, {memory(top.byte_count)}; "
         f"all {memory(statistics.byte_count)}\n"
     )
-    settings, (width, height) = plan.settings, plan.size
-    mode = find_mode(settings.mode)
-    samples = 1 if mode.has_range else settings.samples
+    width, height = plan.size
     out.write(
-        f"rays and trace ms: of one image of {width} x {height} pixels, mode {mode.word}, samples {samples}, "
-        "on one thread, as expected\n"
+        f"rays and trace ms: of one image of {width} x {height} pixels, mode {plan.mode.word}, "
+        f"samples {plan.samples}, on one thread, as expected\n"
     )
     for warning in sync.warnings:
         out.write(f"warning: {warning}\n")

@@ -25,6 +25,7 @@ if TYPE_CHECKING:
 
     from ..extract.camera import Frame
     from ..live.scene_sync import SceneSync
+    from ..settings.modes import Mode
     from ..settings.scene_settings import RenderSettings
 
 
@@ -119,21 +120,26 @@ class RenderPlan:
         return (right - left) * (top - bottom)
 
     @property
+    def mode(self) -> Mode:
+        """What it shows."""
+        return find_mode(self.settings.mode)
+
+    @property
     def samples(self) -> int:
         """Camera rays for each pixel; distances cannot be averaged, so they get one."""
-        return 1 if find_mode(self.settings.mode).has_range else self.settings.samples
+        return 1 if self.mode.has_range else self.settings.samples
 
     @property
     def is_denoised(self) -> bool:
         """Whether its noise is to be taken out."""
-        return self.settings.denoise and find_mode(self.settings.mode).is_noisy
+        return self.settings.denoise and self.mode.is_noisy
 
     def make_sampling(self) -> AdaptiveSampling | None:
         """What says where there are samples enough; None if all pixels get all of them."""
         import perfect_bvh
 
         threshold = self.settings.noise_threshold
-        if threshold == 0.0 or not find_mode(self.settings.mode).is_noisy:
+        if threshold == 0.0 or not self.mode.is_noisy:
             return None
         return perfect_bvh.AdaptiveSampling(self.size, threshold, self.settings.min_samples)
 
@@ -149,7 +155,7 @@ class RenderPlan:
 
     @property
     def _rays_per_sample(self) -> float:
-        mode = find_mode(self.settings.mode)
+        mode = self.mode
         if not mode.has_bounces:
             return mode.rays_per_sample
         import perfect_bvh
@@ -162,7 +168,7 @@ class RenderPlan:
     @property
     def attributes(self) -> AttributeRequest:
         """What the mode and the passes use; nothing else is read."""
-        mode, passes = find_mode(self.settings.mode), self.passes
+        mode, passes = self.mode, self.passes
         return AttributeRequest(
             material_slots=mode.materials
             or (mode.offers_grey and self.settings.use_material_colors)

@@ -14,7 +14,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..settings.modes import find_mode
 from ..support.background_work import BackgroundWork
 from .denoising import ImageDenoiser
 from .plan import GUIDES, NOISY, trace_costs
@@ -80,7 +79,7 @@ class Refinement:
         left, right = _columns_of(view.camera, width)
         _, _, bottom, top = view.camera.border
         rows = (height - int(np.float32(top) * height), height - int(np.float32(bottom) * height))
-        in_parts = not find_mode(view.plan.settings.mode).has_range  # greys are between the least and the greatest
+        in_parts = not view.plan.mode.has_range  # greys are between the least and the greatest
         self._schedule = Schedule(max(1, right - left), rows, view.plan.samples, in_parts)
         self.canvas = Canvas(view.plan.size, in_parts)
         self._sampling = view.plan.make_sampling()

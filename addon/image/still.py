@@ -5,7 +5,6 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import bpy
@@ -138,7 +137,8 @@ def _trace(
         share = 1.0 if sampling is not None and sampling.is_finished else done / plan.samples
         if progress is not None and not progress(share) and share < 1.0:
             raise perfect_bvh.Cancelled("the render was cancelled")
-    at_end = None if progress is None else partial(_stay_at_end, progress)
+    # The bar stays at its end during what follows the last sample, which can be cancelled, too.
+    at_end = None if progress is None else lambda _: progress(1.0)
     costs = trace_costs(sync.scene, sync.camera, plan.size, sync.appearance, plan.settings.threads, at_end, shutter)
     seconds = time.perf_counter() - start - (audit.seconds if audit else 0.0)
     denoised = _denoise(plan, images, noise if done > 1 else None, done, at_end)
@@ -160,11 +160,6 @@ def _trace(
     made = images | {"combined": denoised.image}
     shown = {name: made[name] for name in ("combined", *plan.passes)}
     return Frame(shown, statistics, plan.window if plan.is_cropped else None)
-
-
-def _stay_at_end(progress: Progress, _: float) -> bool:
-    """What the bar does during what follows the last sample, which can be cancelled, too."""
-    return progress(1.0)
 
 
 def _denoise(

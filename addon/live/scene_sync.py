@@ -13,7 +13,6 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from dataclasses import replace
-from functools import partial
 from typing import Any
 
 from perfect_bvh import Scene
@@ -68,7 +67,7 @@ class SceneSync(SyncedScene):
         self._attributes = attributes or AttributeRequest()
         self._for_viewport = for_viewport
         self._watch = SceneWatch() if watch else None
-        self._make_scene = partial(_make_scene, self._watch)
+        self._make_scene = Scene if self._watch is None else self._watch.make_scene
         self._state = SceneState(self._make_scene)
         self._cache = ReadCache()
         self._lookup = self._appearance = None
@@ -288,10 +287,3 @@ class SceneSync(SyncedScene):
         self._cache = ReadCache()
         self._lookup = self._appearance = None
         self._state.scene.mark_stale(why)
-
-
-def _make_scene(watch: SceneWatch | None) -> Scene:
-    scene = Scene()
-    if watch is not None:
-        watch.follow(scene)
-    return scene

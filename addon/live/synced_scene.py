@@ -147,10 +147,12 @@ class SceneWatch:
         self._synced: Place | None = None
         self._active: Place | None = None
 
-    def follow(self, scene: Scene) -> None:
-        """Watches over this scene from now on, and no other."""
+    def make_scene(self) -> Scene:
+        """Makes a scene of the engine's, and watches over it from now on, and no other."""
+        scene = Scene()
         self._scene = weakref.ref(scene)
         scene.before_query = self.check
+        return scene
 
     def start(self) -> None:
         """Listens to Blender until `stop` is called."""

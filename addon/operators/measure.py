@@ -6,17 +6,19 @@ import tempfile
 from collections.abc import Generator
 from functools import partial
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import bpy
 
 from ..events.changes import edit_count
-from ..live.pending_commit import SceneReference
 from ..settings.preferences import redraw_viewports
 from ..settings.view_settings import REFITTED, choice_of
 from ..support.files import prepare_folder
 from .preview import show_in_editor
 from .ticking import Checked, Ticking
+
+if TYPE_CHECKING:
+    from ..live.scene_view import SceneView
 
 # The Bench button: measures the scene for a bounded time and shows a table of it in the panel.
 #
@@ -56,7 +58,7 @@ class PERFECT_BVH_OT_bench(Ticking, bpy.types.Operator):
 
     _bench: Any
     _steps: Generator[tuple[float, str], None, None]
-    _place: SceneReference
+    _place: SceneView
     _scene_uid: int
     _frame: tuple[int, float, int]
     _where: Path
@@ -82,7 +84,9 @@ class PERFECT_BVH_OT_bench(Ticking, bpy.types.Operator):
             self._complain(problem)
             return False
         self._scene_uid = context.scene.session_uid
-        self._place = SceneReference("bench", context.scene, context.view_layer)
+        from ..live.scene_view import SceneView
+
+        self._place = SceneView("bench", context.scene, context.view_layer)
         camera = context.scene.camera
         self._frame = context.scene.frame_current, context.scene.frame_subframe, camera.session_uid if camera else 0
         try:

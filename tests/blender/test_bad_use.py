@@ -307,7 +307,7 @@ def test_settings_cannot_be_nothing(scene, name: str):
 
 
 def test_an_image_of_a_render_that_failed_is_not_saved(scene, tmp_path: Path, monkeypatch):
-    from perfect_bvh_addon import engine
+    from perfect_bvh_addon.image import still
 
     def fail(*_: object, **__: object) -> None:
         raise MemoryError("nothing left")
@@ -315,7 +315,7 @@ def test_an_image_of_a_render_that_failed_is_not_saved(scene, tmp_path: Path, mo
     older = tmp_path / "out.png"
     assert render(save(tmp_path), older) == 0
     before = older.read_bytes()
-    monkeypatch.setattr(engine, "render_frame", fail)
+    monkeypatch.setattr(still, "render_frame", fail)
     assert render(tmp_path / "scene.blend", older) == 2
     assert older.read_bytes() == before
     assert np.frombuffer(before[:4], np.uint8).tolist() == [0x89, 0x50, 0x4E, 0x47]

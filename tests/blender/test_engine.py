@@ -17,6 +17,7 @@ from oracles.cycles import Passes, preserved, render_passes  # noqa: E402
 from oracles.png import read_png  # noqa: E402
 from perfect_bvh_addon import engine  # noqa: E402
 from perfect_bvh_addon.engine import RenderJob, attend  # noqa: E402
+from perfect_bvh_addon.extract import camera  # noqa: E402
 from perfect_bvh_addon.extract.camera import border_pixels, panorama_settings  # noqa: E402
 from perfect_bvh_addon.image.progressive import SHOW_SECONDS  # noqa: E402
 from perfect_bvh_addon.statistics import last_result  # noqa: E402
@@ -269,6 +270,14 @@ def test_progress_rises_to_one_and_cancel_stops(scene) -> None:
     assert cancelled.frame is None
     assert len(calls) < len(seen)
     assert render().frame is not None
+
+
+def test_a_render_works_out_its_size_once(scene, monkeypatch) -> None:
+    asked: list[tuple[int, int]] = []
+    resolution = camera._resolution
+    monkeypatch.setattr(camera, "_resolution", lambda render: asked.append(resolution(render)) or asked[-1])
+    assert render().frame is not None
+    assert asked == [(96, 54)]
 
 
 def test_a_build_can_be_cancelled(scene) -> None:

@@ -297,6 +297,9 @@ def test_a_markers_camera_alone_is_enough(table: Table, tmp_path: Path) -> None:
     blind = Table(tmp_path / "blind.blend", table.folder, table.rows)
     image = blind.run(tmp_path, "render", False, "--mode", "depth", "--samples", 1, "--frames", "3", "-q")
     (plane,) = (plane for name, plane in read_exr(image).items() if name.endswith("R"))
+    before = image.read_bytes()
+    blind.run(tmp_path, "render", False, "--mode", "depth", "--samples", 1, "--frames", "3", "--resume", "-q")
+    assert image.read_bytes() == before
     folder = blind.run(tmp_path, "labels", False, "--frames", "3", "--no-coco", "-q")
     (path,) = folder.glob("*.npz")
     check_nearest(labelled(path), table.rows[False])
