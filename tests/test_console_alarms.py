@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
@@ -64,6 +65,16 @@ def test_an_alarm_fails_and_is_named(line: str, script: Path, tmp_path: Path) ->
 
 def test_what_only_speaks_of_memory_is_no_alarm() -> None:
     assert find_alarms("Mem:72.31M (Peak 90.00M)\nMemory was freed\nRead blend: /tmp/segmentation.blend\n") == []
+
+
+@pytest.mark.skipif(find_spec("bpy") is None, reason="Blender's module is not installed")
+@pytest.mark.parametrize(
+    ("leak", "alarms"), [("", 0), ("ctypes.pythonapi.Py_IncRef(ctypes.py_object(bmesh.new()))", 1)]
+)
+def test_what_blender_prints_of_a_leak_is_an_alarm(leak: str, alarms: int) -> None:
+    code = f"import ctypes, bpy, bmesh; {leak}"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert len(find_alarms(done.stdout + done.stderr)) == alarms, done.stdout + done.stderr
 
 
 def test_the_run_in_windows_asks_this_check(script: Path) -> None:
