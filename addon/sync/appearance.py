@@ -117,6 +117,7 @@ def _material_table(record: SceneRecord) -> MaterialTable:
         alphas=numbers("alpha"),
         metallics=numbers("metallic"),
         roughnesses=numbers("roughness"),
+        lossy_facets=numbers("lossy_facets"),
         reflectances=numbers("reflectance"),
         transmissions=numbers("transmission"),
         translucencies=numbers("translucency"),

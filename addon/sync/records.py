@@ -223,6 +223,7 @@ class MaterialRecord:
     alpha: float = 1.0
     metallic: float = 0.0
     roughness: float = 1.0
+    lossy_facets: float = 0.0
     reflectance: float = 0.0
     transmission: float = 0.0
     translucency: float = 0.0

@@ -185,6 +185,7 @@ void read_appearance(const py::dict& values, Appearance& appearance) {
   appearance.alphas = view<float>(values, "alphas");
   appearance.metallics = view<float>(values, "metallics");
   appearance.roughnesses = view<float>(values, "roughnesses");
+  appearance.lossy_facets = view<float>(values, "lossy_facets");
   appearance.reflectances = view<float>(values, "reflectances");
   appearance.transmissions = view<float>(values, "transmissions");
   appearance.translucencies = view<float>(values, "translucencies");

@@ -47,6 +47,7 @@ Material mixture(float roughness) {
           .tint = {0.9f, 1.0f, 0.8f},
           .tinted_glass = 0.5f,
           .plain_refraction = 0.5f,
+          .lossy_facets = 0.5f,
           .translucency = 0.3f,
           .translucent = {0.1f, 0.05f, 0.02f}};
 }

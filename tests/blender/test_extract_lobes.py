@@ -132,6 +132,15 @@ def test_a_mix_of_mixes_keeps_what_its_shaders_are_made_of(material) -> None:
     assert record.roughness == pytest.approx((0.1 * 0.4 + 0.5 * 0.0) / 0.6)  # by what shines
 
 
+def test_a_mix_loses_light_between_facets_by_what_of_it_may_keep_it(material) -> None:
+    """Refraction BSDFs always lose it, so they have no say."""
+    gloss, glass, plain = (bsdf(material, kind, Roughness=0.3) for kind in ("Anisotropic", "Glass", "Refraction"))
+    assert show(material, mix(material, gloss, plain, 0.5)).lossy_facets == 0.0
+    glass.distribution = "GGX"
+    assert show(material, mix(material, glass, plain, 0.5)).lossy_facets == 1.0
+    assert show(material, mix(material, gloss, glass, 0.25)).lossy_facets == pytest.approx(0.25)
+
+
 def test_a_leaf_shows_its_image_on_both_sides(material) -> None:
     tree = material.node_tree
     image = image_node(tree)

@@ -129,6 +129,25 @@ def old_hair(material: Any) -> None:
     tree.links.new(add(tree, "BsdfHair", Color=(0.2, 0.4, 0.6, 1.0)).outputs[0], surface(material))
 
 
+def distributed(material: Any) -> None:
+    """Three shaders whose distribution or Fresnel is not shown, and one that is smooth."""
+    tree = material.node_tree
+    glossy, metal, refraction, smooth = (
+        add(tree, f"Bsdf{kind}", Roughness=roughness)
+        for kind, roughness in (("Anisotropic", 0.3), ("Metallic", 0.3), ("Refraction", 0.3), ("Glass", 0.0))
+    )
+    glossy.distribution = "ASHIKHMIN_SHIRLEY"
+    metal.distribution = refraction.distribution = smooth.distribution = "BECKMANN"
+    if hasattr(metal, "fresnel_type"):
+        metal.fresnel_type = "PHYSICAL_CONDUCTOR"
+    first, second = (
+        add(tree, "MixShader", (one.outputs[0], 1), (other.outputs[0], 2))
+        for one, other in ((glossy, metal), (refraction, smooth))
+    )
+    tree.links.new(add(tree, "MixShader", (first.outputs[0], 1), (second.outputs[0], 2)).outputs[0], surface(material))
+
+
+CONDUCTOR = "the Fresnel type Physical Conductor of Metallic BSDF is not shown; F82 Tint is"
 NOISE = "Noise Texture is not shown;"
 INSTEAD: tuple[tuple[Callable[[Any], None], list[str]], ...] = (
     (into_color, [f"{NOISE} its flat colour is"]),
@@ -167,6 +186,15 @@ INSTEAD: tuple[tuple[Callable[[Any], None], list[str]], ...] = (
     (thick, ["Volume Scatter is not shown; its surface alone is"]),
     (never_seen, []),
     (old_hair, ["Hair BSDF is not shown; a diffuse surface is, or a translucent one"]),
+    (
+        distributed,
+        [
+            "the distribution Ashikhmin-Shirley of Glossy BSDF is not shown; GGX is",
+            *([CONDUCTOR] if "fresnel_type" in bpy.types.ShaderNodeBsdfMetallic.bl_rna.properties else []),
+            "the distribution Beckmann of Metallic BSDF is not shown; Multiscatter GGX is",
+            "the distribution Beckmann of Refraction BSDF is not shown; GGX is",
+        ],
+    ),
     (tinted_nothing, ["Color of the Transparent BSDF is not shown; white is"]),
 )
 

@@ -55,6 +55,7 @@ class Lobes:
     even_metal: float = 0.0
     tinted_glass: float = 0.0
     plain_refraction: float = 0.0
+    lossy_facets: float = 0.0
     specular_tint: Color = WHITE_COLOR
     metal_tint: Tint = Tint(power=1.0)
     clear_tint: Tint = Tint(power=0.5)
@@ -121,6 +122,8 @@ def mix_lobes(first: Part, second: Part, base: npt.NDArray[Any]) -> Lobes:
     reflecting = [rests[row] * part.lobes.reflectance for row, part in enumerate(parts)]
     dielectric = [clears[row] + reflecting[row] for row in range(2)]
     shiny = [metals[row] + dielectric[row] for row in range(2)]
+    # Without plain refractions, whose facets always lose it.
+    bouncing = [shiny[row] - clears[row] * part.lobes.plain_refraction for row, part in enumerate(parts)]
 
     def mean(name: str, *weights: Any) -> Any:
         """Of what all of the parts have, by the first of the weights that are not all zero."""
@@ -138,6 +141,7 @@ def mix_lobes(first: Part, second: Part, base: npt.NDArray[Any]) -> Lobes:
         even_metal=float(mean("even_metal", metals)),
         tinted_glass=float(mean("tinted_glass", clears)),
         plain_refraction=float(mean("plain_refraction", clears)),
+        lossy_facets=float(mean("lossy_facets", bouncing)),
         specular_tint=_color(mean("specular_tint", shiny)),
         metal_tint=_mix_tints(parts, "metal_tint", metals, base),
         clear_tint=_mix_tints(parts, "clear_tint", clears, base),

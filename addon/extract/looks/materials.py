@@ -117,7 +117,7 @@ class MaterialReader:
 WHITE = constant(1.0)
 _LOBE_NUMBERS = (
     *("metallic", "roughness", "reflectance", "transmission", "translucency", "ior"),
-    *("even_metal", "tinted_glass", "plain_refraction", "specular_tint"),
+    *("even_metal", "tinted_glass", "plain_refraction", "lossy_facets", "specular_tint"),
 )
 
 

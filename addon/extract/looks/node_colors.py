@@ -6,7 +6,6 @@ colour.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -19,7 +18,7 @@ from .lobes import DIFFUSE, Color, Lobes, Part, Tint, add_translucent, averaged,
 from .node_graph import GROUPS, USES_NODES, Scope, find_output, inputs_of, is_fed, trace_back
 from .node_values import HALF, ValueReader
 from .shown_nodes import DIFFUSE as DIFFUSE_SURFACE
-from .shown_nodes import IGNORED_INPUTS, SHOWN_NODES, SIMPLIFIED_NODES, Omissions
+from .shown_nodes import IGNORED_INPUTS, SHOWN_NODES, SIMPLIFIED_NODES, Omissions, name_of
 from .values import AskInstances, ImageMeans, Source, Value, constant, same_value
 
 BLACK = constant(0.0, 0.0, 0.0)
@@ -127,7 +126,7 @@ class _SurfaceReader:
         if node.type == "EMISSION":
             return self._emission(Surface(BLACK), node.inputs["Color"], node.inputs["Strength"], scope)
         if node.type == "BSDF_PRINCIPLED":
-            return self._principled(inputs, scope)
+            return self._principled(node, scope)
         if node.type == "BSDF_HAIR_PRINCIPLED":
             base, hair = HairReader(self._values).read(node, scope)
             return Surface(base, hair=hair)
@@ -137,14 +136,14 @@ class _SurfaceReader:
         base = self._plain if color is None else self._values.read(color, scope)
         return Surface(base, lobes=self._lobes_by_name(node, base, scope))
 
-    def _principled(self, inputs: Mapping[str, Any], scope: Scope | None) -> Surface:
-        values = self._values
+    def _principled(self, node: Any, scope: Scope | None) -> Surface:
+        values, inputs = self._values, inputs_of(node)
         surface = Surface(
             values.read(inputs["Base Color"], scope),
             alpha=values.read_or(WHOLE, "all of the surface is", inputs["Alpha"], scope),
             lobes=Lobes(
                 metallic=self._share(inputs["Metallic"], 0.0, scope),
-                roughness=self._share(inputs["Roughness"], 0.5, scope),
+                **self._facets(node, 0.5, scope),
                 reflectance=self._reflectance(inputs["IOR"], scope)
                 * (2.0 * np.maximum(values.number(inputs["Specular IOR Level"], 0.5, scope), 0.0)),
                 transmission=self._share(inputs["Transmission Weight"], 0.0, scope),
@@ -171,14 +170,16 @@ class _SurfaceReader:
     def _lobes_by_name(self, node: Any, base: Value, scope: Scope | None) -> Lobes:
         """What of a surface a simple shader node makes."""
         if node.type in {"BSDF_GLOSSY", "BSDF_ANISOTROPIC"}:
-            return Lobes(metallic=1.0, roughness=self._share(node.inputs["Roughness"], 0.5, scope), even_metal=1.0)
+            return Lobes(metallic=1.0, **self._facets(node, 0.5, scope), even_metal=1.0)
         if node.type == "BSDF_METALLIC":
+            if getattr(node, "fresnel_type", "F82") == "PHYSICAL_CONDUCTOR":
+                self._omissions.note(f"the Fresnel type Physical Conductor of {name_of(node)}", "F82 Tint is")
             edge = self._tint(node.inputs["Edge Tint"], scope)
-            return Lobes(1.0, self._share(node.inputs["Roughness"], 0.5, scope), specular_tint=edge)
+            return Lobes(metallic=1.0, **self._facets(node, 0.5, scope), specular_tint=edge)
         if node.type in {"BSDF_GLASS", "BSDF_REFRACTION"}:
             is_plain = node.type == "BSDF_REFRACTION"
             return Lobes(
-                roughness=self._share(node.inputs["Roughness"], 0.0, scope),
+                **self._facets(node, 0.0, scope),
                 reflectance=0.0 if is_plain else self._reflectance(node.inputs["IOR"], scope),
                 transmission=1.0,
                 ior=self._ior(node.inputs["IOR"], scope),
@@ -191,6 +192,16 @@ class _SurfaceReader:
             tint = Tint((red, green, blue)) if base.is_even else Tint(power=1.0)
             return Lobes(translucency=1.0, translucent_tint=tint)
         return DIFFUSE
+
+    def _facets(self, node: Any, unknown: float, scope: Scope | None) -> dict[str, Any]:
+        """Roughness and losses of the nearest distribution that is shown, and a note if the node has another one."""
+        roughness = self._share(node.inputs["Roughness"], unknown, scope)
+        is_lossy = node.type == "BSDF_REFRACTION" or node.distribution in {"GGX", "ASHIKHMIN_SHIRLEY"}
+        if node.distribution in {"BECKMANN", "ASHIKHMIN_SHIRLEY"} and np.any(roughness):
+            name = node.distribution.replace("_", "-").title()
+            nearest = "GGX is" if is_lossy else "Multiscatter GGX is"
+            self._omissions.note(f"the distribution {name} of {name_of(node)}", nearest)
+        return {"roughness": roughness, "lossy_facets": float(is_lossy)}
 
     def _share(self, socket: Any, unknown: float, scope: Scope | None) -> Any:
         """A number of 0 to 1 for all of the surface."""

@@ -99,6 +99,7 @@ void Appearance::check_materials() const {
   check("alphas", alphas.size());
   check("metallics", metallics.size());
   check("roughnesses", roughnesses.size());
+  check("lossy_facets", lossy_facets.size());
   check("reflectances", reflectances.size());
   check("transmissions", transmissions.size());
   check("translucencies", translucencies.size());

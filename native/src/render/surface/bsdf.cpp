@@ -24,7 +24,8 @@ Bsdf::Bsdf(const Material& material, Vec3f normal, Vec3f geometric_normal, Vec3f
       normal_(local(normal)),
       view_(local(view)),
       alpha_(std::max(material.roughness * material.roughness, limits.least_alpha)),
-      roughness_(material.roughness) {
+      roughness_(material.roughness),
+      kept_(1.0f - material.lossy_facets) {
   view_.z = std::max(view_.z, kLeastCosine);
   layer(material, inside, limits);
   chances_.diffuse = largest(diffuse_), chances_.translucent = largest(translucent_);
@@ -46,8 +47,8 @@ void Bsdf::add_metal(const Material& material) noexcept {
   const FacetShare mirrors = share_of_mirrors(view_.z, roughness_);
   const float all = material.metallic * material.surface, even = all * material.even_metal, rest = all - even;
   metal_ = MetalFresnel(min(material.metal, kWhite), min(material.specular_tint, kWhite));
-  metal_share_ = with_what_bounces(metal_.mean(), mirrors) * rest;
-  even_ = material.metal * with_what_bounces(min(material.metal, kWhite), mirrors) * even;
+  metal_share_ = with_what_bounces(metal_.mean(), mirrors, kept_) * rest;
+  even_ = material.metal * with_what_bounces(min(material.metal, kWhite), mirrors, kept_) * even;
   const Vec3f risen = metal_.risen(FacetAlbedo::tables().metal_rise(view_.z, roughness_));
   glossy_albedo_ = (risen * metal_share_ + even_) * mirrors.here;
 }
@@ -57,18 +58,20 @@ float Bsdf::add_dielectric(const Material& material, float share) noexcept {
   const FacetShare mirrors = share_of_mirrors(view_.z, roughness_);
   dielectric_ = DielectricFresnel(ior_of(material.reflectance), material.specular_tint);
   const Vec3f mean = dielectric_.risen(dielectric_.rise(mean_fresnel(dielectric_.ior())));
-  const Vec3f gain = with_what_bounces(mean, mirrors);
+  const Vec3f gain = with_what_bounces(mean, mirrors, kept_);
   const Vec3f risen = dielectric_.risen(tables.dielectric_rise(view_.z, roughness_, dielectric_.ior()));
   const Vec3f albedo = risen * gain * mirrors.here;
   dielectric_share_ = gain * share, glossy_albedo_ = glossy_albedo_ + albedo * share;
-  return share * (1.0f - largest(albedo));
+  // As in Cycles, light that is lost between facets does not reach the base.
+  return share * (1.0f - largest(albedo + risen * ((1.0f - kept_) * (1.0f - mirrors.here))));
 }
 
 void Bsdf::add_glass(const Material& material, float share, bool inside, const Limits& limits) noexcept {
   glass_ = DielectricFresnel(inside ? 1.0f / material.ior : material.ior, material.specular_tint);
   const float plain = share * material.plain_refraction;
   // Most of its colour is that of what it lets through.
-  const Vec3f gain = with_what_bounces(min(material.tint, kWhite), share_of_panes(view_.z, roughness_, glass_.ior()));
+  const FacetShare panes = share_of_panes(view_.z, roughness_, glass_.ior());
+  const Vec3f gain = with_what_bounces(min(material.tint, kWhite), panes, kept_);
   const Vec3f rest = gain * (share - plain);
   // Some facets of rough glass let light through wherever they are seen from.
   constexpr float kMost = 0.75f;

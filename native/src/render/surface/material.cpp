@@ -81,6 +81,7 @@ void set_scattering(const Appearance& appearance, std::size_t index, Material& m
     if (!column.empty()) value = column[index];
   };
   set(appearance.metallics, material.metallic), set(appearance.roughnesses, material.roughness);
+  set(appearance.lossy_facets, material.lossy_facets);
   set(appearance.reflectances, material.reflectance), set(appearance.specular_tints, material.specular_tint);
   set(appearance.transmissions, material.transmission), set(appearance.iors, material.ior);
   set(appearance.even_metals, material.even_metal), set(appearance.tinted_glasses, material.tinted_glass);

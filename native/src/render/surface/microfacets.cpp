@@ -155,8 +155,8 @@ float FacetAlbedo::dielectric_rise(float cosine, float roughness, float ior) con
                  look_up(dielectrics_[layer.high], cosine, roughness), layer.part);
 }
 
-Vec3f with_what_bounces(Vec3f color, const FacetShare& share) noexcept {
-  const float once = std::max(share.here, 1e-3f), missing = (1.0f - once) / once;
+Vec3f with_what_bounces(Vec3f color, const FacetShare& share, float kept) noexcept {
+  const float once = std::max(share.here, 1e-3f), missing = kept * (1.0f - once) / once;
   const auto gain = [&](float channel) {
     return 1.0f + missing * channel * share.mean / (1.0f - channel * (1.0f - share.mean));
   };
