@@ -23,7 +23,7 @@ def ball() -> Iterator[Any]:
     perfect_bvh_addon.register()
     bpy.ops.wm.read_factory_settings(use_empty=True)
     scene = bpy.context.scene
-    bpy.ops.mesh.primitive_uv_sphere_add(segments=64, ring_count=32, radius=2.0)
+    bpy.ops.mesh.primitive_ico_sphere_add(subdivisions=6, radius=2.0)
     ball = bpy.context.object
     ball.data.shade_smooth()
     ball.data.materials.append(new_red("Ball"))

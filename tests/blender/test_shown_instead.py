@@ -147,7 +147,7 @@ def distributed(material: Any) -> None:
     tree.links.new(add(tree, "MixShader", (first.outputs[0], 1), (second.outputs[0], 2)).outputs[0], surface(material))
 
 
-CONDUCTOR = "the Fresnel type Physical Conductor of Metallic BSDF is not shown; F82 Tint is"
+CONDUCTOR = "the Fresnel type Physical Conductor of Metallic BSDF is not shown; its flat colour is"
 NOISE = "Noise Texture is not shown;"
 INSTEAD: tuple[tuple[Callable[[Any], None], list[str]], ...] = (
     (into_color, [f"{NOISE} its flat colour is"]),

@@ -132,7 +132,8 @@ class _SurfaceReader:
             return Surface(base, hair=hair)
         if node.type not in SHOWN_NODES:
             self._omissions.note_node(node, instead=SIMPLIFIED_NODES.get(node.type, DIFFUSE_SURFACE))
-        color = next((node.inputs[name] for name in _COLOR_INPUTS if name in node.inputs), None)
+        sockets = (node.inputs[name] for name in _COLOR_INPUTS if name in node.inputs)
+        color = next((socket for socket in sockets if socket.enabled), None)
         base = self._plain if color is None else self._values.read(color, scope)
         return Surface(base, lobes=self._lobes_by_name(node, base, scope))
 
@@ -172,8 +173,9 @@ class _SurfaceReader:
         if node.type in {"BSDF_GLOSSY", "BSDF_ANISOTROPIC"}:
             return Lobes(metallic=1.0, **self._facets(node, 0.5, scope), even_metal=1.0)
         if node.type == "BSDF_METALLIC":
-            if getattr(node, "fresnel_type", "F82") == "PHYSICAL_CONDUCTOR":
-                self._omissions.note(f"the Fresnel type Physical Conductor of {name_of(node)}", "F82 Tint is")
+            if getattr(node, "fresnel_type", "F82") == "PHYSICAL_CONDUCTOR":  # without Base Color and Edge Tint
+                self._omissions.note(f"the Fresnel type Physical Conductor of {name_of(node)}")
+                return Lobes(metallic=1.0, **self._facets(node, 0.5, scope))
             edge = self._tint(node.inputs["Edge Tint"], scope)
             return Lobes(metallic=1.0, **self._facets(node, 0.5, scope), specular_tint=edge)
         if node.type in {"BSDF_GLASS", "BSDF_REFRACTION"}:
