@@ -49,7 +49,7 @@ SYSTEMS = ("linux", "win32", "darwin")
 
 @nox.session
 def lint(session: nox.Session) -> None:
-    """Check style and types, as each system has them: ruff, mypy, clang-format, and the workflows' linters."""
+    """Check style and types: ruff, mypy for each system, clang-format, the workflows' linters. Prints lines by room."""
     session.install(RUFF, MYPY, CLANG_FORMAT, "numpy>=2", *WORKFLOW_LINTERS)
     session.run("ruff", "check")
     session.run("ruff", "format", "--check")
@@ -62,6 +62,7 @@ def lint(session: nox.Session) -> None:
     workflows = [str(path) for path in sorted(Path(".github/workflows").glob("*.yml"))]
     session.run("check-jsonschema", "--builtin-schema", "vendor.github-workflows", *workflows)
     session.run("zizmor", "--offline", "--no-progress", *workflows)
+    session.run("python", "tests/rooms.py")
 
 
 @nox.session(default=False, reuse_venv=True)

@@ -1,6 +1,7 @@
 """Which tests are near a change: those that were changed, bear a changed file's name, or import or include it.
 
-`nox -s quick` runs them. A guess, made to be quick: what a change breaks further away, the whole suite finds.
+What imports it through others is near as well, and comes later. `nox -s quick` runs as many as its time is enough for:
+what a change breaks further away, the whole suite finds.
 """
 
 from __future__ import annotations
@@ -8,7 +9,8 @@ from __future__ import annotations
 import ast
 import re
 import subprocess
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
+from functools import lru_cache
 from pathlib import Path
 
 REPOSITORY = Path(__file__).resolve().parent.parent
@@ -17,6 +19,7 @@ PACKAGES = {"addon": "perfect_bvh_addon", "native/python/perfect_bvh": "perfect_
 NATIVE_SUFFIXES = (".cpp", ".h", ".inl")
 # What holds for all sources: layers, documents, stubs.
 ALWAYS = ("tests/test_architecture.py", "tests/test_contributing.py", "tests/test_layers.py", "tests/test_stubs.py")
+_INCLUDE = re.compile(r'^#include "([^"]+)"', re.MULTILINE)
 _SUITE = re.compile(r"^(?:TYPED_)?TEST(?:_P|_F)?\((\w+),", re.MULTILINE)
 
 
@@ -30,25 +33,44 @@ def changed_files(base: str = "origin/main") -> list[str]:
 
 
 def near_python_tests(changed: Iterable[str], root: Path = REPOSITORY) -> list[str]:
-    """Test files, the nearest first."""
+    """Test files, the nearest first: with each import between a test and what was changed it is one step further."""
     paths = [path for path in changed if path.endswith(".py")]
-    modules = {name for path in paths if (name := module_name(path)) is not None}
     stems = {Path(path).stem for path in paths} - {"__init__"}
+    steps = _steps_to({name for path in paths if (name := module_name(path)) is not None}, _all_imports(root))
     ranked = []
     for test in sorted((root / "tests").rglob("test_*.py")):
         name = test.relative_to(root).as_posix()
-        rank = _rank(name, paths, stems, modules, test)
-        if rank is not None and name not in ALWAYS:
-            ranked.append((rank, name))
+        if name in ALWAYS:
+            continue
+        if name in paths:
+            ranked.append((0, name))
+        elif any(test.stem in (f"test_{stem}", f"test_{stem}s") for stem in stems):
+            ranked.append((1, name))
+        elif (module := module_name(name)) in steps:
+            ranked.append((1 + steps[module], name))
     return [*(name for name in ALWAYS if (root / name).is_file()), *(name for _, name in sorted(ranked))]
 
 
-def _rank(name: str, paths: list[str], stems: set[str], modules: set[str], test: Path) -> int | None:
-    if name in paths:
-        return 0
-    if any(Path(name).stem in (f"test_{stem}", f"test_{stem}s") for stem in stems):
-        return 1
-    return 2 if modules.intersection(_imports(test)) else None
+@lru_cache
+def _all_imports(root: Path) -> dict[str, set[str]]:
+    """What each module imports, by name."""
+    files = {
+        name: path
+        for folder in PACKAGES
+        for path in sorted((root / folder).rglob("*.py"))
+        if (name := module_name(path.relative_to(root).as_posix())) is not None
+    }
+    return {name: files.keys() & set(_imports(path, name)) for name, path in files.items()}
+
+
+def _steps_to(found: set[str], needs: Mapping[str, set[str]]) -> dict[str | None, int]:
+    """How many imports lead to one of `found`, by what imports it; 0 for those themselves."""
+    steps: dict[str | None, int] = dict.fromkeys(found, 0)
+    while found:
+        far = max(steps.values()) + 1
+        found = {name for name, needed in needs.items() if name not in steps and not found.isdisjoint(needed)}
+        steps.update(dict.fromkeys(found, far))
+    return steps
 
 
 def module_name(path: str) -> str | None:
@@ -60,27 +82,34 @@ def module_name(path: str) -> str | None:
     return None
 
 
-def _imports(test: Path) -> Iterator[str]:
-    for node in ast.walk(ast.parse(test.read_text(encoding="utf-8"))):
+def _imports(path: Path, name: str) -> Iterator[str]:
+    package = name if path.name == "__init__.py" else name.rpartition(".")[0]
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
         if isinstance(node, ast.Import):
             yield from (alias.name for alias in node.names)
-        elif isinstance(node, ast.ImportFrom) and node.module:
-            yield node.module
-            yield from (f"{node.module}.{alias.name}" for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            base = package.split(".")[: len(package.split(".")) - node.level + 1] if node.level else []
+            module = ".".join([*base, *([node.module] if node.module else [])])
+            yield module
+            yield from (f"{module}.{alias.name}" for alias in node.names)
 
 
 def near_native_suites(changed: Iterable[str], root: Path = REPOSITORY) -> list[str]:
     """GoogleTest suites of the test files that were changed, or include a changed file or the header of its name."""
-    paths = [path for path in changed if path.startswith("native/") and path.endswith(NATIVE_SUFFIXES)]
-    included = {str(Path(path).relative_to("native/src").with_suffix(".h")) for path in paths if "/src/" in path}
+    paths = {path for path in changed if path.startswith("native/") and path.endswith(NATIVE_SUFFIXES)}
+    sources = sorted(path for path in (root / "native").glob("*/**/*") if path.suffix in NATIVE_SUFFIXES)
+    needs = {path.relative_to(root).as_posix(): _includes(path) for path in sources}
+    near = _steps_to(paths | {str(Path(path).with_suffix(".h")) for path in paths}, needs)
     suites: set[str] = set()
     for test in sorted((root / "native" / "tests").glob("test_*.cpp")):
-        text = test.read_text(encoding="utf-8")
-        is_changed = test.relative_to(root).as_posix() in paths
         is_named = any(test.stem == f"test_{Path(path).stem}" for path in paths)
-        if is_changed or is_named or any(f'"{name}"' in text for name in included):
-            suites.update(_SUITE.findall(text))
+        if is_named or test.relative_to(root).as_posix() in near:
+            suites.update(_SUITE.findall(test.read_text(encoding="utf-8")))
     return sorted(suites)
+
+
+def _includes(path: Path) -> set[str]:
+    return {f"native/src/{name}" for name in _INCLUDE.findall(path.read_text(encoding="utf-8"))}
 
 
 def _git(*arguments: str, check: bool = True) -> str:

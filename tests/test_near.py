@@ -24,6 +24,12 @@ def test_what_bears_its_name_comes_before_what_imports_it() -> None:
     assert found.index("tests/blender/test_viewport.py") < found.index("tests/blender/test_viewport_builds.py")
 
 
+def test_what_imports_it_through_others_is_near_and_comes_later() -> None:
+    found = near_python_tests(["addon/extract/looks/sky.py"])
+    assert found.index("tests/blender/test_extract_nodes.py") < found.index("tests/blender/test_extract_camera.py")
+    assert "tests/engine/test_watertight.py" not in found
+
+
 def test_a_changed_test_comes_first() -> None:
     found = near_python_tests(["tests/sync/test_state.py", "addon/sync/keys.py"])
     assert found.index("tests/sync/test_state.py") < found.index("tests/sync/test_keys.py")
@@ -38,3 +44,7 @@ def test_suites_of_a_changed_source_are_those_that_include_its_header() -> None:
     assert near_native_suites(["native/src/tlas/top_level.cpp"])
     assert near_native_suites(["native/tests/test_grid.cpp"])
     assert near_native_suites(["README.md"]) == []
+
+
+def test_suites_that_include_a_changed_header_through_others_are_near() -> None:
+    assert "Builder" in " ".join(near_native_suites(["native/src/core/errors.h"]))
