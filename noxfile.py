@@ -49,7 +49,7 @@ SYSTEMS = ("linux", "win32", "darwin")
 
 @nox.session
 def lint(session: nox.Session) -> None:
-    """Check style and types: ruff, mypy for each system, clang-format, the workflows' linters. Prints lines by room."""
+    """Check style and types: ruff, mypy for each system, clang-format, workflow linters. Print lines by folder."""
     session.install(RUFF, MYPY, CLANG_FORMAT, "numpy>=2", *WORKFLOW_LINTERS)
     session.run("ruff", "check")
     session.run("ruff", "format", "--check")

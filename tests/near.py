@@ -95,7 +95,10 @@ def _imports(path: Path, name: str) -> Iterator[str]:
 
 
 def near_native_suites(changed: Iterable[str], root: Path = REPOSITORY) -> list[str]:
-    """GoogleTest suites of the test files that were changed, or include a changed file or the header of its name."""
+    """GoogleTest suites of the test files that were changed, or include, be it through others, what was changed.
+
+    A changed source counts as its header.
+    """
     paths = {path for path in changed if path.startswith("native/") and path.endswith(NATIVE_SUFFIXES)}
     sources = sorted(path for path in (root / "native").glob("*/**/*") if path.suffix in NATIVE_SUFFIXES)
     needs = {path.relative_to(root).as_posix(): _includes(path) for path in sources}
@@ -109,7 +112,9 @@ def near_native_suites(changed: Iterable[str], root: Path = REPOSITORY) -> list[
 
 
 def _includes(path: Path) -> set[str]:
-    return {f"native/src/{name}" for name in _INCLUDE.findall(path.read_text(encoding="utf-8"))}
+    """Paths of what a file includes, from `native/src` or `native`."""
+    names = _INCLUDE.findall(path.read_text(encoding="utf-8"))
+    return {f"{folder}/{name}" for folder in ("native/src", "native") for name in names}
 
 
 def _git(*arguments: str, check: bool = True) -> str:

@@ -1,6 +1,6 @@
-"""Lines and files by room, beside the last release's: `python tests/rooms.py`; `--release` keeps today's as its.
+"""Print files and lines of each folder of the product, and the change since the last release.
 
-A room is a folder of the product. What grows is seen with each check, before it has grown far.
+`python tests/rooms.py` prints them; `--release` stores today's counts as the last release's.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ PRODUCT = ("addon", "native/src", "native/bindings", "native/python")
 
 
 def count_rooms(root: Path = REPOSITORY) -> dict[str, tuple[int, int]]:
-    """Files and lines of each room that git knows, by its folder."""
+    """Files and lines that git lists, by folder."""
     listed = subprocess.run(("git", "ls-files", *PRODUCT), cwd=root, check=True, capture_output=True, text=True).stdout
     files, lines = Counter[str](), Counter[str]()
     for name in listed.splitlines():
@@ -31,11 +31,11 @@ def count_rooms(root: Path = REPOSITORY) -> dict[str, tuple[int, int]]:
 
 
 def table(now: Mapping[str, Sequence[int]], released: Mapping[str, Sequence[int]]) -> str:
-    """A row a room, and one of them all: files and lines, and by how much they differ from the release's."""
+    """A row for each folder, and one for all: files and lines, each followed by its change since the release."""
     none = (0, 0)
     rows = [(room, now.get(room, none), released.get(room, none)) for room in sorted({*now, *released})]
     rows.append(("all", _total(now), _total(released)))
-    written = [f"{'room':30} {'files':>5} {'':>5} {'lines':>6} {'':>6}"]
+    written = [f"{'folder':30} {'files':>5} {'':>5} {'lines':>6} {'':>6}"]
     for room, here, there in rows:
         more_files, more_lines = here[0] - there[0], here[1] - there[1]
         written.append(f"{room:30} {here[0]:5} {more_files:+5} {here[1]:6} {more_lines:+6}")
@@ -47,8 +47,10 @@ def _total(rooms: Mapping[str, Sequence[int]]) -> tuple[int, int]:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description="Print lines and files by room beside the last release's.")
-    parser.add_argument("--release", action="store_true", help="keep today's as the last release's")
+    parser = argparse.ArgumentParser(
+        description="Print files and lines by folder, and the change since the last release."
+    )
+    parser.add_argument("--release", action="store_true", help="store today's counts as the last release's")
     now = count_rooms()
     if parser.parse_args().release:
         rows = ",\n".join(f"  {json.dumps(room)}: {json.dumps(counts)}" for room, counts in now.items())

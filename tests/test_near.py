@@ -48,3 +48,4 @@ def test_suites_of_a_changed_source_are_those_that_include_its_header() -> None:
 
 def test_suites_that_include_a_changed_header_through_others_are_near() -> None:
     assert "Builder" in " ".join(near_native_suites(["native/src/core/errors.h"]))
+    assert "HardInput" in near_native_suites(["native/tests/mesh_sets.h"])

@@ -68,11 +68,12 @@ def show_corners(soak: Soak) -> None:
 
 
 def show_instances(soak: Soak) -> None:
-    """A material begins to show what each instance has, or ends to."""
+    """A material begins to show what each instance has, or ends to, and loses light between facets or keeps it."""
     tree = bpy.data.materials["red"].node_tree
     shader = next((node for node in tree.nodes if node.type == "BSDF_PRINCIPLED"), None) if tree else None
     if shader is None:
         raise NothingToEditError
+    shader.distribution = "GGX" if shader.distribution == "MULTI_GGX" else "MULTI_GGX"
     for link in shader.inputs["Roughness"].links:
         tree.links.remove(link)
     if soak.number() > -0.5:

@@ -16,9 +16,9 @@ from .appearance import LIGHT_KINDS, Appearance, HairTable, ImageTexture, LightT
 
 _LARGEST_SIZE = 65536
 _MATERIAL_NUMBERS = (
-    *("alphas", "metallics", "roughnesses", "reflectances", "transmissions", "translucencies", "iors", "even_metals"),
-    *("tinted_glasses", "plain_refractions", "metal_powers", "transmission_powers", "translucent_powers", "holdouts"),
-    "lossy_facets",
+    *("alphas", "metallics", "roughnesses", "lossy_facets", "reflectances", "transmissions", "translucencies", "iors"),
+    *("even_metals", "tinted_glasses", "plain_refractions"),
+    *("metal_powers", "transmission_powers", "translucent_powers", "holdouts"),
 )
 _MATERIAL_COLORS = (
     *("base_colors", "color_scales", "emissions", "specular_tints"),

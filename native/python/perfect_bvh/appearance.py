@@ -59,8 +59,8 @@ class MaterialTable:
     emissions: (M, 3) float32, radiance. None: none shines.
     alphas: (M,) float32, 0 to 1. None: all are opaque.
     metallics, roughnesses: (M,) float32, 0 to 1, as in Blender's Principled BSDF. None: no metal, and all is rough.
-    lossy_facets: (M,) float32, 0 to 1: how much of the light that rough facets throw at each other is lost: 1 is
-        Blender's distribution GGX, 0 is Multiscatter GGX. None: none is.
+    lossy_facets: (M,) float32, 0 to 1, the share that is lost of the light that rough facets scatter at each other: 1
+        for Blender's distribution GGX, 0 for Multiscatter GGX. None: nothing is lost.
     reflectances: (M,) float32, what a surface that is no metal mirrors when seen from straight above; 0.04 for most.
         None: all are diffuse.
     transmissions: (M,) float32, 0 to 1: how clear it is, of what is no metal. Glass mirrors and is seen through

@@ -70,7 +70,7 @@ struct Appearance {
   std::span<const Vec3f> emissions;    // radiance
   std::span<const float> alphas;
   std::span<const float> metallics, roughnesses;  // empty: 0 and 1
-  std::span<const float> lossy_facets;            // how much of the light between facets is lost; empty: 0
+  std::span<const float> lossy_facets;            // share of light between facets that is lost; empty: 0
   std::span<const float> reflectances;            // of what is not metal, seen from straight above; empty: 0
   // A surface is split into shares: metal, of the rest what is clear, of the rest what is translucent; what remains is
   // diffuse under a dielectric reflection.

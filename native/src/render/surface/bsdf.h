@@ -98,7 +98,7 @@ class Bsdf {
 
   Frame frame_;          // of the facets: about the normal, bent where they would mirror what is below the surface
   Vec3f normal_, view_;  // in the frame
-  float alpha_, roughness_, kept_;  // kept: of what facets throw at each other
+  float alpha_, roughness_, kept_;  // kept: share of light between facets
   // Colours of the layers, each with what its facets throw at one another.
   MetalFresnel metal_;
   Vec3f metal_share_{0, 0, 0}, even_{0, 0, 0};

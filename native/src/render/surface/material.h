@@ -26,7 +26,7 @@ struct Material {
   Vec3f tint{1, 1, 1};            // of what passes into it
   float tinted_glass = 0.0f;      // how much of it tints what it reflects, too
   float plain_refraction = 0.0f;  // how much of it reflects nothing
-  float lossy_facets = 0.0f;      // how much of the light that facets throw at each other is lost
+  float lossy_facets = 0.0f;      // share of light that facets scatter at each other and that is lost
   float translucency = 0.0f;
   Vec3f translucent{0, 0, 0};  // of all the light that meets the surface, what is scattered to the other side
   float alpha = 1.0f;

@@ -97,8 +97,8 @@ struct FacetShare {
 [[nodiscard]] FacetShare share_of_panes(float cosine, float roughness, float ior);
 
 // Light that facets throw at each other and that leaves in the end, in parts of what leaves at once (Kulla and Conty
-// 2017, as Turquin 2019 adds it). color: what is left of light that meets a facet, over all directions. kept: how much
-// of it is not lost.
+// 2017, as Turquin 2019 adds it). color: what is left of light that meets a facet, over all directions. kept: the
+// share of that light which is not lost: 1 for Multiscatter GGX, 0 for GGX.
 [[nodiscard]] Vec3f with_what_bounces(Vec3f color, const FacetShare& share, float kept) noexcept;
 
 // The normal that facets are spread around. A smooth normal may send a mirror's image below the triangle, where there
