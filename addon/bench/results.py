@@ -11,12 +11,11 @@ from typing import Any
 
 from ..statistics.words import duration, rate
 from ..support.files import reachable, replacing
-from .charts import advice, rays_per_second
+from .advice import Figures, advice, rays_per_second
 
 # What was measured, as the rows of a table: of each builder and policy what it costs and what it gains.
 
 
-Figures = dict[str, Any]
 DIGITS = 3  # rows are compared with one another
 HEADINGS = {  # of what the rows of each part cost and gain
     "Builder": ("Build", "Rays"),

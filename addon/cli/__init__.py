@@ -10,7 +10,8 @@ import os
 import sys
 from collections.abc import Sequence
 
-from ..settings.modes import CLOUD_FORMATS, MODES
+from ..settings.modes import MODES
+from ..settings.scan_choices import CLOUD_FORMATS
 from .arguments import (
     EXIT_ERROR,
     EXIT_INTERRUPTED,

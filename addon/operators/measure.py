@@ -6,7 +6,7 @@ import tempfile
 from collections.abc import Generator
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
 import bpy
 
@@ -16,9 +16,6 @@ from ..settings.view_settings import REFITTED, choice_of
 from ..support.files import prepare_folder
 from .preview import show_in_editor
 from .ticking import Checked, Ticking
-
-if TYPE_CHECKING:
-    from ..live.scene_view import SceneView
 
 # The Bench button: measures the scene for a bounded time and shows a table of it in the panel.
 #
@@ -58,7 +55,7 @@ class PERFECT_BVH_OT_bench(Ticking, bpy.types.Operator):
 
     _bench: Any
     _steps: Generator[tuple[float, str], None, None]
-    _place: SceneView
+    _place: Any  # a `SceneView`: Blender evaluates annotations, and the native engine may be missing
     _scene_uid: int
     _frame: tuple[int, float, int]
     _where: Path

@@ -12,7 +12,8 @@ import bpy
 import numpy as np
 
 from ..events.changes import edit_count, listen, stop_listening
-from ..settings.scan_settings import OTHER, label_names
+from ..settings.scan_choices import OTHER
+from ..settings.scan_settings import label_names
 from ..statistics.words import sentence
 from .ticking import Checked
 

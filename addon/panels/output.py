@@ -8,7 +8,7 @@ import bpy
 
 from ..settings.modes import mode_of_render
 from ..settings.preferences import denoising_data_settings
-from ..settings.scan_settings import OTHER
+from ..settings.scan_choices import OTHER
 from ..statistics.messages import notes_of
 from .common import TABS, RenderPanel, SidebarPanel, draw_lines, draw_messages_of, settings_layout
 

@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from ..settings.modes import MODULES
+from ..settings.scan_choices import MODULES
 from ..support.files import data_library, replacing
 from .point_cloud import AXES, COLUMNS, SINGULAR, PointCloud, column_names
 

@@ -16,7 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ..extract.label_values import COLOR, OBJECT_NAMES, RADIUS
-from ..settings.scan_settings import OTHER, find_color
+from ..settings.scan_choices import OTHER, find_color
 from .point_cloud import PointCloud, column_names
 
 # A colour for each point from a column of numbers, vectors or ids. Knows no Blender.

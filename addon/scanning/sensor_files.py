@@ -21,7 +21,7 @@ from typing import Any
 
 import numpy as np
 
-from ..settings.scan_settings import FOLDER, SUFFIX, read_sensor_file, sensor_names
+from ..settings.scan_choices import FOLDER, SUFFIX, read_sensor_file, sensor_names
 from .light.model import Light
 from .light.reflectance import TABLES, read_light
 from .more_patterns import DepthCamera, Raster, Rosette

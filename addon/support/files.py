@@ -15,16 +15,18 @@ import zipfile
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path, PurePath
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-import numpy as np
-import numpy.typing as npt
+if TYPE_CHECKING:
+    import numpy.typing as npt
 
 # Named arrays as a file of numpy's.
 
 
 def write_arrays(path: Path, arrays: Mapping[str, npt.NDArray[Any]], *, is_compressed: bool = False) -> None:
     """What np.savez does; but that leaves its archive open when the disk is full. Raises OSError."""
+    import numpy as np  # here: the command line lists its options without it
+
     kind = zipfile.ZIP_DEFLATED if is_compressed else zipfile.ZIP_STORED
     with open(path, "wb") as file, zipfile.ZipFile(file, "w", kind, compresslevel=1) as archive:
         for name, array in arrays.items():

@@ -162,6 +162,24 @@ def test_an_engine_of_another_version_is_named_and_not_used() -> None:
     assert "survived" in done.stdout, done.stderr
 
 
+def test_the_add_on_needs_no_library_that_blender_lacks() -> None:
+    names = (
+        "matplotlib",
+        "tqdm",
+        "plyfile",
+        "laspy",
+        "pyarrow",
+        "h5py",
+        "PIL",
+        "OpenEXR",
+        "pycocotools",
+        "distributed",
+    )
+    code = f"import sys; sys.modules.update(dict.fromkeys({names})); import perfect_bvh_addon; perfect_bvh_addon.register()"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=300)
+    assert done.returncode == 0, done.stderr
+
+
 def test_importing_the_package_loads_neither_blender_nor_numpy() -> None:
     code = "import sys, perfect_bvh_addon.cli; print(sorted({'bpy', 'numpy', 'perfect_bvh'} & set(sys.modules)))"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=300)

@@ -14,7 +14,7 @@ from blender.scanned_room import LIDAR, values_of  # noqa: E402
 from perfect_bvh_addon import CameraGrid, PointCloud, scan  # noqa: E402
 from perfect_bvh_addon.scanning.point_cloud import LUMINANCE  # noqa: E402
 from perfect_bvh_addon.scanning.point_data import COLOR_COLUMNS, colors_of, colors_of_column  # noqa: E402
-from perfect_bvh_addon.settings.scan_settings import POINT_COLORS, items  # noqa: E402
+from perfect_bvh_addon.settings.scan_choices import POINT_COLORS, items  # noqa: E402
 
 pytestmark = pytest.mark.usefixtures("registered")
 

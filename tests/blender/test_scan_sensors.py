@@ -12,7 +12,7 @@ bpy = pytest.importorskip("bpy")
 
 from blender.scanned_room import values_of  # noqa: E402
 from perfect_bvh_addon import load_sensor, scan, sensor_names  # noqa: E402
-from perfect_bvh_addon.settings import scan_settings  # noqa: E402
+from perfect_bvh_addon.settings import scan_choices  # noqa: E402
 from perfect_bvh_addon.settings.scene_settings import PERFECT_BVH_PG_scan  # noqa: E402
 
 pytestmark = pytest.mark.usefixtures("registered")
@@ -37,7 +37,7 @@ def test_sensors_keep_their_numbers_in_files() -> None:
     numbers = {name: item.value for name, item in items().items()}
     assert len(set(numbers.values())) == len(numbers)
     assert [numbers[name] for name in ("CAMERA", "LIDAR", "FILE")] == [0, 1, 2]
-    assert numbers["spinning-16"] == scan_settings.number_of("spinning-16") == SPINNING_16
+    assert numbers["spinning-16"] == scan_choices.number_of("spinning-16") == SPINNING_16
 
 
 SPINNING_16 = 39628244

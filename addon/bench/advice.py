@@ -1,0 +1,159 @@
+"""What the measurements of a user's scene advise: a sentence for each part that was measured. Knows no Blender."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+from ..statistics.words import number
+
+Figures = dict[str, Any]
+FIXED_POLICIES = ("refit", "rebuild")
+ALL_POLICIES = (*FIXED_POLICIES, "governed")
+# What the governor does to trees beyond refitting them.
+RESTRUCTURED = ("rebuilt", "partly_rebuilt", "rotated")
+NOTHING_MOVES = "Nothing moves in these frames: trees are built once and kept."
+NOTICEABLE = 1.05  # a difference below that is not worth a change
+FEWEST_ROUNDS = 3  # that tell a difference from the machine's whims
+TOO_LITTLE = "Too few rounds to tell builders apart: let it run longer."
+
+
+def advice(figures: Figures) -> dict[str, str]:
+    """By the part's name; one for each part that was measured."""
+    makers: dict[str, tuple[str, Callable[[Figures], str]]] = {
+        "builders": ("builders", _builder_advice),
+        "total_time": ("builders", _time_advice),
+        "answers": ("answers", _answer_advice),
+        "frames": ("frames", _frame_advice),
+        "decay": ("frames", _decay_advice),
+    }
+    found = {name: make for name, (part, make) in makers.items() if figures.get(part)}
+    if not any(row["name"] == "auto" for row in figures.get("builders", ())):  # what others are compared with
+        found = {name: make for name, make in found.items() if makers[name][0] != "builders"}
+    return {name: make(figures) for name, make in found.items()}
+
+
+def rays_per_second(figures: Figures, row: Figures, which: str = "typical") -> float:
+    """In millions. which: of the times: "typical", or their quartiles "low" and "high"."""
+    return float(figures["rays"] / row["trace_ms"][which] / 1e3)
+
+
+def total_ms(figures: Figures, row: Figures, rays: float, which: str = "typical") -> float:
+    """Milliseconds of a builder's trees and of so many rays through them."""
+    return float(row["build_ms"][which] + rays / figures["rays"] * row["trace_ms"][which])
+
+
+def frame_ms(row: Figures, policy: str) -> float:
+    """Milliseconds of a frame's update and of the rays after it."""
+    return float(row["policies"][policy]["update_ms"] + row["policies"][policy]["trace_ms"])
+
+
+def frame_visits(row: Figures, policy: str) -> float:
+    """Nodes and primitives that a ray visits in a frame's trees, in the mean."""
+    return float(row["policies"][policy]["visits"])
+
+
+def _builder_advice(figures: Figures) -> str:
+    rows = figures["builders"]
+    speeds = {row["name"]: rays_per_second(figures, row) for row in rows}
+    trace, ready = ({row["name"]: row[key] for row in rows} for key in ("trace_ms", "build_ms"))
+    best = max(speeds, key=lambda name: speeds[name])
+    if min(row["trace_ms"]["count"] for row in rows) < FEWEST_ROUNDS:
+        return TOO_LITTLE
+    # Two builders differ only where the slow rounds of the one are still faster than the fast ones of the other.
+    if speeds[best] < NOTICEABLE * speeds["auto"] or trace[best]["high"] > trace["auto"]["low"]:
+        return "Leave the builder to the engine: no other makes this scene's rays reliably faster."
+    faster, dearer = speeds[best] / speeds["auto"], ready[best]["typical"] / ready["auto"]["typical"]
+    return f"BuildConfig(builder={best!r}) makes rays {faster:.2f} times as fast, for {dearer:.1f} times the build."
+
+
+def _time_advice(figures: Figures) -> str:
+    rows = {row["name"]: row for row in figures["builders"]}
+    if min(row["trace_ms"]["count"] for row in rows.values()) < FEWEST_ROUNDS:
+        return TOO_LITTLE
+    few, many = (_reliably_best(figures, rows, rays) for rays in (1e5, 1e9))
+    if few == many == "auto":
+        return "Leave the builder to the engine, however many rays are cast: no other is noticeably less work."
+    if few == many:
+        return f"However many rays are cast, '{few}' trees are the least work here."
+    step = 10.0**0.02
+    rays = 1e5
+    while rays < 1e9 and total_ms(figures, rows[many], rays) > total_ms(figures, rows[few], rays):
+        rays *= step
+    return (
+        f"Up to about {_rays(rays)} rays '{few}' trees are the least work, '{many}' ones beyond: "
+        "tell update(expected_rays=...) how many you cast."
+    )
+
+
+def _reliably_best(figures: Figures, rows: dict[str, Figures], rays: float) -> str:
+    """The builder with the least work, unless what is chosen anyway does not take noticeably and reliably more."""
+    best = min(rows, key=lambda name: total_ms(figures, rows[name], rays))
+    is_noticeable = total_ms(figures, rows["auto"], rays) > NOTICEABLE * total_ms(figures, rows[best], rays)
+    is_reliable = total_ms(figures, rows["auto"], rays, "low") > total_ms(figures, rows[best], rays, "high")
+    return best if is_noticeable and is_reliable else "auto"
+
+
+def _answer_advice(figures: Figures) -> str:
+    answers = figures["answers"]
+    if not answers["checked"]:
+        return "The scene is too large to check an answer without a tree in this time: give --seconds more."
+    if answers["wrong"]:
+        return f"{answers['wrong']} of {answers['checked']:,} checked answers are wrong: please report this scene."
+    return (
+        f"None of {answers['checked']:,} answers checked again is wrong: fewer than "
+        f"{answers['interval'][1]:,.0f} per million are, at 95 % confidence."
+    )
+
+
+def _frame_advice(figures: Figures) -> str:
+    rows = figures["frames"]
+    sums = {policy: sum(frame_ms(row, policy) for row in rows) for policy in ALL_POLICIES}
+    better = min(FIXED_POLICIES, key=lambda policy: sums[policy])
+    ratio = sums["governed"] / sums[better]
+    if not _moves(rows):
+        return NOTHING_MOVES
+    if ratio <= NOTICEABLE:
+        return "Leave the policy to the governor: over these frames no fixed one is noticeably less work."
+    share = 100.0 * (ratio - 1.0)
+    return f"Scene(policy={better!r}) would be {share:.0f} % less work over these frames than the governor."
+
+
+def _decay_advice(figures: Figures) -> str:
+    """What rays cost in the last frame, where trees were worst, and what the governor did about it."""
+    rows = figures["frames"]
+    if not _moves(rows):
+        return NOTHING_MOVES
+    refit, rebuild, governed = (number(frame_visits(rows[-1], policy), 3) for policy in ALL_POLICIES)
+    shares = [frame_visits(row, "refit") / frame_visits(row, "rebuild") for row in rows]
+    worst = max(range(len(rows)), key=lambda place: shares[place])
+    if shares[worst] < NOTICEABLE:
+        decay = "Refitted trees stay as good as new ones."
+    else:
+        decay = (
+            f"Refitted trees are worst in frame {rows[worst]['frame']}: {shares[worst]:.2f} times what new ones cost."
+        )
+    frames = [row["frame"] for row in rows[1:] if set(RESTRUCTURED) & set(row["policies"]["governed"]["actions"])]
+    if frames:
+        done = (
+            f"The governor improved or rebuilt trees in {len(frames)} of {len(rows) - 1} frames, first in {frames[0]}."
+        )
+    else:
+        done = "The governor rebuilt no tree."
+    return (
+        f"In frame {rows[-1]['frame']} a ray visits {refit} nodes and primitives in trees that are only refitted, "
+        f"{governed} in governed ones, {rebuild} in new ones. {decay} {done}"
+    )
+
+
+def _moves(rows: list[Figures]) -> bool:
+    governed = [row["policies"]["governed"] for row in rows[1:]]
+    return any(row["actions"] or row["moved"] for row in governed)
+
+
+def _rays(count: float) -> str:
+    """To two digits."""
+    unit = 10.0 ** math.floor(math.log10(count) - 1.0)
+    rounded = round(count / unit) * unit
+    return f"{rounded / 1e6:,.3g} million" if rounded >= 1e6 else f"{rounded:,.0f}"

@@ -1,0 +1,146 @@
+"""What scans offer to choose from: formats of files, colors of points, sensors. Imports neither Blender nor numpy.
+
+So the command line can list them at once. Numbers of items are what .blend files keep.
+"""
+
+from __future__ import annotations
+
+import tomllib
+import zlib
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, NamedTuple
+
+# Formats of files of points, and the libraries that they need.
+
+
+@dataclass(frozen=True, slots=True)
+class CloudFormat:
+    """name: the ending without its dot. modules: of Python, that writing it imports."""
+
+    name: str
+    label: str
+    description: str
+    modules: tuple[str, ...] = ()
+
+
+CLOUD_FORMATS = (
+    CloudFormat("npz", "NumPy", "An .npz file with all columns and names; needs no library"),
+    CloudFormat("ply", "PLY", "Polygon file format, with all columns; by the library plyfile", ("plyfile",)),
+    CloudFormat("las", "LAS", "As surveyors exchange point clouds; by the library laspy", ("laspy",)),
+    CloudFormat("laz", "LAZ", "LAS, compressed; by the libraries laspy and lazrs", ("laspy", "lazrs")),
+    CloudFormat("csv", "CSV", "A table as text, with commas between; by the library pyarrow", ("pyarrow.csv",)),
+    CloudFormat("parquet", "Parquet", "A compressed table of columns; by the library pyarrow", ("pyarrow.parquet",)),
+    CloudFormat("h5", "HDF5", "An array for each column; by the library h5py", ("h5py",)),
+)
+MODULES = {f".{one.name}": one.modules for one in CLOUD_FORMATS}
+
+
+# Point color items ---------------------------------------------------------------------------------------------------
+# What colors of a scan's points can mean, as the items of a menu.
+
+
+OTHER = "COLUMN"
+
+
+class PointColor(NamedTuple):
+    """An item. column: the points' attribute that is shown. scale: how its values become colors.
+
+    scale is "near" (even ratios along a ramp, yellow to violet), "ramp" (even steps along it), "ids" (a color for
+    each), "grey" (black to white), "normal" (directions as red, green and blue), or "height" (the ramp, of the third
+    number).
+    """
+
+    identifier: str
+    label: str
+    description: str
+    number: int
+    column: str
+    scale: str
+
+
+POINT_COLORS = (
+    PointColor("DISTANCE", "Distance", "How far away the sensor was: yellow near, violet far", 0, "distance", "near"),
+    PointColor("HEIGHT", "Height", "How high the point lies: yellow low, violet high", 3, "position", "height"),
+    PointColor("OBJECT", "Object", "Which object was met", 1, "object_id", "ids"),
+    PointColor(
+        "INSTANCE", "Instance", "Which instance was met, of what is shown several times", 4, "instance_id", "ids"
+    ),
+    PointColor("MATERIAL", "Material", "Which material was met; grey where there is none", 5, "material_id", "ids"),
+    PointColor(
+        "INTENSITY",
+        "Intensity",
+        "How much light comes back; without a sensor's light that of the material's viewport color",
+        2,
+        "intensity",
+        "grey",
+    ),
+    PointColor(
+        "INCIDENCE", "Incidence", "How rays met surfaces: yellow grazing, violet head on", 6, "incidence", "ramp"
+    ),
+    PointColor("NORMAL", "Normal", "Where the surface faces: X as red, Y as green, Z as blue", 7, "normal", "normal"),
+    PointColor("TIME", "Time", "When the ray was cast: yellow first, violet last", 8, "time", "ramp"),
+    PointColor("RING", "Ring", "Which line of a LiDAR, or row of a picture: yellow the first", 9, "ring", "ramp"),
+    PointColor("RETURN", "Return", "Which echo of its beam the point is, by a color for each", 11, "return_id", "ids"),
+    PointColor("RETURNS", "Returns", "How many echoes of its beam were kept", 12, "return_count", "ids"),
+)
+
+
+def items() -> list[tuple[str, str, str, int]]:
+    """For a property. The last one is for columns that a scan was asked for by name."""
+    found = [(color.identifier, color.label, color.description, color.number) for color in POINT_COLORS]
+    return [*found, (OTHER, "Other Column", "Any attribute of the points, by its name", 10)]
+
+
+def find_color(identifier: str) -> PointColor:
+    """The item of that identifier, which is not OTHER."""
+    return next(color for color in POINT_COLORS if color.identifier == identifier)
+
+
+# Sensor items --------------------------------------------------------------------------------------------------------
+# Files of sensors, and those that the add-on brings as the items of a menu.
+#
+# What files say of rays is understood by `scanning/sensor_files.py`.
+
+
+FOLDER = Path(__file__).parents[1] / "scanning" / "sensors"
+SUFFIX = ".toml"
+SMALL_WORDS = ("a", "and", "in", "of", "on", "or", "the", "to")  # in names of Blender's
+
+Item = tuple[str, str, str, int]
+
+
+def sensor_names() -> tuple[str, ...]:
+    """Those that the add-on brings, in the order of their names."""
+    return tuple(sorted(path.stem for path in FOLDER.glob(f"*{SUFFIX}")))
+
+
+def read_sensor_file(path: Path) -> dict[str, Any]:
+    """What a file says, by its words. Raises ValueError for what is no TOML, OSError if it cannot be read."""
+    try:
+        with path.open("rb") as file:
+            return tomllib.load(file)
+    except ValueError as error:  # of TOML or of UTF-8
+        raise ValueError(f"sensor: {path}: {error}") from error
+
+
+def number_of(name: str) -> int:
+    """Of a sensor in .blend files: of its name alone, so that it stays the same whatever other sensors there are."""
+    return zlib.crc32(name.encode()) & 0x7FFF_FFFF
+
+
+def sensor_items() -> list[Item]:
+    """Identifier (the sensor's name), title, where its numbers are from, and number, in the order of the names."""
+    items = []
+    for name in sensor_names():
+        values = read_sensor_file(FOLDER / f"{name}{SUFFIX}")
+        items.append((name, _as_name(values["title"]), _capital(values["source"]), number_of(name)))
+    return items
+
+
+def _as_name(title: str) -> str:
+    return _capital(" ".join(word if word in SMALL_WORDS else _capital(word) for word in title.split()))
+
+
+def _capital(text: str) -> str:
+    return text[:1].upper() + text[1:]
