@@ -19,7 +19,7 @@ from blender.long_builds import TIMER, FakeOperator, FakeWindow, Gate, building_
 from limits import full_disk
 from oracles.png import load_image
 from perfect_bvh_addon import register
-from perfect_bvh_addon.bench.charts import advice
+from perfect_bvh_addon.bench.advice import advice
 from perfect_bvh_addon.bench.measurements import SceneBench, subject_of
 from perfect_bvh_addon.bench.results import HOW_TO_GET_CHARTS, Row, forget, format_table, last_results, table, write
 from perfect_bvh_addon.operators.measure import PERFECT_BVH_OT_bench

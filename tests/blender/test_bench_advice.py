@@ -8,7 +8,7 @@ import pytest
 
 pytest.importorskip("bpy")
 
-from perfect_bvh_addon.bench.charts import TOO_LITTLE, advice
+from perfect_bvh_addon.bench.advice import TOO_LITTLE, advice
 
 RAYS = 100_000
 
