@@ -107,7 +107,7 @@ def drawn(panel: type) -> list[str]:
 
     stand = SimpleNamespace(layout=RecordingLayout())
     assert panel.poll(Context)
-    if panel is panels.updates.PERFECT_BVH_PT_updates:  # what it shows is listed once it was asked for
+    if panel is panels.reports.PERFECT_BVH_PT_updates:  # what it shows is listed once it was asked for
         panel.draw(SimpleNamespace(layout=RecordingLayout()), Context)
         update_list.fill()
     if "draw_header" in vars(panel):

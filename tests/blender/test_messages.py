@@ -58,7 +58,7 @@ def test_all_complaints_of_an_image_are_shown_and_what_is_listed_elsewhere_is_no
     not_shown.list_rows()
     listed = bpy.context.window_manager.perfect_bvh_not_shown
     listed.active = [row.name for row in listed.rows].index("Smoke")
-    assert "Volume to Mesh" in " ".join(drawn(panels.not_shown.PERFECT_BVH_PT_not_shown))
+    assert "Volume to Mesh" in " ".join(drawn(panels.reports.PERFECT_BVH_PT_not_shown))
 
 
 def test_a_scan_that_fails_says_so_in_its_panel_and_in_the_statistics() -> None:
@@ -69,7 +69,7 @@ def test_a_scan_that_fails_says_so_in_its_panel_and_in_the_statistics() -> None:
         bpy.ops.perfect_bvh.scan()
     (message,) = messages_of(bpy.context.scene)
     assert (message.source, message.is_error) == ("Scan", True) and message.text.startswith("Elevations must be")
-    assert "Elevations must be degrees" in " ".join(drawn(panels.scan.PERFECT_BVH_PT_scan))
+    assert "Elevations must be degrees" in " ".join(drawn(panels.output.PERFECT_BVH_PT_scan))
     assert reports.PERFECT_BVH_PT_statistics.poll(bpy.context)
     scan.elevations, scan.columns = "-20:20:3", 12
     assert bpy.ops.perfect_bvh.scan() in ({"FINISHED"}, {"CANCELLED"})

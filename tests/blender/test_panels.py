@@ -30,16 +30,16 @@ def test_a_panel_can_be_drawn_after_a_render(panel: type) -> None:
 
 def test_light_paths_say_where_they_can_be_set(monkeypatch) -> None:
     """Cycles keeps them, and may be disabled."""
-    paths, *others = panels.light_paths.CLASSES
+    paths, *others = panels.render.LIGHT_PATHS_CLASSES
     assert drawn(paths) == [] and all(drawn(panel) for panel in others)
-    monkeypatch.setattr(panels.light_paths, "light_path_settings", lambda scene: None)
-    assert " ".join(drawn(paths)) == panels.light_paths.CYCLES_IS_OFF
+    monkeypatch.setattr(panels.render, "light_path_settings", lambda scene: None)
+    assert " ".join(drawn(paths)) == panels.render.CYCLES_IS_OFF
     context = SimpleNamespace(engine=ENGINE_NAME, scene=bpy.context.scene)
     assert not any(panel.poll(context) for panel in others)
 
 
 def test_a_studio_light_can_be_chosen_where_the_world_is_not_shown() -> None:
-    panel = panels.shading.PERFECT_BVH_PT_shading_lighting
+    panel = panels.viewports.PERFECT_BVH_PT_shading_lighting
     assert drawn(panel) == ["use_scene_lights_render", "use_scene_world_render"]
     shaded_space().shading.use_scene_world_render = False
     names = ["studio_light", "studiolight_rotate_z", "studiolight_intensity", "studiolight_background_alpha"]
@@ -51,8 +51,8 @@ def test_a_studio_light_can_be_chosen_where_the_world_is_not_shown() -> None:
 
 def test_noise_thresholds_have_a_switch_a_value_and_a_least() -> None:
     for kind, panel in (
-        ("", panels.sampling.PERFECT_BVH_PT_sampling_render),
-        ("viewport_", panels.sampling.PERFECT_BVH_PT_sampling_viewport),
+        ("", panels.render.PERFECT_BVH_PT_sampling_render),
+        ("viewport_", panels.render.PERFECT_BVH_PT_sampling_viewport),
     ):
         samples = ["use_render_samples"] if kind else ["samples"]
         names = [f"use_{kind}noise_threshold", f"{kind}noise_threshold", *samples, f"{kind}min_samples"]
@@ -62,7 +62,7 @@ def test_noise_thresholds_have_a_switch_a_value_and_a_least() -> None:
 
 
 def test_viewports_take_the_samples_of_renders_or_their_own() -> None:
-    settings, panel = bpy.context.scene.perfect_bvh, panels.sampling.PERFECT_BVH_PT_sampling_viewport
+    settings, panel = bpy.context.scene.perfect_bvh, panels.render.PERFECT_BVH_PT_sampling_viewport
     settings.samples = 48
     assert settings.use_render_samples and "viewport_samples" not in drawn(panel)
     settings.use_render_samples = False
@@ -79,18 +79,18 @@ def test_a_panorama_can_be_set_up_without_cycles() -> None:
     camera.type = "PANO"
     settings = panorama_settings(camera)
     settings.panorama_type = "FISHEYE_EQUISOLID"
-    assert panels.camera.ONLY_EQUIRECTANGULAR in " ".join(drawn(panels.camera.PERFECT_BVH_PT_panorama))
+    assert panels.objects.ONLY_EQUIRECTANGULAR in " ".join(drawn(panels.objects.PERFECT_BVH_PT_panorama))
     settings.panorama_type = "EQUIRECTANGULAR"
     names = {"panorama_type", "latitude_min", "latitude_max", "longitude_min", "longitude_max"}
-    assert names == set(drawn(panels.camera.PERFECT_BVH_PT_panorama))
+    assert names == set(drawn(panels.objects.PERFECT_BVH_PT_panorama))
     camera.type = "ORTHO"
     with pytest.raises(AssertionError):
-        drawn(panels.camera.PERFECT_BVH_PT_panorama)
+        drawn(panels.objects.PERFECT_BVH_PT_panorama)
 
 
 def test_the_scan_panel_shows_what_belongs_to_the_sensor() -> None:
     settings = bpy.context.scene.perfect_bvh.scan
-    (panel,) = panels.scan.CLASSES
+    (panel,) = panels.output.SCAN_CLASSES
     assert {"width", "height", "sensor", "labels"} <= set(drawn(panel)) and "rate" not in drawn(panel)
     settings.pattern = "LIDAR"
     assert {"elevations", "columns", "rate"} <= set(drawn(panel)) and "width" not in drawn(panel)
@@ -106,7 +106,7 @@ def test_the_scan_panel_shows_what_belongs_to_the_sensor() -> None:
 
 def test_the_scan_panel_shows_what_belongs_to_frames_and_files() -> None:
     settings = bpy.context.scene.perfect_bvh.scan
-    (panel,) = panels.scan.CLASSES
+    (panel,) = panels.output.SCAN_CLASSES
     assert not {"frame_start", "steps_per_frame", "folder", "point_column"} & set(drawn(panel))
     settings.frames = "SCENE"
     assert "steps_per_frame" in drawn(panel) and "frame_start" not in drawn(panel)
@@ -120,7 +120,7 @@ def test_the_scan_panel_shows_what_belongs_to_frames_and_files() -> None:
 def test_panels_for_materials_lights_and_the_world_stay_usable() -> None:
     names = {
         panel.__name__
-        for panel in panels.borrowed.shared_panels()
+        for panel in panels.objects.shared_panels()
         if "PERFECT_BVH" in panel.COMPAT_ENGINES and panel.__name__ in dir(bpy.types)
     }
     assert names >= {

@@ -31,7 +31,7 @@ def rendered(registered: None) -> None:
 
 
 def test_the_table_of_a_bench_shows_with_its_advice_on_its_scene_only(tmp_path: Path) -> None:
-    assert "spatial" not in drawn(panels.bench.PERFECT_BVH_PT_bench)
+    assert "spatial" not in drawn(panels.reports.PERFECT_BVH_PT_bench)
     rows = (
         Row("Builder", "spatial", "12.3 ms", "4.56 M rays/s"),
         Row("Policy", "refit", "1.00 ms", "1.00 M rays/s"),
@@ -40,12 +40,12 @@ def test_the_table_of_a_bench_shows_with_its_advice_on_its_scene_only(tmp_path: 
         tmp_path / "bench.json", rows, {"builders": "Leave it.", "total_time": "Leave it."}, {}, None, False
     )
     remember(bpy.context.scene.session_uid, results)
-    texts = drawn(panels.bench.PERFECT_BVH_PT_bench)
+    texts = drawn(panels.reports.PERFECT_BVH_PT_bench)
     start = texts.index("Builder")
     assert texts[start : start + 6] == ["Builder", "Build", "Rays", "spatial", "12.3 ms", "4.56 M rays/s"]
     assert texts[start + 6 :] == ["Policy", "Update", "Rays", "refit", "1.00 ms", "1.00 M rays/s", "Leave it."]
     forget()
-    assert "spatial" not in drawn(panels.bench.PERFECT_BVH_PT_bench)
+    assert "spatial" not in drawn(panels.reports.PERFECT_BVH_PT_bench)
 
 
 def test_an_audit_is_for_scripts_and_shows_in_no_panel() -> None:
@@ -74,7 +74,7 @@ def test_all_that_could_not_be_read_stays_in_the_list_and_the_statistics_tell_of
     assert "simplified" not in " ".join(drawn(reports.PERFECT_BVH_PT_statistics))
     bpy.ops.render.render()
     not_shown.list_rows()
-    (panel,) = panels.not_shown.CLASSES
+    (panel,) = panels.reports.NOT_SHOWN_CLASSES
     texts = drawn(panel)
     assert [text for text in texts if text.startswith("Broken ") and "not finite" in text][:5] == [
         f"Broken {number}: left out 1 triangle with a vertex that is not finite or beyond 1e18" for number in range(5)
@@ -102,7 +102,7 @@ def broken_scene() -> Any:
 
 def test_what_is_not_shown_is_listed_and_can_be_selected() -> None:
     material = broken_scene()
-    (panel,) = panels.not_shown.CLASSES
+    (panel,) = panels.reports.NOT_SHOWN_CLASSES
     line = "1 material simplified, 1 object not shown, 1 light simplified, 1 setting ignored"
     assert not_shown.line_of(bpy.context.scene) == line
     assert not_shown.list_rows()
@@ -133,7 +133,7 @@ def test_objects_whose_shape_or_light_is_simplified_can_be_selected(kind: Kind) 
     row = NotShown(kind, cube.name, cube.session_uid, "something is not shown; something else is")
     not_shown.tell(bpy.context.scene, (row,))
     assert not_shown.list_rows()
-    (panel,) = panels.not_shown.CLASSES
+    (panel,) = panels.reports.NOT_SHOWN_CLASSES
     assert drawn(panel)[-1] == "perfect_bvh.select_not_shown"
     assert bpy.ops.perfect_bvh.select_not_shown(kind=kind, session_uid=cube.session_uid) == {"FINISHED"}
     assert [obj.name for obj in bpy.context.selected_objects] == ["Cube"]
@@ -148,13 +148,13 @@ def test_a_scene_lists_what_is_not_shown_of_it_alone() -> None:
     listed = bpy.context.window_manager.perfect_bvh_not_shown
     flags = {}
     for scene in (bpy.context.scene, other):
-        made = panels.not_shown.PERFECT_BVH_UL_not_shown
+        made = panels.reports.PERFECT_BVH_UL_not_shown
         flags[scene.name], _ = made.filter_items(shown, SimpleNamespace(scene=scene), listed, "rows")
     assert flags == {"Scene": [1] * 4, "Other": [0] * 4}
     shown.filter_name = "NOISE"
-    made = panels.not_shown.PERFECT_BVH_UL_not_shown
+    made = panels.reports.PERFECT_BVH_UL_not_shown
     assert sum(made.filter_items(shown, bpy.context, listed, "rows")[0]) == 1
-    (panel,) = panels.not_shown.CLASSES
+    (panel,) = panels.reports.NOT_SHOWN_CLASSES
     assert not panel.poll(SimpleNamespace(engine=ENGINE_NAME, scene=other))
 
 
@@ -170,7 +170,7 @@ def test_a_file_that_is_opened_lists_nothing_of_the_last_one(tmp_path: Path) -> 
 
 def test_every_kind_has_an_icon_that_blender_has() -> None:
     icons = bpy.types.UILayout.bl_rna.functions["label"].parameters["icon"].enum_items.keys()
-    assert set(panels.not_shown.ICONS.values()) <= set(icons)
-    assert set(get_args(Kind)) == set(panels.not_shown.ICONS)
-    assert set(panels.updates.ICONS.values()) <= set(icons)
-    assert set(STATES) == set(panels.updates.ICONS)
+    assert set(panels.reports.NOT_SHOWN_ICONS.values()) <= set(icons)
+    assert set(get_args(Kind)) == set(panels.reports.NOT_SHOWN_ICONS)
+    assert set(panels.reports.ICONS.values()) <= set(icons)
+    assert set(STATES) == set(panels.reports.ICONS)

@@ -306,8 +306,8 @@ def test_a_format_without_its_library_is_named_with_how_to_get_it(small_file: Pa
     scan_settings().file_format = "laz"
     with pytest.raises(RuntimeError, match="Laz: this format needs laspy: pip install"):
         bpy.ops.perfect_bvh.scan()
-    told = " ".join(drawn(panels.scan.PERFECT_BVH_PT_scan))
+    told = " ".join(drawn(panels.output.PERFECT_BVH_PT_scan))
     monkeypatch.undo()
     assert "laz needs laspy and lazrs" in told and "-m pip install laspy lazrs" in told
     scan_settings().file_format = "npz"
-    assert "-m pip install" not in " ".join(drawn(panels.scan.PERFECT_BVH_PT_scan))
+    assert "-m pip install" not in " ".join(drawn(panels.output.PERFECT_BVH_PT_scan))

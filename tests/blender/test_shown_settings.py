@@ -75,7 +75,7 @@ def test_a_panel_that_stands_twice_is_found(monkeypatch: pytest.MonkeyPatch) -> 
 def test_panels_leave_nothing_behind() -> None:
     """Blender's own are as they were once the add-on is off."""
     perfect_bvh_addon.unregister()
-    found = [panel for panel in panels.borrowed.shared_panels() if drawn_panels.ENGINE in panel.COMPAT_ENGINES]
+    found = [panel for panel in panels.objects.shared_panels() if drawn_panels.ENGINE in panel.COMPAT_ENGINES]
     names = [draw.__module__ for draw in bpy.types.OBJECT_PT_visibility.draw._draw_funcs]
     assert found == [] and not any("perfect_bvh" in name for name in names)
     perfect_bvh_addon.register()

@@ -53,7 +53,7 @@ def note_drawn() -> None:
         tab = area_of("PROPERTIES").spaces.active.context.lower()
         of_tab = [panel for panel in module("panels").CLASSES if getattr(panel, "bl_context", "") == tab]
         # Of the sidebar those that stand for one thing each; the others have steps of their own.
-        for panel in (*of_tab, *module("panels.scan").CLASSES, *module("panels.bench").CLASSES):
+        for panel in (*of_tab, *module("panels.output").SCAN_CLASSES, *module("panels.reports").BENCH_CLASSES):
             if not panel.poll(bpy.context):
                 continue
             if hasattr(panel, "draw_header"):
