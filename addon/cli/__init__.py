@@ -281,29 +281,12 @@ def main(argv: Sequence[str] | None = None, prog: str = "perfect-bvh") -> int:
     write_any_text()
     arguments = build_parser(prog).parse_args(argv)
     try:
-        if arguments.command == "render":
-            from .render import run_render
+        from .commands import run_bench, run_calibrate, run_info, run_scan
+        from .labels import run_labels
+        from .render import run_render
 
-            return run_render(arguments)
-        if arguments.command == "scan":
-            from .commands import run_scan
-
-            return run_scan(arguments)
-        if arguments.command == "labels":
-            from .labels import run_labels
-
-            return run_labels(arguments)
-        if arguments.command == "bench":
-            from .commands import run_bench
-
-            return run_bench(arguments)
-        if arguments.command == "calibrate":
-            from .commands import run_calibrate
-
-            return run_calibrate(arguments)
-        from .commands import run_info
-
-        return run_info(arguments)
+        runs = {"render": run_render, "scan": run_scan, "labels": run_labels, "info": run_info}
+        return (runs | {"bench": run_bench, "calibrate": run_calibrate})[arguments.command](arguments)
     except CommandError as error:
         sys.stderr.write(f"perfect-bvh: error: {error}\n")
         return EXIT_ERROR

@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import difflib
 import math
-from abc import ABC, abstractmethod
 from collections.abc import Iterable, Iterator, Sequence
 from typing import Any
 
@@ -42,10 +41,9 @@ class LabelReader:
 
     def __init__(self, what: str, names: Sequence[str], *, as_names: bool = False) -> None:
         _check_names(what, names)
-        self._columns: dict[str, _Column] = {}
-        for name in names:
-            make = _MAKERS.get(name)
-            self._columns[name] = _Property(what, name, as_names=as_names) if make is None else make(what)
+        self._columns = {
+            name: _BuiltIn(name) if name in BUILT_IN else _Property(what, name, as_names=as_names) for name in names
+        }
 
     @property
     def tables(self) -> dict[str, LabelTable]:
@@ -95,72 +93,37 @@ class _Names:
         return LabelTable(tuple(self._rows), MISSING)
 
 
-class _Column(ABC):
-    """One label."""
+class _BuiltIn:
+    """One of `BUILT_IN`: what the owners of this name are called."""
 
-    @property
-    @abstractmethod
-    def table(self) -> LabelTable: ...
-
-    @abstractmethod
-    def read(self, depsgraph: Any) -> OwnerValues: ...
-
-
-class _Objects(_Column):
-    def __init__(self, _: str) -> None:
-        self._names = _Names(obj.name for obj in bpy.data.objects if self.may_have(obj))
-
-    @staticmethod
-    def may_have(obj: Any) -> bool:
-        return obj.type not in _NEVER_MET
+    def __init__(self, name: str) -> None:
+        self._name = name
+        self._names = _Names(name for _, name in self._named())
+        if name == COLLECTION:  # those that hold no object as well
+            holders = (*(scene.collection for scene in bpy.data.scenes), *bpy.data.collections)
+            self._names = _Names(holder.name for holder in holders)
 
     @property
     def table(self) -> LabelTable:
         return self._names.table
 
     def read(self, _: Any) -> OwnerValues:
-        rows = {obj.session_uid: self._names.row_of(obj.name) for obj in bpy.data.objects if self.may_have(obj)}
-        return OwnerValues(rows, _NONE, _NONE, from_instancer=False)
+        rows = {uid: self._names.row_of(name) for uid, name in self._named()}
+        if self._name == MATERIAL:
+            return OwnerValues(_NONE, _NONE, rows)
+        return OwnerValues(rows, _NONE, _NONE, from_object=self._name != INSTANCER, from_instancer=self._name != OBJECT)
+
+    def _named(self) -> Iterator[tuple[int, str]]:
+        """Owners' session uids, and the names that rays find on them."""
+        if self._name == COLLECTION:
+            yield from ((uid, names[0]) for uid, names in collections_of_objects().items())
+            return
+        for block in bpy.data.materials if self._name == MATERIAL else bpy.data.objects:
+            if self._name != OBJECT or block.type not in _NEVER_MET:
+                yield block.session_uid, block.name
 
 
-class _Instancers(_Objects):
-    @staticmethod
-    def may_have(_: Any) -> bool:
-        return True
-
-    def read(self, _: Any) -> OwnerValues:
-        rows = {obj.session_uid: self._names.row_of(obj.name) for obj in bpy.data.objects}
-        return OwnerValues(rows, _NONE, _NONE, from_object=False)
-
-
-class _Materials(_Column):
-    def __init__(self, _: str) -> None:
-        self._names = _Names(material.name for material in bpy.data.materials)
-
-    @property
-    def table(self) -> LabelTable:
-        return self._names.table
-
-    def read(self, _: Any) -> OwnerValues:
-        rows = {material.session_uid: self._names.row_of(material.name) for material in bpy.data.materials}
-        return OwnerValues(_NONE, _NONE, rows)
-
-
-class _Collections(_Column):
-    def __init__(self, _: str) -> None:
-        own = (scene.collection.name for scene in bpy.data.scenes)
-        self._names = _Names((*own, *(item.name for item in bpy.data.collections)))
-
-    @property
-    def table(self) -> LabelTable:
-        return self._names.table
-
-    def read(self, _: Any) -> OwnerValues:
-        rows = {uid: self._names.row_of(names[0]) for uid, names in collections_of_objects().items()}
-        return OwnerValues(rows, _NONE, _NONE)
-
-
-class _Property(_Column):
+class _Property:
     """A custom property: texts if any value is one, or all are to be; else numbers, whole if all are and none is -1."""
 
     def __init__(self, what: str, name: str, *, as_names: bool) -> None:
@@ -233,9 +196,6 @@ class _Property(_Column):
             f"{self._what}: label {self._name!r} must be a number, a text or a data-block, got "
             f"{type(value).__name__} on {owner.name!r}"
         )
-
-
-_MAKERS = {OBJECT: _Objects, INSTANCER: _Instancers, MATERIAL: _Materials, COLLECTION: _Collections}
 
 
 def _owners() -> Iterator[Any]:
