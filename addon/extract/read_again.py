@@ -15,19 +15,16 @@ import numpy.typing as npt
 from perfect_bvh.bulk import place_instances
 
 from ..events.asking import EvaluationLog
+from ..sync.look_records import ImageRecord, MaterialRecord, MaterialVariants, WorldRecord
 from ..sync.not_shown import NotShown
 from ..sync.records import (
     LARGEST_COORDINATE,
     AttributeRequest,
-    ImageRecord,
     InstanceRecords,
     Int32Array,
-    MaterialRecord,
-    MaterialVariants,
     MeshRecord,
     ObjectRecord,
     UnseenMesh,
-    WorldRecord,
 )
 from .geometry.instancer_survey import SILENT_TYPES
 from .looks.images import ImageCache

@@ -8,8 +8,9 @@ from typing import Any
 
 from ..events.asking import EvaluationLog
 from ..events.changes import watched_evaluations
+from ..sync.look_records import LightRecords
 from ..sync.not_shown import NotShown
-from ..sync.records import AttributeRequest, CameraRecord, LightRecords, SceneRecord
+from ..sync.records import AttributeRequest, CameraRecord, SceneRecord
 from .camera import Frame, read_camera, read_frame
 from .geometry.geometry_instances import InstanceCache, read_instances
 from .geometry.groups import AdaptiveSubdivision, GroupTable

@@ -19,7 +19,7 @@ CLASSES = (
     *reports.REPORTS_CLASSES,
     *output.VIEW_LAYER_CLASSES,
     *objects.VISIBILITY_CLASSES,
-    *render.OBJECT_CLASSES,
+    *objects.OBJECT_CLASSES,
     *objects.CAMERA_CLASSES,
     *objects.LIGHT_CLASSES,
     *objects.MATERIAL_CLASSES,

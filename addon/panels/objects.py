@@ -8,8 +8,9 @@ from typing import ClassVar
 import bpy
 
 from ..settings.preferences import native_error
-from ..settings.scene_settings import ENGINE_NAME
-from .common import RenderPanel, draw_lines, settings_layout
+from ..settings.scene_settings import ENGINE_NAME, object_motion_settings
+from .common import EnginePanel, RenderPanel, draw_lines, settings_layout
+from .render import motion_blur_layout
 
 # Blender's own panels that stay of use with this engine.
 
@@ -298,3 +299,40 @@ def register() -> None:
 
 def unregister() -> None:
     bpy.types.OBJECT_PT_visibility.remove(_draw_mask)
+
+
+# Motion of objects ----------------------------------------------------------------------------------------------------
+
+MOVING_TYPES = frozenset({"MESH", "CURVE", "CURVES", "SURFACE", "FONT", "META", "POINTCLOUD", "CAMERA", "EMPTY"})
+DEFORMED_TYPES = MOVING_TYPES - {"CAMERA", "EMPTY"}
+
+
+class PERFECT_BVH_PT_object_motion_blur(EnginePanel, bpy.types.Panel):
+    """What of an object's motion is shown, and how closely."""
+
+    bl_label = "Motion Blur"
+    bl_context = "object"
+    bl_options: ClassVar = {"DEFAULT_CLOSED"}
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        if not super().poll(context) or context.object is None:
+            return False
+        owner = context.object
+        return owner.type in MOVING_TYPES and object_motion_settings(owner) is not None
+
+    def draw_header(self, context: bpy.types.Context) -> None:
+        self.layout.active = context.scene.render.use_motion_blur
+        self.layout.prop(object_motion_settings(context.object), "use_motion_blur", text="")
+
+    def draw(self, context: bpy.types.Context) -> None:
+        layout, owner = motion_blur_layout(self, context), context.object
+        settings = object_motion_settings(owner)
+        layout.active = layout.active and settings.use_motion_blur
+        column = layout.column()
+        column.prop(settings, "motion_steps", text="Steps")
+        if owner.type in DEFORMED_TYPES:
+            column.prop(settings, "use_deform_motion", text="Deformation")
+
+
+OBJECT_CLASSES = (PERFECT_BVH_PT_object_motion_blur,)

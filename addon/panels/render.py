@@ -8,7 +8,7 @@ import bpy
 
 from ..settings.modes import find_mode, mode_of_render
 from ..settings.preferences import denoiser_in_use, native_error
-from ..settings.scene_settings import light_path_settings, object_motion_settings, rolling_shutter_settings
+from ..settings.scene_settings import light_path_settings, rolling_shutter_settings
 from ..view3d.rendered import opening
 from .common import EnginePanel, RenderPanel, draw_lines, settings_layout
 
@@ -339,11 +339,7 @@ HAIR_CLASSES = (PERFECT_BVH_PT_hair,)
 # Motion blur: Blender's own settings, and those that Cycles keeps in the file, which both engines follow.
 
 
-MOVING_TYPES = frozenset({"MESH", "CURVE", "CURVES", "SURFACE", "FONT", "META", "POINTCLOUD", "CAMERA", "EMPTY"})
-DEFORMED_TYPES = MOVING_TYPES - {"CAMERA", "EMPTY"}
-
-
-def _motion_blur_layout(panel: bpy.types.Panel, context: bpy.types.Context) -> bpy.types.UILayout:
+def motion_blur_layout(panel: bpy.types.Panel, context: bpy.types.Context) -> bpy.types.UILayout:
     """Greyed out where nothing is blurred."""
     layout = settings_layout(panel)
     scene = context.scene
@@ -360,7 +356,7 @@ class PERFECT_BVH_PT_motion_blur(EnginePanel, bpy.types.Panel):
         self.layout.prop(context.scene.render, "use_motion_blur", text="")
 
     def draw(self, context: bpy.types.Context) -> None:
-        layout, render = _motion_blur_layout(self, context), context.scene.render
+        layout, render = motion_blur_layout(self, context), context.scene.render
         column = layout.column()
         column.prop(render, "motion_blur_position", text="Position")
         column.prop(render, "motion_blur_shutter")
@@ -379,38 +375,9 @@ class PERFECT_BVH_PT_motion_blur_curve(EnginePanel, bpy.types.Panel):
     bl_parent_id = "PERFECT_BVH_PT_motion_blur"
 
     def draw(self, context: bpy.types.Context) -> None:
-        layout, render = _motion_blur_layout(self, context), context.scene.render
+        layout, render = motion_blur_layout(self, context), context.scene.render
         layout.use_property_split = False
         layout.template_curve_mapping(render, "motion_blur_shutter_curve")
 
 
-class PERFECT_BVH_PT_object_motion_blur(EnginePanel, bpy.types.Panel):
-    """What of an object's motion is shown, and how closely."""
-
-    bl_label = "Motion Blur"
-    bl_context = "object"
-    bl_options: ClassVar = {"DEFAULT_CLOSED"}
-
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        if not super().poll(context) or context.object is None:
-            return False
-        owner = context.object
-        return owner.type in MOVING_TYPES and object_motion_settings(owner) is not None
-
-    def draw_header(self, context: bpy.types.Context) -> None:
-        self.layout.active = context.scene.render.use_motion_blur
-        self.layout.prop(object_motion_settings(context.object), "use_motion_blur", text="")
-
-    def draw(self, context: bpy.types.Context) -> None:
-        layout, owner = _motion_blur_layout(self, context), context.object
-        settings = object_motion_settings(owner)
-        layout.active = layout.active and settings.use_motion_blur
-        column = layout.column()
-        column.prop(settings, "motion_steps", text="Steps")
-        if owner.type in DEFORMED_TYPES:
-            column.prop(settings, "use_deform_motion", text="Deformation")
-
-
 MOTION_BLUR_CLASSES = (PERFECT_BVH_PT_motion_blur, PERFECT_BVH_PT_motion_blur_curve)
-OBJECT_CLASSES = (PERFECT_BVH_PT_object_motion_blur,)

@@ -14,15 +14,14 @@ import numpy.typing as npt
 from perfect_bvh.bulk import are_equal, find_moved
 
 from .keys import Int64Array, PlacedInstances, Uint64Array, match_keys
+from .look_records import ImageRecord, MaterialVariants
 from .records import (
     MESH_COLUMNS,
     MESH_LAYERS,
     CameraRecord,
-    ImageRecord,
     InstanceRecords,
     Int32Array,
     Layers,
-    MaterialVariants,
     MeshRecord,
     ObjectRecord,
     SceneRecord,

@@ -10,7 +10,8 @@ import pytest
 from blender.builders import evaluated, mesh_object
 from blender.node_setups import add, image_node, new_red, shader, surface
 from perfect_bvh_addon.extract import read_scene
-from perfect_bvh_addon.sync.records import AttributeRequest, MaterialRecord
+from perfect_bvh_addon.sync.look_records import MaterialRecord
+from perfect_bvh_addon.sync.records import AttributeRequest
 
 RED, GREEN = (0.8, 0.2, 0.1, 1.0), (0.1, 0.6, 0.3, 1.0)
 

@@ -25,7 +25,8 @@ from mathutils import Matrix
 from perfect_bvh_addon import SceneSync
 from perfect_bvh_addon.extract import read_scene
 from perfect_bvh_addon.extract.scene import ReadCache
-from perfect_bvh_addon.sync.records import AttributeRequest, MaterialRecord, SceneRecord
+from perfect_bvh_addon.sync.look_records import MaterialRecord
+from perfect_bvh_addon.sync.records import AttributeRequest, SceneRecord
 
 SHADING = AttributeRequest(shading=True)
 

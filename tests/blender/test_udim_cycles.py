@@ -19,7 +19,7 @@ from blender.node_setups import add, new_red, shader  # noqa: E402
 from blender.test_layers_cycles import PATCH, SIDE, check, emissive, floor_mesh, scene  # noqa: E402, F401
 from perfect_bvh_addon import AttributeRequest, SceneSync  # noqa: E402
 from perfect_bvh_addon.extract.looks.images import temporary_data  # noqa: E402
-from perfect_bvh_addon.sync.records import ImageRecord  # noqa: E402
+from perfect_bvh_addon.sync.look_records import ImageRecord  # noqa: E402
 from wine_gaps import plain_files  # noqa: E402
 
 RED, GREEN, BLUE, MAGENTA = (0.8, 0.1, 0.1), (0.1, 0.8, 0.1), (0.1, 0.1, 0.8), (1.0, 0.0, 1.0)

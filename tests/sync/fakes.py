@@ -9,14 +9,8 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from perfect_bvh_addon.sync.records import (
-    CameraRecord,
-    InstanceRecords,
-    MaterialRecord,
-    MeshRecord,
-    ObjectRecord,
-    SceneRecord,
-)
+from perfect_bvh_addon.sync.look_records import MaterialRecord
+from perfect_bvh_addon.sync.records import CameraRecord, InstanceRecords, MeshRecord, ObjectRecord, SceneRecord
 
 UNUSED = 2**31 - 1
 

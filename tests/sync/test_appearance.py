@@ -8,13 +8,8 @@ import numpy as np
 import pytest
 from perfect_bvh.appearance import World
 from perfect_bvh_addon.sync.appearance import make_appearance
-from perfect_bvh_addon.sync.records import (
-    VISIBLE_TO_CAMERA,
-    VISIBLE_TO_SHADOW,
-    LightRecords,
-    MaterialRecord,
-    WorldRecord,
-)
+from perfect_bvh_addon.sync.look_records import LightRecords, MaterialRecord, WorldRecord
+from perfect_bvh_addon.sync.records import VISIBLE_TO_CAMERA, VISIBLE_TO_SHADOW
 from sync.fakes import Shown, mesh, record
 
 MATERIALS = (MaterialRecord("red", 70, 3, (1.0, 0.0, 0.0, 1.0)), MaterialRecord("green", 71, 4, (0.0, 1.0, 0.0, 0.5)))

@@ -9,8 +9,9 @@ from typing import Any
 
 import numpy as np
 import pytest
+from perfect_bvh_addon.sync.look_records import MaterialRecord
 from perfect_bvh_addon.sync.lookup import SceneLookup
-from perfect_bvh_addon.sync.records import MaterialRecord, SceneRecord
+from perfect_bvh_addon.sync.records import SceneRecord
 from sync.fakes import Shown, mesh, record
 
 SCENE_ID = 5

@@ -7,7 +7,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from perfect_bvh_addon.sync.records import CameraRecord, MaterialRecord, MeshRecord, SceneRecord
+from perfect_bvh_addon.sync.look_records import MaterialRecord
+from perfect_bvh_addon.sync.records import CameraRecord, MeshRecord, SceneRecord
 from sync.fakes import Shown, record
 from sync.targets import (
     MESHES,

@@ -8,19 +8,9 @@ from typing import Any
 import numpy as np
 import pytest
 from perfect_bvh_addon.sync.compare import ATTRIBUTES
+from perfect_bvh_addon.sync.look_records import ImageRecord, LightRecords, MaterialRecord, MaterialVariants, WorldRecord
 from perfect_bvh_addon.sync.not_shown import NotShown
-from perfect_bvh_addon.sync.records import (
-    CameraRecord,
-    ImageRecord,
-    InstanceMotions,
-    LightRecords,
-    MaterialRecord,
-    MaterialVariants,
-    SceneMotion,
-    SceneRecord,
-    UnseenMesh,
-    WorldRecord,
-)
+from perfect_bvh_addon.sync.records import CameraRecord, InstanceMotions, SceneMotion, SceneRecord, UnseenMesh
 from sync.fakes import FailureError, StaleError
 from sync.targets import TARGETS, assert_ids_are_right, base, fresh, state
 

@@ -7,8 +7,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from perfect_bvh_addon.sync.look_records import ImageRecord, LightRecords, MaterialRecord, WorldRecord
 from perfect_bvh_addon.sync.plan import find_mismatches
-from perfect_bvh_addon.sync.records import ImageRecord, LightRecords, MaterialRecord, SceneRecord, WorldRecord
+from perfect_bvh_addon.sync.records import SceneRecord
 from sync.fakes import Shown, mesh, record
 
 SHOWN = [Shown("a", 1), Shown("b", 2)]

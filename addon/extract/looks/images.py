@@ -21,8 +21,8 @@ import bpy
 import numpy as np
 import numpy.typing as npt
 
+from ...sync.look_records import ImageRecord
 from ...sync.not_shown import NotShown
-from ...sync.records import ImageRecord
 from .values import OWN_ALPHA, Value
 
 # The tiles of a UDIM image: one image for each unit square of a uv map.

@@ -11,8 +11,8 @@ import numpy as np
 import numpy.typing as npt
 from mathutils import Euler
 
+from ...sync.look_records import ImageRecord, LightRecords, WorldRecord
 from ...sync.not_shown import NotShown
-from ...sync.records import ImageRecord, LightRecords, WorldRecord
 from ..visibility import VisibilityReader
 from .images import ImageReader
 from .node_graph import GROUPS, Omissions, Scope, find_output, name_of, trace_back

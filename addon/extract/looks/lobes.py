@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from ...sync.records import HairRecord
+from ...sync.look_records import HairRecord
 from .node_graph import Scope, inputs_of, is_fed
 from .node_values import ValueReader
 from .values import Value, constant

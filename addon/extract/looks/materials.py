@@ -11,17 +11,9 @@ import bpy
 import numpy as np
 import numpy.typing as npt
 
+from ...sync.look_records import MaterialRecord, MaterialVariants
 from ...sync.not_shown import NotShown
-from ...sync.records import (
-    NO_LAYERS,
-    Float32Array,
-    InstanceRecords,
-    Int32Array,
-    LayerRequest,
-    MaterialRecord,
-    MaterialVariants,
-    ObjectRecord,
-)
+from ...sync.records import NO_LAYERS, Float32Array, InstanceRecords, Int32Array, LayerRequest, ObjectRecord
 from .images import ImageReader
 from .lobes import LOBE_NUMBERS, Lobes
 from .node_colors import Surface, read_surface

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from ...sync.records import HairRecord
+from ...sync.look_records import HairRecord
 from .lobes import (
     DIFFUSE,
     Color,

@@ -9,8 +9,8 @@ from typing import Any, NamedTuple, Protocol
 import bpy
 import numpy as np
 
+from ...sync.look_records import UNMAPPED, UvTransform
 from ...sync.not_shown import Kind, NotShown
-from ...sync.records import UNMAPPED, UvTransform
 
 # Whether all materials and worlds have nodes: to ask each of them takes long where it is out of date to ask.
 USES_NODES = bpy.app.version >= (5, 0, 0)

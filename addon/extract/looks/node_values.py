@@ -13,12 +13,13 @@ from typing import Any
 
 import numpy as np
 
-from ...sync.records import UNMAPPED, Extension
+from ...sync.look_records import UNMAPPED, Extension
 from .node_graph import GROUPS, Omissions, Scope, find_coordinates, is_fed, trace_back
 from .sky import read_sky
 from .values import (
     ATTRIBUTE_KINDS,
     BLENDS,
+    FILTERS,
     MATHS,
     OBJECT_INFO,
     AskInstances,
@@ -372,44 +373,25 @@ def _own_value(socket: Any) -> Value:
     return constant(*value) if hasattr(value, "__len__") else constant(float(value))
 
 
-def _nothing(reader: ValueReader, node: Any, output: Any, scope: Scope | None) -> Value:
-    """Read a group that leads nothing to an output."""
-    return constant(0.0)
-
-
 _READERS: dict[str, Callable[..., Value]] = {
-    **dict.fromkeys(GROUPS, _nothing),
-    "TEX_IMAGE": ValueReader._image,
-    "TEX_ENVIRONMENT": ValueReader._image,
-    "RGB": ValueReader._own,
-    "VALUE": ValueReader._own,
-    "MIX": ValueReader._mix,
-    "MIX_RGB": ValueReader._mix,
+    **dict.fromkeys(GROUPS, lambda *_: constant(0.0)),  # those that lead nothing to an output
+    **dict.fromkeys(("TEX_IMAGE", "TEX_ENVIRONMENT"), ValueReader._image),
+    **dict.fromkeys(("RGB", "VALUE"), ValueReader._own),
+    **dict.fromkeys(("MIX", "MIX_RGB"), ValueReader._mix),
     "VALTORGB": ValueReader._ramp,
     "CURVE_RGB": ValueReader._curves,
     "HUE_SAT": ValueReader._hue_saturation,
     "MATH": ValueReader._math,
-    "SEPARATE_COLOR": ValueReader._separate,
-    "SEPRGB": ValueReader._separate,
-    "COMBINE_COLOR": ValueReader._combine_channels,
-    "COMBRGB": ValueReader._combine_channels,
+    **dict.fromkeys(("SEPARATE_COLOR", "SEPRGB"), ValueReader._separate),
+    **dict.fromkeys(("COMBINE_COLOR", "COMBRGB"), ValueReader._combine_channels),
     "BLACKBODY": ValueReader._blackbody,
     "LIGHT_PATH": ValueReader._light_path,
-    "TEX_CHECKER": ValueReader._middle,
-    "TEX_BRICK": ValueReader._middle,
-    "ATTRIBUTE": ValueReader._attribute,
-    "VERTEX_COLOR": ValueReader._attribute,
+    **dict.fromkeys(("TEX_CHECKER", "TEX_BRICK"), ValueReader._middle),
+    **dict.fromkeys(("ATTRIBUTE", "VERTEX_COLOR"), ValueReader._attribute),
     "OBJECT_INFO": ValueReader._object_info,
     "TEX_SKY": ValueReader._sky,
     "NEW_GEOMETRY": ValueReader._geometry,
-    "FRESNEL": ValueReader._mirrored_share,
-    "LAYER_WEIGHT": ValueReader._mirrored_share,
+    **dict.fromkeys(("FRESNEL", "LAYER_WEIGHT"), ValueReader._mirrored_share),
     "LIGHT_FALLOFF": _falloff,
-    "RGBTOBW": _simple(grey, "Color"),
-    "GAMMA": _simple(lambda color, power: np.maximum(color, 0.0) ** power, "Color", "Gamma"),
-    "INVERT": _simple(lambda share, color: color + (1.0 - 2.0 * color) * share, "Fac", "Color"),
-    "BRIGHTCONTRAST": _simple(
-        lambda color, bright, contrast: np.maximum((1.0 + contrast) * color + bright - contrast * 0.5, 0.0),
-        *("Color", "Bright", "Contrast"),
-    ),
+    **{kind: _simple(work, *names) for kind, (work, *names) in FILTERS.items()},
 }

@@ -10,7 +10,7 @@ from typing import Any, Literal, NamedTuple, Protocol
 import numpy as np
 import numpy.typing as npt
 
-from ...sync.records import Extension, UvTransform
+from ...sync.look_records import Extension, UvTransform
 
 # What nodes do to colours and numbers, on arrays whose last axis holds the channels; scene-linear throughout.
 
@@ -69,6 +69,17 @@ BLENDS: dict[str, Callable[[Pixels, Pixels, Pixels], Pixels]] = {
     "LIGHTEN": _by_alpha(np.maximum),
     "DIFFERENCE": _by_alpha(lambda one, other: np.abs(one - other)),
     "DIVIDE": _by_alpha(_divide),
+}
+
+# Nodes that change one colour, with the inputs that they take.
+FILTERS: dict[str, tuple[Any, ...]] = {
+    "RGBTOBW": (grey, "Color"),
+    "GAMMA": (lambda color, power: np.maximum(color, 0.0) ** power, "Color", "Gamma"),
+    "INVERT": (lambda share, color: color + (1.0 - 2.0 * color) * share, "Fac", "Color"),
+    "BRIGHTCONTRAST": (
+        lambda color, bright, contrast: np.maximum((1.0 + contrast) * color + bright - contrast * 0.5, 0.0),
+        *("Color", "Bright", "Contrast"),
+    ),
 }
 
 # Each of two or three inputs; Blender shows a node as many as its operation has, and a script may get more.

@@ -1,0 +1,142 @@
+"""The plain records of what a scene looks like: materials, images, lights and the world. See `records`."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+import numpy.typing as npt
+
+Extension = Literal["repeat", "extend", "clip"]
+UvTransform = tuple[tuple[float, float, float], tuple[float, float, float]]
+UNMAPPED: UvTransform = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0))
+
+
+@dataclass(frozen=True, slots=True)
+class HairRecord:
+    """What curves of a material are: a row of `perfect_bvh.HairTable`, whose columns these are."""
+
+    surface: float = 0.0
+    fiber: float = 0.0
+    absorption: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    colored: bool = False
+    roughness: tuple[float, float] = (0.3, 0.3)
+    coat: float = 0.0
+    tilt: float = 0.0
+    ior: float = 1.55
+
+
+@dataclass(frozen=True, slots=True)
+class MaterialRecord:
+    """color: viewport colour, scene-linear RGBA. pass_index: for the material index pass.
+
+    The rest is what `AttributeRequest.shading` asks for, see `perfect_bvh.MaterialTable`; images are rows of the
+    scene's, -1 for none.
+    """
+
+    name: str
+    session_uid: int
+    pass_index: int
+    color: tuple[float, float, float, float]
+    base_color: tuple[float, float, float] = (0.8, 0.8, 0.8)
+    emission: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    alpha: float = 1.0
+    metallic: float = 0.0
+    roughness: float = 1.0
+    lossy_facets: float = 0.0
+    reflectance: float = 0.0
+    transmission: float = 0.0
+    translucency: float = 0.0
+    ior: float = 1.5
+    even_metal: float = 0.0
+    tinted_glass: float = 0.0
+    plain_refraction: float = 0.0
+    specular_tint: tuple[float, float, float] = (1.0, 1.0, 1.0)
+    metal_color: tuple[float, float, float] = (1.0, 1.0, 1.0)
+    metal_power: float = 1.0
+    transmission_color: tuple[float, float, float] = (1.0, 1.0, 1.0)
+    transmission_power: float = 0.5
+    translucent_color: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    translucent_power: float = 0.0
+    holdout: float = 0.0
+    color_scale: tuple[float, float, float] = (1.0, 1.0, 1.0)
+    color_image: int = -1
+    alpha_image: int = -1
+    emission_image: int = -1
+    tint: str | None = None
+    hair: HairRecord | None = None
+
+    @property
+    def images(self) -> tuple[int, int, int]:
+        """Rows of all that it shows."""
+        return self.color_image, self.alpha_image, self.emission_image
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class MaterialVariants:
+    """What materials are on single instances, whose object, place or number their nodes ask for.
+
+    materials, instances: (V,) int32, a row of the scene's materials and one of its instances, sorted by both. columns:
+    by the names of `MaterialRecord`'s fields, (V,) or (V, 3) float32; fields without a column are the material's own.
+    """
+
+    materials: npt.NDArray[np.int32]
+    instances: npt.NDArray[np.int32]
+    columns: Mapping[str, npt.NDArray[np.float32]]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ImageRecord:
+    """pixels: (H, W, 4), row 0 at the bottom: uint8 sRGB or float32 scene-linear.
+
+    extension: what lies beyond its border; uv_transform, uv_map: where it is looked up; tiles: of a UDIM image, by
+    their numbers, the first one being `pixels`, too; see `perfect_bvh.ImageTexture`.
+    An image that is known to be unchanged since the record before has the very same array. From here on it is
+    read-only: the renderer keeps what it works out of it.
+    """
+
+    name: str
+    session_uid: int
+    pixels: npt.NDArray[np.uint8] | npt.NDArray[np.float32]
+    extension: Extension
+    uv_transform: UvTransform = UNMAPPED
+    uv_map: str = ""
+    tiles: Mapping[int, npt.NDArray[np.uint8] | npt.NDArray[np.float32]] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        for pixels in (self.pixels, *self.tiles.values()):
+            pixels.flags.writeable = False
+
+    @property
+    def byte_count(self) -> int:
+        """Of the pixels; where there are tiles, `pixels` is one of them."""
+        return sum(tile.nbytes for tile in self.tiles.values()) if self.tiles else self.pixels.nbytes
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LightRecords:
+    """L lights as the columns of `perfect_bvh.LightTable`, their kinds by name.
+
+    of_world: how many of the last belong to the world.
+    """
+
+    kinds: tuple[str, ...] = ()
+    positions: npt.NDArray[np.float64] = field(default_factory=lambda: np.empty((0, 3), np.float64))
+    axes: npt.NDArray[np.float32] = field(default_factory=lambda: np.empty((0, 3, 3), np.float32))
+    powers: npt.NDArray[np.float32] = field(default_factory=lambda: np.empty((0, 3), np.float32))
+    sizes: npt.NDArray[np.float32] = field(default_factory=lambda: np.empty((0, 2), np.float32))
+    cones: npt.NDArray[np.float32] = field(default_factory=lambda: np.empty((0, 2), np.float32))
+    casts_shadow: npt.NDArray[np.bool_] = field(default_factory=lambda: np.empty(0, np.bool_))
+    of_world: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class WorldRecord:
+    """The fields of `perfect_bvh.World`. backdrop: what the camera sees instead, None for the same."""
+
+    color: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    image: int = -1
+    rotation: float = 0.0
+    backdrop: WorldRecord | None = None
