@@ -97,6 +97,8 @@ def _reliably_best(figures: Figures, rows: dict[str, Figures], rays: float) -> s
 
 def _answer_advice(figures: Figures) -> str:
     answers = figures["answers"]
+    if not answers["checked"] and answers["not_judged"]:
+        return "No answer is checked: all rays come near curves or points, which are not judged."
     if not answers["checked"]:
         return "The scene is too large to check an answer without a tree in this time: give --seconds more."
     if answers["wrong"]:
@@ -117,7 +119,7 @@ def _frame_advice(figures: Figures) -> str:
     if ratio <= NOTICEABLE:
         return "Leave the policy to the governor: over these frames no fixed one is noticeably less work."
     share = 100.0 * (ratio - 1.0)
-    return f"Scene(policy={better!r}) would be {share:.0f} % less work over these frames than the governor."
+    return f"To {better} always would be {share:.0f} % less work over these frames than the governor."
 
 
 def _decay_advice(figures: Figures) -> str:

@@ -40,7 +40,7 @@ class Rosette(OnAnyObject):
         check_number("Rosette", "field_of_view, in degrees,", self.field_of_view, 0.0, 180.0, above=True, below=True)
         if len(self.turns) != 2 or not all(map(math.isfinite, self.turns)):
             raise ValueError(f"Rosette: turns must be two numbers of turns a second, got {self.turns}")
-        check_number("Rosette", "rate, a second,", self.rate, 0.0, above=True)
+        check_number("Rosette", "rate, in cycles per second,", self.rate, 0.0, above=True)
         check_number("Rosette", "duration, in seconds,", self.duration, 0.0, above=True)
         check_range("Rosette", self.min_distance, self.max_distance)
 
@@ -90,7 +90,7 @@ class Raster(OnAnyObject):
     def __post_init__(self) -> None:
         _check_grid("Raster", self.width, self.height)
         _check_field("Raster", self.horizontal, self.vertical, (360.0, 180.0))
-        check_number("Raster", "rate, a second,", self.rate, 0.0, above=True)
+        check_number("Raster", "rate, in cycles per second,", self.rate, 0.0, above=True)
         check_range("Raster", self.min_distance, self.max_distance)
 
     @property
@@ -143,7 +143,7 @@ class DepthCamera(OnAnyObject):
     def __post_init__(self) -> None:
         _check_grid("DepthCamera", self.width, self.height)
         _check_field("DepthCamera", self.horizontal, self.vertical, (170.0, 170.0))
-        check_number("DepthCamera", "rate, a second,", self.rate, 0.0, above=True)
+        check_number("DepthCamera", "rate, in cycles per second,", self.rate, 0.0, above=True)
         check_range("DepthCamera", self.min_distance, self.max_distance)
         check_number("DepthCamera", "baseline", self.baseline)
 

@@ -121,13 +121,13 @@ def test_points_are_kept_when_the_file_cannot_be_written(room, tmp_path: Path) -
 @pytest.mark.parametrize(
     ("make", "message"),
     [
-        (lambda: CameraGrid(0, 9), "CameraGrid: width must be an integer of at least 1, got 0"),
+        (lambda: CameraGrid(0, 9), "CameraGrid: width must be an integer from 1 to 2147483647, got 0"),
         (lambda: CameraGrid(20000, 20000), r"at most 33,554,432 rays, got 400,000,000: scan in parts"),
         (lambda: SpinningLidar(columns=1 << 24), r"elevations \* columns must be at most 33,554,432 rays"),
-        (lambda: SpinningLidar(columns=0), "SpinningLidar: columns must be an integer of at least 1, got 0"),
-        (lambda: SpinningLidar(rate=0.0), "rate must be turns a second above 0, got 0.0"),
+        (lambda: SpinningLidar(columns=0), "SpinningLidar: columns must be an integer from 1 to 2147483647, got 0"),
+        (lambda: SpinningLidar(rate=0.0), "rate, in turns a second, must be a finite number above 0, got 0.0"),
         (lambda: SpinningLidar(elevations=()), "elevations must be degrees"),
-        (lambda: SpinningLidar(sweep=400.0), "sweep must be degrees above 0 and up to 360, got 400.0"),
+        (lambda: SpinningLidar(sweep=400.0), "sweep, in degrees, must be a number above 0 and up to 360, got 400.0"),
         (lambda: SpinningLidar(max_distance=0.0), "below max_distance, got 0.0 and 0.0"),
     ],
 )

@@ -200,5 +200,5 @@ def test_an_audit_of_a_render_finds_what_is_wrong(scene_and_triangles, camera, m
 
 @pytest.mark.parametrize("share", [0.0, -1.0, 1.5, float("nan")])
 def test_an_impossible_share_is_refused(share):
-    with pytest.raises(ValueError, match="RenderAudit: share must be a number above 0 to 1, got"):
+    with pytest.raises(ValueError, match="RenderAudit: share must be a number above 0 and up to 1, got"):
         perfect_bvh.RenderAudit(share)

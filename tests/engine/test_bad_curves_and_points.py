@@ -111,7 +111,7 @@ OFFSETS: tuple[tuple[Any, dict[str, Any], str], ...] = (
     ([0, 2, 3], {"kind": "catmull_rom"}, "curve 1 must have 2 points or more, got 1"),
     ([0, 3], {"cyclic": "yes"}, "cyclic must"),
     ([0, 3], {"cyclic": [True, False]}, "cyclic must have shape (1,)"),
-    ([0, 3], {"kind": "b_spline", "tolerance": 0.0}, "tolerance must be above 0"),
+    ([0, 3], {"kind": "b_spline", "tolerance": 0.0}, "tolerance must be a number above 0"),
     ([0, 3], {"kind": "b_spline", "tolerance": NAN}, "tolerance must"),
     ([0, 3], {"kind": "b_spline", "pieces": 0}, "pieces must"),
     ([0, 3], {"kind": "b_spline", "pieces": 1025}, "pieces must"),

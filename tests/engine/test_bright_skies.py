@@ -8,14 +8,7 @@ import numpy as np
 import numpy.typing as npt
 import perfect_bvh
 import pytest
-from perfect_bvh import (
-    Appearance,
-    Camera,
-    ImageTexture,
-    Scene,
-    World,
-    denoise,
-)
+from perfect_bvh import Appearance, Camera, ImageTexture, Scene, World, _render_arguments
 
 Floats = npt.NDArray[np.float32]
 
@@ -53,15 +46,15 @@ def test_the_picture_is_the_same_whether_it_is_kept_or_not() -> None:
 
 def test_it_is_found_once_and_forgotten_with_the_image(monkeypatch: pytest.MonkeyPatch) -> None:
     made = []
-    make = denoise._core.make_bright_sky
-    monkeypatch.setattr(denoise._core, "make_bright_sky", lambda *given: made.append(1) or make(*given))
-    before = len(denoise._found)
+    make = _render_arguments._core.make_bright_sky
+    monkeypatch.setattr(_render_arguments._core, "make_bright_sky", lambda *given: made.append(1) or make(*given))
+    before = len(_render_arguments._found)
     image = closed(sun_at(10))
     show(image), show(image)
-    assert len(made) == 1 and len(denoise._found) == before + 1
+    assert len(made) == 1 and len(_render_arguments._found) == before + 1
     del image
     gc.collect()
-    assert len(denoise._found) == before
+    assert len(_render_arguments._found) == before
 
 
 def test_what_is_written_into_an_image_is_seen() -> None:

@@ -238,9 +238,15 @@ def test_a_poly_in_a_cubic_s_place_moves_as_one():
         (lambda s: s.add_curves(np.zeros((4, 3)), 1.0, [0, 3], kind="catmull_rom"), "must go from 0 to the number"),
         (lambda s: s.add_curves(np.full((4, 3), np.nan), 1.0, [0, 4], kind="b_spline"), "points[0] must be finite"),
         (lambda s: s.add_curves(np.zeros((4, 3)), -1.0, [0, 4], kind="b_spline"), "radii[0] must be at least 0"),
-        (lambda s: s.add_curves(np.zeros((4, 3)), 1.0, [0, 4], tolerance=0.0), "tolerance must be above 0, got 0.0"),
+        (
+            lambda s: s.add_curves(np.zeros((4, 3)), 1.0, [0, 4], tolerance=0.0),
+            "tolerance must be a number above 0",
+        ),
         (lambda s: s.add_curves(np.zeros((4, 3)), 1.0, [0, 4], tolerance=np.nan), "tolerance must be a number"),
-        (lambda s: s.add_curves(np.zeros((4, 3)), 1.0, [0, 4], pieces=0), "pieces must be 1 to 1024, got 0"),
+        (
+            lambda s: s.add_curves(np.zeros((4, 3)), 1.0, [0, 4], pieces=0),
+            "pieces must be an integer from 1",
+        ),
         (lambda s: s.add_curves(np.zeros((4, 3)), 1.0, [0, 4], pieces=2.5), "pieces must be an integer"),
         (lambda s: s.add_curves(np.zeros((4, 3)), 1.0, [0, 4], pieces=2, tolerance=1.0), "exclude each other"),
         (lambda s: s.add_curves(np.zeros((4, 3)), 1.0, [0, 4], cyclic=[True, False]), "cyclic must have shape (1,)"),

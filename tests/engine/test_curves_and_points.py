@@ -272,11 +272,11 @@ def test_a_flattened_instance_shows_nothing():
         (lambda s: s.add_curves(np.zeros((2, 3)), 1.0, [0, 2], kind="nurbs"), "add_curves: kind must be one of poly"),
         (
             lambda s: s.add_curves(np.zeros((2, 3)), 1.0, [0, 2], shape="flat"),
-            "add_curves: shape must be one of round, ribbon, got 'flat'",
+            "add_curves: shape must be one of round, ribbon; got 'flat'",
         ),
         (
             lambda s: s.replace_curves(1, np.zeros((2, 3)), 1.0, [0, 2], shape=None),
-            "replace_curves: shape must be one of round, ribbon, got None",
+            "replace_curves: shape must be one of round, ribbon; got None",
         ),
         (lambda s: s.update_points(0, np.zeros((3, 3))), "update_points: centers has 3 rows but there are 2"),
         (lambda s: s.update_points(0, np.zeros((2, 3)), [-1, 1]), "update_points: radii[0]"),

@@ -146,7 +146,7 @@ def test_progress_stops_it(picture: Picture) -> None:
         ({"prefilter": "twice"}, "Denoiser: prefilter must be one of .*'twice'"),
         ({"quality": "best"}, "Denoiser: quality must be one of .*'best'"),
         ({"backend": "optix"}, "Denoiser: backend must be one of .*'optix'"),
-        ({"threads": -1}, "Denoiser: threads must be 0 to .*-1"),
+        ({"threads": -1}, "Denoiser: threads must be an integer from 0 to .*-1"),
         ({"libraries": 7}, "Denoiser: libraries must be paths of files, got 7"),
     ],
 )

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 import perfect_bvh
+from perfect_bvh._tuning import with_policy
 
 from . import Body, FailureCase, State
 from .case import finite, world_corners
@@ -68,7 +69,7 @@ def usual_picture(asked: Asked) -> Picture | None:
 
 
 def _scene_of(state: State, builder: Any = "auto", policy: Any = "governed") -> tuple[perfect_bvh.Scene, list[int]]:
-    scene, meshes = perfect_bvh.Scene(policy=policy), []
+    scene, meshes = with_policy(perfect_bvh.Scene(), policy), []
     for part in finite(state):
         build = builder if builder == "auto" else perfect_bvh.BuildConfig(builder=builder)
         meshes.append(scene.add_mesh(part.positions, part.triangles, build=build))

@@ -54,7 +54,8 @@ def check_number(
             wanted = "a finite number"
             wanted += "" if math.isinf(least) else f" {'above' if above else 'of at least'} {least:g}"
         else:
-            wanted = f"a number {'above' if above else 'from'} {least:g} to {'below ' if below else ''}{most:g}"
+            upper = f"{'below' if below else 'up to'} {most:g}" if above else f"{'below ' if below else ''}{most:g}"
+            wanted = f"a number above {least:g} and {upper}" if above else f"a number from {least:g} to {upper}"
         raise ValueError(f"{function}: {name} must be {wanted}, got {value!r}")
     return number
 

@@ -5,6 +5,7 @@ Every message names the function, the argument, what was expected and what came.
 
 from __future__ import annotations
 
+import weakref
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
@@ -12,6 +13,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from . import _core
 from ._checks import check_choice, check_count, check_id, check_kind, check_number
 from .appearance import LIGHT_KINDS, Appearance, HairTable, ImageTexture, LightTable, MeshAppearance, World
 
@@ -35,6 +37,19 @@ def check_size(function: str, size: object) -> tuple[int, int]:
         raise ValueError(f"{function}: size must be (width, height) in pixels, got {size!r}")
     width, height = (check_count(function, "size", number, 1, _LARGEST_SIZE) for number in size)
     return width, height
+
+
+def check_tiles(
+    function: str, tiles: npt.ArrayLike | None, size: tuple[int, int], tile_size: int
+) -> npt.NDArray[np.bool_] | None:
+    """Which tiles of a picture of size (width, height) are rendered; None for all."""
+    if tiles is None:
+        return None
+    array = np.ascontiguousarray(tiles)
+    expected = tuple(-(-pixels // tile_size) for pixels in reversed(size))
+    if array.shape != expected or array.dtype != np.bool_:
+        raise ValueError(f"{function}: tiles must be bool of shape {expected}, got {array.dtype} of {array.shape}")
+    return array
 
 
 def check_color(function: str, name: str, color: object) -> tuple[float, float, float]:
@@ -132,7 +147,7 @@ def _image_arguments(function: str, row: int, image: ImageTexture, uv_numbers: M
 
 
 def _tile_arguments(function: str, name: str, number: int, pixels: npt.ArrayLike) -> dict[str, Any]:
-    square = check_count(function, f"{name}'s numbers", number, _FIRST_TILE, _LAST_TILE) - _FIRST_TILE
+    square = check_count(function, f"a key of {name}", number, _FIRST_TILE, _LAST_TILE) - _FIRST_TILE
     return {"square": square, "pixels": _pixels(function, f"{name}[{number}]", pixels)}
 
 
@@ -312,3 +327,29 @@ def light_path_arguments(function: str, paths: LightPaths) -> dict[str, Any]:
         else:
             arguments[name] = check_number(function, place, value, 0.0, _LARGEST_CLAMP)
     return arguments
+
+
+# Bright skies --------------------------------------------------------------------------------------------------------
+# Keeps what is bright in a world's image as long as the image exists: each round of a preview asks again.
+
+
+_found: dict[int, tuple[weakref.ref[npt.NDArray[Any]], _core.BrightSky]] = {}
+
+
+def find_bright_sky(image: dict[str, Any], threads: int) -> _core.BrightSky | None:
+    """Of an image as the native module takes it; None if its pixels may yet be written to: then nothing is kept."""
+    pixels = image["pixels"]
+    if not _is_final(pixels):
+        return None
+    key = id(pixels)
+    held = _found.get(key)
+    if held is not None and held[0]() is pixels:
+        return held[1]
+    made = _core.make_bright_sky(image, threads)
+    _found[key] = weakref.ref(pixels, lambda _: _found.pop(key, None)), made
+    return made
+
+
+def _is_final(pixels: npt.NDArray[Any]) -> bool:
+    """Whether they cannot change: read-only, and they own their memory."""
+    return type(pixels) is np.ndarray and pixels.flags.owndata and not pixels.flags.writeable

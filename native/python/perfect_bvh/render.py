@@ -13,12 +13,19 @@ import numpy.typing as npt
 from . import _core
 from ._arrays import Progress, share_of
 from ._checks import check_choice, check_count, check_kind, check_number
-from ._render_arguments import LightPaths, appearance_arguments, check_color, check_size, light_path_arguments
+from ._render_arguments import (
+    LightPaths,
+    appearance_arguments,
+    check_color,
+    check_size,
+    check_tiles,
+    find_bright_sky,
+    light_path_arguments,
+)
 from .adaptive_sampling import TILE_SIZE, AdaptiveSampling
 from .appearance import Appearance
 from .audit import RenderAudit
 from .camera import Camera, Shutter, camera_arguments, shutter_arguments
-from .denoise import find_bright_sky
 from .scene import Scene, Snapshot
 
 Mode = Literal[
@@ -320,7 +327,7 @@ def _render(
         "width": width,
         "height": height,
         "samples": count,
-        "tiles": _check_tiles(function, options.get("tiles"), (width, height)),
+        "tiles": check_tiles(function, options.get("tiles"), (width, height), TILE_SIZE),
         "shutter": shutter_arguments(function, view["projection"], options.get("shutter")),
     }
     looks = appearance_arguments(function, appearance or Appearance())
@@ -356,16 +363,6 @@ def _check_sampling(sampling: AdaptiveSampling, size: tuple[int, int], passes: l
         raise ValueError(f"{function}: passes must hold 'combined', which sampling judges, got {', '.join(passes)}")
     if tiles is not None:
         raise ValueError(f"{function}: tiles cannot be given beside sampling, which chooses them")
-
-
-def _check_tiles(function: str, tiles: npt.ArrayLike | None, size: tuple[int, int]) -> npt.NDArray[np.bool_] | None:
-    if tiles is None:
-        return None
-    array = np.ascontiguousarray(tiles)
-    expected = tuple(-(-pixels // TILE_SIZE) for pixels in reversed(size))
-    if array.shape != expected or array.dtype != np.bool_:
-        raise ValueError(f"{function}: tiles must be bool of shape {expected}, got {array.dtype} of {array.shape}")
-    return array
 
 
 def _check_passes(function: str, passes: Iterable[str]) -> list[str]:
