@@ -31,12 +31,12 @@ with quiet_blender() as out:
 COMMAND = """
 import sys
 from perfect_bvh_addon import cli
-from perfect_bvh_addon.cli import calibrate
+from perfect_bvh_addon.cli import commands
 
 def run(arguments):
     {body}
 
-calibrate.run_calibrate = run
+commands.run_calibrate = run
 sys.exit(cli.main(["calibrate"]))
 """
 FAILING = COMMAND.format(body=f"sys.stdout.write({NAMES!a}); raise cli.CommandError({NAMES!a})")
