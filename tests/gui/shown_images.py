@@ -42,7 +42,7 @@ def expected_image(window: bpy.types.Window, area: bpy.types.Area) -> Any:
         plan = module("image.plan").plan_view(chosen, (region.width, region.height))
         sync.request(plan.attributes)
         sync.update(depsgraph, space=space)
-        camera, _ = module("view3d.rendered.region_camera").camera_of(space.region_3d, space, depsgraph)
+        camera, _ = module("view3d.rendered.screen").camera_of(space.region_3d, space, depsgraph)
     view = refinement.View.of(sync, appearance.as_camera(camera), plan)
     made = refinement.Refinement(view, module("image.progressive").Pace())
     while not made.is_finished:

@@ -90,7 +90,7 @@ def leave_the_workspace_while_walking() -> Step:
     yield from start()
     yield from click_a_pixel(0.5, 0.25)
     window = bpy.context.window_manager.windows[0]
-    own, bar = window.workspace, module("operators.status_bar")
+    own, bar = window.workspace, module("operators.ticking")
     check(bar._is_told, "the status bar tells no keys")
     window.workspace = next(other for other in bpy.data.workspaces if other != own)
     yield from wait_until(lambda: walk() is None, "it survives another workspace")
