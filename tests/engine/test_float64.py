@@ -6,6 +6,7 @@ import numpy as np
 import perfect_bvh
 import pytest
 from oracles import meshes
+from perfect_bvh._tuning import Traced
 
 RAYS = 3000
 
@@ -52,6 +53,26 @@ def test_a_sphere_far_from_zero_is_as_exact_as_at_zero(offset, where):
     unit = np.spacing(offset)  # what float64 itself holds there, in vertices, origins and answers
     assert far_error <= near_error + 8.0 * unit
     assert near_error < 1e-5
+
+
+@pytest.mark.parametrize("isa", perfect_bvh.available_isas())
+@pytest.mark.parametrize("strategy", ["stream", "packets"])
+@pytest.mark.parametrize("side", [-1.0, 1.0])
+def test_a_t_beyond_float32_is_no_hit(side, strategy, isa):
+    scene = perfect_bvh.Scene()
+    scene.add_instance(scene.add_mesh([(-1.0, -1.0, 0.0), (1.0, -1.0, 0.0), (0.0, 1.0, 0.0)], [(0, 1, 2)]))
+    scene.commit()
+    perfect_bvh.set_active_isa(isa)
+    try:
+        for length, is_met in ((1e-37, True), (1e-39, False)):
+            rays = np.full((200, 3), (0.0, 0.0, 1.0)), np.full((200, 3), (0.0, 0.0, side * length))
+            hits = Traced(scene, strategy).cast_rays(*rays, t_min=-np.inf)
+            assert (hits.is_hit == is_met).all()
+            assert np.array_equal(hits.t_hit, np.full(200, np.float32(-side / length if is_met else np.inf)))
+            assert (Traced(scene, strategy).test_occlusions(*rays, t_min=-np.inf) == is_met).all()
+            assert (scene.count_intersections(*rays, t_min=-np.inf) == is_met).all()
+    finally:
+        perfect_bvh.set_active_isa(None)
 
 
 @pytest.mark.parametrize("scale", [1e-6, 1e-3, 1.0, 1e3, 1e6, 1e8])

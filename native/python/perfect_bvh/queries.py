@@ -45,7 +45,7 @@ class Queries:
 
     origins, directions: (..., 3), broadcast against each other; float32 or float64. Directions need not be
         unit vectors: t is in multiples of their length.
-    t_min, t_max: numbers or (...), float32: a hit counts if t_min <= t <= t_max.
+    t_min, t_max: numbers or (...), float32: a hit counts if t_min <= t <= t_max, and t is finite as a float32.
     mask: 32 bits or (...): an instance is seen if its mask shares a bit with the ray's.
     cull: "back" passes through triangles seen from behind (clockwise).
     times: numbers or (...), float32, from 0, where the shutter opens, to 1, where it closes: each ray, or point, meets

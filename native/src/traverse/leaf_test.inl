@@ -106,7 +106,7 @@ PERFECT_BVH_INLINE bool is_surely_in_range(const TriangleState& triangle, const 
 
 PERFECT_BVH_INLINE bool is_in_range(double t, const Ray& ray) noexcept {
   const float narrowed = static_cast<float>(t);
-  return narrowed >= ray.t_min && narrowed <= ray.t_max && narrowed < kInfiniteDistance;
+  return narrowed >= ray.t_min && narrowed <= ray.t_max && magnitude(narrowed) < kInfiniteDistance;
 }
 
 // Where a ray meets one triangle: t in the ray's own terms; u is weight_v1 / sum, v weight_v2 / sum.

@@ -16,7 +16,8 @@ inline constexpr std::uint32_t kNoHit = 0xFFFFFFFFu;
 // Whether backs of triangles are passed through: clockwise in world space, as seen from the ray's origin.
 enum class Cull : std::uint8_t { kNone, kBack };
 
-// World space. t is in multiples of the direction's length; a hit counts if t_min <= t <= t_max.
+// World space. t is in multiples of the direction's length; a hit counts if t_min <= t <= t_max and t is finite, as a
+// float.
 struct alignas(64) Ray {
   Vec3d origin{0, 0, 0};
   Vec3d direction{0, 0, 0};
