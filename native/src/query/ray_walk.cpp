@@ -166,7 +166,7 @@ class Walker {
     const LeafCandidates candidates(anywhere);
     bool is_new = false;
     for (int lane = 0; lane < 8; ++lane) {
-      if (lane > 0 && leaf.primitives[lane] == leaf.primitives[lane - 1]) continue;
+      if (is_repeated(leaf, lane)) continue;
       Meeting meeting;
       const bool is_met = (anywhere.lanes >> lane & 1) != 0 &&
                           meet_candidate(meeting, candidates, lane, leaf, slot().triangle.ray, slot().local);

@@ -20,13 +20,12 @@ PERFECT_BVH_INLINE std::size_t take_all(const Slot& slot, const RayBatch& batch,
   std::size_t count = 0;
   for (unsigned lanes = test.lanes; lanes != 0; lanes &= lanes - 1) {
     const int lane = __builtin_ctz(lanes);
-    const std::uint32_t primitive = leaf.primitives[lane];
-    if (lane > 0 && leaf.primitives[lane - 1] == primitive) continue;
+    if (is_repeated(leaf, lane)) continue;
     Meeting at;
     if (!meet_candidate(at, candidates, lane, leaf, slot.triangle.ray, slot.local)) continue;
     if (!is_in_range(at.t, ray) || is_culled(batch.cull, at.sum, slot.triangle.ray, slot.is_mirrored)) continue;
     if (hits != nullptr && count < room) {
-      hits[count] = {at.t, at.weight_v1 / at.sum, at.weight_v2 / at.sum, slot.instance, primitive};
+      hits[count] = {at.t, at.weight_v1 / at.sum, at.weight_v2 / at.sum, slot.instance, leaf.primitives[lane]};
     }
     ++count;
   }

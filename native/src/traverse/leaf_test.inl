@@ -207,11 +207,17 @@ PERFECT_BVH_INLINE bool is_surely_hit(Slot& slot, Cull cull, const Leaf& leaf, i
   return true;
 }
 
+// Whether a lane repeats the triangle of the one before it.
+template <class Leaf>
+PERFECT_BVH_INLINE bool is_repeated(const Leaf& leaf, int lane) noexcept {
+  return lane > 0 && leaf.primitives[lane] == leaf.primitives[lane - 1];
+}
+
 // Without the last one's repetitions.
 template <class Leaf>
 inline std::uint32_t count_triangles(const Leaf& leaf) noexcept {
   std::uint32_t count = 1;
-  for (int lane = 1; lane < 8; ++lane) count += leaf.primitives[lane] != leaf.primitives[lane - 1] ? 1u : 0u;
+  for (int lane = 1; lane < 8; ++lane) count += is_repeated(leaf, lane) ? 0u : 1u;
   return count;
 }
 

@@ -74,6 +74,7 @@ bool test_leaf_alone(Packet& packet, const PacketLevel& level, const LeafBlock& 
   bool is_new = false;
   for (unsigned lanes = test.lanes; lanes != 0; lanes &= lanes - 1) {
     const int lane = __builtin_ctz(lanes);
+    if (is_repeated(leaf, lane)) continue;
     Meeting meeting;
     if (!meet_candidate(meeting, candidates, lane, leaf, lone.triangle.ray, local)) continue;
     if (is_culled(packet.cull, meeting.sum, lone.triangle.ray, level.instance->mirrored != 0)) continue;

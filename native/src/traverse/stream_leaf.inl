@@ -8,13 +8,15 @@ bool take_hits(Slot& slot, const Stream& stream, const Leaf& leaf, unsigned lane
                const LeafCandidates& candidates) noexcept {
   const Ray& ray = stream.batch.rays[slot.ray];
   const InstanceView* const instances = stream.scene.instances;
+  const Cull cull = stream.batch.cull;
   bool is_new = false;
   for (; lanes != 0; lanes &= lanes - 1) {
     const int lane = __builtin_ctz(lanes);
+    if (is_repeated(leaf, lane)) continue;
     if constexpr (kAny) {
-      if (is_surely_hit(slot, stream.batch.cull, leaf, lane, candidates)) return true;
+      if (is_surely_hit(slot, cull, leaf, lane, candidates)) return true;
     }
-    if (!take_hit(slot, instances, ray, stream.batch.cull, leaf, lane, candidates)) continue;
+    if (!take_hit(slot, instances, ray, cull, leaf, lane, candidates)) continue;
     if constexpr (kAny) return true;
     is_new = true;
   }
