@@ -227,6 +227,29 @@ def test_beside_edges(offset, away, strategy):
     assert every.hits.primitive_ids.tolist() == [number for met in expected for number in met]
 
 
+@pytest.mark.parametrize("exponent", [-30, -36, -42])
+def test_near_the_plane_t_is_as_exact_as_double(exponent):
+    """The more a ray nearly runs within the plane, the less double tells of where it meets it."""
+    turn, angle = rotation(15), 2.0**exponent
+    corners = np.array([(0.0, 0.0, 0.0), (2.0, 0.3, 0.0), (0.4, 2.0, 0.0)]) @ turn.T + 0.5
+    corners = corners.astype(np.float32).astype(np.float64)
+    across = np.cross(corners[1] - corners[0], corners[2] - corners[0])
+    normal = across / np.linalg.norm(across)
+    random = np.random.default_rng(16)
+    along = random.normal(size=(RAYS, 2)) @ (corners[1:] - corners[0])
+    directions = along / np.linalg.norm(along, axis=1, keepdims=True) + angle * normal
+    targets = random.dirichlet((2.0, 2.0, 2.0), RAYS) @ corners
+    origins = targets - random.uniform(0.5, 3.0, (RAYS, 1)) * directions
+    scene = perfect_bvh.Scene()
+    scene.add_instance(scene.add_mesh(corners, [(0, 1, 2)]))
+    scene.commit()
+    hits = scene.cast_rays(origins, directions)
+    assert hits.is_hit.mean() > 0.9
+    rows = zip(hits.t_hit[hits.is_hit], origins[hits.is_hit], directions[hits.is_hit], strict=True)
+    off = [float(abs(Fraction(float(t)) - exact_t(corners, origin, direction))) for t, origin, direction in rows]
+    assert max(off) <= 4 * 2.0**-53 * np.abs(origins).max() / angle + UNITS * np.spacing(np.float32(4.0))
+
+
 def test_beside_the_edge_that_two_grounds_share():
     """A roof of a hundred kilometres: beside its ridge each side has its own t."""
     turn = rotation(13)

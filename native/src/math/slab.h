@@ -13,7 +13,7 @@
 // split, of those above one of its leaves. So strict pruning (near > best t) loses no hit, and no tree decides
 // between two hits.
 // A component below 2^-40 of the longest is raised to that before it is inverted. Over the whole reach of the ray
-// that moves it by 2^-39 R_k at most, for which 2^-18 R_k is added to R_a. So zeros of either sign need no further
+// that moves it by 2^-40 R_k at most, for which 2^-18 R_k is added to R_a. So zeros of either sign need no further
 // care, and neither infinity nor NaN arises.
 #pragma once
 

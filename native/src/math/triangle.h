@@ -9,12 +9,16 @@
 // Beside an edge it is done once more in double, from the ray before it was narrowed, by the same rule; and where
 // double cannot tell either, exactly (math/exact_edges.h). So in all a ray hits a triangle if and only if, in exact
 // arithmetic of the ray in the mesh's space and the triangle's corners, its line meets the closed triangle: edges and
-// vertices count, rays within the triangle's plane do not.
+// vertices count, rays within the triangle's plane do not. The corners are those that the tree stores: of meshes that
+// reach beyond 2^20 what is below 2^-126 of the reach is rounded (tree_scale() in wide/wide_bvh.h), of others
+// nothing.
 //
 // t is the float nearest to where the ray meets the triangle's plane, in double: the corners' depths in float,
 // weighted, would be off by a few roundings of the corners' distance, which on a ground of kilometres is centimetres.
 // Beside an edge it comes from the depths in double, weighted: the plane of a triangle that is seen almost edge-on
-// could be anywhere. Why no box loses a hit: math/slab.h.
+// could be anywhere. Where the angle between ray and plane is less than 2^-28 even double does not tell the plane's t
+// to a float: it is off by about 2^-53 of the largest coordinate, divided by the angle, and may lie beyond the corners.
+// Why no box loses a hit: math/slab.h.
 #pragma once
 
 #include <algorithm>

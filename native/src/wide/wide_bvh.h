@@ -111,7 +111,8 @@ struct WideBvh {
 }
 
 // The power of two that a tree's coordinates are stored times, so that products of them stay within the range of
-// float: 1 for ordinary ones; otherwise what brings the largest into [1, 2).
+// float: 1 for ordinary ones; otherwise what brings the largest into [1, 2). Large ones so lose detail below 2^-126 of
+// the largest, where floats are denormal.
 [[nodiscard]] inline float tree_scale(const Aabb& box) noexcept {
   const Vec3f size = magnitude_of(box);
   const float reach = std::max({size.x, size.y, size.z});
