@@ -68,15 +68,15 @@ def _passes_near(seen: F64, directions: F64) -> npt.NDArray[np.bool_]:
 
 
 def _exact_sign(origin: F64, direction: F64, a: F64, b: F64) -> int:
-    o, a, b = _whole(np.stack([origin, a, b]))
-    (d,) = _whole(direction[None])
-    p, q = [[x - y for x, y in zip(corner, o, strict=True)] for corner in (a, b)]
-    product = sum(d[i] * (p[(i + 1) % 3] * q[(i + 2) % 3] - p[(i + 2) % 3] * q[(i + 1) % 3]) for i in range(3))
+    o, *corners = _whole(origin, a, b)
+    (d,) = _whole(direction)
+    (px, py, pz), (qx, qy, qz) = ([x - y for x, y in zip(corner, o, strict=True)] for corner in corners)
+    product = d[0] * (py * qz - pz * qy) + d[1] * (pz * qx - px * qz) + d[2] * (px * qy - py * qx)
     return (product > 0) - (product < 0)
 
 
-def _whole(vectors: F64) -> list[list[int]]:
+def _whole(*vectors: F64) -> list[list[int]]:
     """Return the numbers times one power of two that makes all of them whole."""
-    ratios = [[float(x).as_integer_ratio() for x in vector] for vector in vectors]
-    largest = max(denominator for vector in ratios for _, denominator in vector)
+    ratios = [[x.as_integer_ratio() for x in vector.tolist()] for vector in vectors]
+    largest = max([denominator for vector in ratios for _, denominator in vector])
     return [[numerator * (largest // denominator) for numerator, denominator in vector] for vector in ratios]
