@@ -108,14 +108,21 @@ def missing(tree: Tree, file: str, source: str) -> set[str]:
     return suspects & names_in(prose_of(file, source)) if suspects else suspects  # reading comments takes long
 
 
+def listed_modules(source: str) -> set[str]:
+    """Return the modules and folders that a package's docstring lists."""
+    docstring = ast.get_docstring(ast.parse(source), clean=False) or ""
+    return {name for row in LISTED.findall(docstring) for name in (row[0] or row[1]).split(", ")}
+
+
+def modules_in(tree: Tree, folder: str, suffix: str = "") -> set[str]:
+    """Return the names of a folder's files that end so, without their endings, and of its folders."""
+    inside = {path.removeprefix(f"{folder}/") for path in tree.files if path.startswith(f"{folder}/")}
+    return {PurePosixPath(path.split("/")[0]).stem for path in inside if path.endswith(suffix)} - {"__init__"}
+
+
 def missing_modules(tree: Tree, file: str, source: str) -> set[str]:
     """Return the modules and folders that a package's docstring lists and that are not in its folder."""
-    docstring = ast.get_docstring(ast.parse(source), clean=False) or ""
-    rows = [one or other for one, other in LISTED.findall(docstring)]
-    folder = posixpath.dirname(file)
-    there = {PurePosixPath(path).stem for path in tree.files if posixpath.dirname(path) == folder}
-    there |= {path.removeprefix(f"{folder}/").split("/")[0] for path in tree.files if path.startswith(f"{folder}/")}
-    return {name for row in rows for name in row.split(", ")} - there
+    return listed_modules(source) - modules_in(tree, posixpath.dirname(file))
 
 
 def test_each_path_that_is_named_exists(tree: Tree) -> None:
@@ -134,6 +141,18 @@ def test_each_module_that_a_package_lists_exists(tree: Tree) -> None:
     packages = [file for file in tree.files if file.endswith("/__init__.py")]
     sources = {file: (tree.root / file).read_text(encoding="utf-8") for file in packages}
     assert {file: names for file, text in sources.items() if (names := missing_modules(tree, file, text))} == {}
+
+
+def test_each_package_of_the_add_on_lists_its_modules(tree: Tree) -> None:
+    """But for those of two modules or fewer."""
+    packages = [file for file in tree.files if file.startswith("addon/") and file.count("/") > 1]
+    found = {}
+    for file in packages:
+        modules = modules_in(tree, posixpath.dirname(file), ".py")
+        if file.endswith("/__init__.py") and len(modules) > 2:
+            found[file] = modules - listed_modules((tree.root / file).read_text(encoding="utf-8"))
+    assert len(found) > 20
+    assert {file: names for file, names in found.items() if names} == {}
 
 
 def test_names_of_what_has_gone_are_found(tree: Tree) -> None:

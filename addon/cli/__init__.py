@@ -1,6 +1,17 @@
 """The command `perfect-bvh`: render, scan or label a .blend file, look at its trees, measure it or the machine.
 
 Blender and numpy are imported only once a command needs them, so that `--help` answers at once.
+
+arguments        types of arguments: frames, sizes, seeds, file names. The options themselves are in this file
+render           `render`: frames, one after the other, into images
+labels           `labels`
+commands         `scan`, `info`, `bench` and `calibrate`
+frames           images of an animation in pieces, which a second run recognises
+blender          Blender in this process: opens the file, renders, hears Ctrl-C
+blender_command  the same commands in a Blender with the extension: `blender --command perfect_bvh`
+report           what frames did to the trees and what they cost, as text
+farm             pieces by workers of Dask
+piece_child      a process with a Blender that does a worker's pieces
 """
 
 from __future__ import annotations

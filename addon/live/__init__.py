@@ -1,1 +1,8 @@
-"""A Blender scene and the engine's copy of it, in step for as long as both live."""
+"""A Blender scene and the engine's copy of it, in step for as long as both live.
+
+scene_sync      `SceneSync`, for scripts
+synced_scene    what a sync has read and built; from ids back to Blender
+sync_cache      the add-on's own syncs, and which are dropped when they take too much memory
+scene_view      whose scene is read: that of a render, or that of viewports
+pending_commit  trees that are built while Blender goes on
+"""

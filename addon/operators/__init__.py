@@ -1,4 +1,13 @@
-"""What the buttons of the panels do."""
+"""What the buttons of the panels do.
+
+preview       *Render View to Image*
+scan_button   *Scan*
+scan_request  what its panel asks for, checked
+measure       *Bench*, and the comparison of two trees
+select        selects objects that are not shown, or were updated
+walk          keys of the walk of a ray
+ticking       what they share: reasons why not, steps of a timer, the status bar
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,12 @@
-"""The panels in the properties and in the sidebar of 3D viewports, in the order in which they are shown."""
+"""The panels in the properties and in the sidebar of 3D viewports, in the order in which they are shown.
+
+render     render properties: mode, sampling, light paths, curves, motion blur
+objects    cameras, lights, materials, worlds, objects
+output     passes of a view layer, scans
+viewports  overlays, shading, the view menu, the walk of a ray
+reports    statistics, updates, trees, what is not shown, the bench
+common     what they share
+"""
 
 from __future__ import annotations
 

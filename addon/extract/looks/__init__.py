@@ -1,1 +1,12 @@
-"""What surfaces and the environment look like: materials and their nodes, images, lights, the world."""
+"""What surfaces and the environment look like: materials and their nodes, images, lights, the world.
+
+materials    rows of the table of materials, and objects' slots
+node_graph   from a socket to what feeds it; which nodes are shown, roughly shown, or named
+node_colors  a surface: what its shader nodes come to
+node_values  a value: what the nodes before a socket come to
+values       what nodes do to colours and numbers, as tables
+lobes        shares of a surface that mirror, refract, or let light through
+images       pixels, read once
+lights       lights and the world
+sky          Sky Texture
+"""
