@@ -1,6 +1,6 @@
 """The architecture's import rules, checked by reading the sources: no layer reaches upwards.
 
-Layers are listed from the ground up. A layer may use itself, layers above it in its list and nothing below. What files
+A layer may use itself and those before it in its list, and nothing after it. What files
 and folders in one folder of Python's import of each other has no circle.
 """
 

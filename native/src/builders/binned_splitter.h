@@ -1,6 +1,6 @@
-// How binned SAH splits ranges (Wald 2007): references on a grid, moved from one array to the other as they are
-// divided. In: references, settings (bins, axes, costs), perhaps a limit up to which leaves are filled. Out: splits and
-// leaves, as top_down.h asks of a splitter.
+// How binned SAH splits ranges (Wald 2007; lecture, "Rapid construction"): references on a grid, moved from one array
+// to the other as they are divided. In: references, settings (bins, axes, costs), perhaps a limit up to which leaves
+// are filled. Out: splits and leaves, as top_down.h asks of a splitter.
 #pragma once
 
 #include <algorithm>
