@@ -227,27 +227,46 @@ def test_beside_edges(offset, away, strategy):
     assert every.hits.primitive_ids.tolist() == [number for met in expected for number in met]
 
 
-@pytest.mark.parametrize("exponent", [-30, -36, -42])
-def test_near_the_plane_t_is_as_exact_as_double(exponent):
-    """The more a ray nearly runs within the plane, the less double tells of where it meets it."""
-    turn, angle = rotation(15), 2.0**exponent
-    corners = np.array([(0.0, 0.0, 0.0), (2.0, 0.3, 0.0), (0.4, 2.0, 0.0)]) @ turn.T + 0.5
-    corners = corners.astype(np.float32).astype(np.float64)
-    across = np.cross(corners[1] - corners[0], corners[2] - corners[0])
-    normal = across / np.linalg.norm(across)
+def rays_along(corners: F64, angle: float, farthest: float) -> tuple[F64, F64]:
+    """From up to so far away to points of a triangle, at so small an angle to its plane."""
     random = np.random.default_rng(16)
+    across = np.cross(corners[1] - corners[0], corners[2] - corners[0])
     along = random.normal(size=(RAYS, 2)) @ (corners[1:] - corners[0])
-    directions = along / np.linalg.norm(along, axis=1, keepdims=True) + angle * normal
+    directions = along / np.linalg.norm(along, axis=1, keepdims=True) + angle * across / np.linalg.norm(across)
     targets = random.dirichlet((2.0, 2.0, 2.0), RAYS) @ corners
-    origins = targets - random.uniform(0.5, 3.0, (RAYS, 1)) * directions
+    return targets - random.uniform(0.0, farthest, (RAYS, 1)) * directions, directions
+
+
+def check_exactly(positions: npt.NDArray[np.float32], triangles: np.ndarray, rays: tuple[F64, F64], how: str) -> None:
+    """Which triangle each ray meets, and its t, are as fractions have them."""
     scene = perfect_bvh.Scene()
-    scene.add_instance(scene.add_mesh(corners, [(0, 1, 2)]))
+    scene.add_instance(scene.add_mesh(positions, triangles))
     scene.commit()
-    hits = scene.cast_rays(origins, directions)
-    assert hits.is_hit.mean() > 0.9
-    rows = zip(hits.t_hit[hits.is_hit], origins[hits.is_hit], directions[hits.is_hit], strict=True)
-    off = [float(abs(Fraction(float(t)) - exact_t(corners, origin, direction))) for t, origin, direction in rows]
-    assert max(off) <= 4 * 2.0**-53 * np.abs(origins).max() / angle + UNITS * np.spacing(np.float32(4.0))
+    hits = Traced(scene, how).cast_rays(*rays)
+    expected = exact_hits(positions, triangles, *rays)
+    assert np.mean([bool(met) for met in expected]) > 0.1
+    assert hits.primitive_ids.tolist() == [met[0] if met else -1 for met in expected]
+    found = hits.is_hit
+    corners = positions.astype(np.float64)[triangles[hits.primitive_ids[found]]]
+    assert units_off(hits.t_hit[found], corners, *(vectors[found] for vectors in rays)).max() <= UNITS
+
+
+@pytest.mark.parametrize("strategy", ["stream", "packets"])
+@pytest.mark.parametrize(("exponent", "farthest"), [(-20, 3), (-25, 1000), (-30, 3), (-40, 3), (-50, 3), (-60, 3)])
+def test_where_rays_run_nearly_within_the_plane(exponent, farthest, strategy):
+    """At 2^-60 rays and triangle are in one plane, but for how doubles round: where they meet is anywhere on it."""
+    corners = (np.array([(0.0, 0.0, 0.0), (2.0, 0.3, 0.0), (0.4, 2.0, 0.0)]) @ rotation(15).T + 0.5).astype(np.float32)
+    rays = rays_along(corners.astype(np.float64), 2.0**exponent, farthest)
+    check_exactly(corners, np.array([(0, 1, 2)]), rays, strategy)
+
+
+@pytest.mark.parametrize("strategy", ["stream", "packets"])
+@pytest.mark.parametrize("angle", [2.0**-38, -(2.0**-41), 2.0**-50, -(2.0**-140)])
+def test_where_rays_run_nearly_within_flat_boxes(angle, strategy):
+    """Boxes take components of a direction that are smaller than 2^-40 of the longest for so large."""
+    positions, triangles = meshes.grid(6)
+    rays = rays_along(np.array([(-1.0, -1.0, 0.0), (1.0, -1.0, 0.0), (0.0, 1.0, 0.0)]), angle, 3.0)
+    check_exactly(positions.astype(np.float32), triangles, rays, strategy)
 
 
 def test_beside_the_edge_that_two_grounds_share():

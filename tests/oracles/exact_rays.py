@@ -52,7 +52,9 @@ def _meet(corners: F64, origins: F64, directions: F64) -> npt.NDArray[np.bool_]:
             product += directions[:, None, i] * (first - second)
             size += np.abs(directions[:, None, i]) * (np.abs(first) + np.abs(second))
         signs[..., side] = np.sign(product)
-        for ray, triangle in zip(*np.nonzero((np.abs(product) <= BOUND * size) & near), strict=True):
+        has_side = (corners[:, side] != corners[:, (side + 1) % 3]).any(axis=-1)  # without, the product is zero
+        signs[..., side] *= has_side
+        for ray, triangle in zip(*np.nonzero((np.abs(product) <= BOUND * size) & near & has_side), strict=True):
             a, b = corners[triangle, side], corners[triangle, (side + 1) % 3]
             signs[ray, triangle, side] = _exact_sign(origins[ray], directions[ray], a, b)
     return near & ((signs >= 0).all(-1) | (signs <= 0).all(-1)) & (signs != 0).any(-1)

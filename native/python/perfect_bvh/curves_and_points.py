@@ -177,7 +177,7 @@ class CurvesAndPoints:
     ) -> int:
         """Adds points, which are balls, and returns their id as a mesh. They are seen only through instances.
 
-        centers: (N, 3) float; float64 keeps its detail however far from zero it lies.
+        centers: (N, 3) float; what detail is kept: see `Scene.add_mesh`.
         radii: (N,) float, or one number for all, not negative. Points of radius 0 are left out: no hit has their
             number, and `statistics()` counts them.
         build, usage: see `Scene.add_mesh`.
@@ -205,7 +205,7 @@ class CurvesAndPoints:
     ) -> int:
         """Adds curves, and returns their id as a mesh. They are seen only through instances.
 
-        points: (P, 3) float, of one curve after another; float64 keeps its detail however far from zero it lies.
+        points: (P, 3) float, of one curve after another; what detail is kept: see `Scene.add_mesh`.
         radii: (P,) float, or one number for all, not negative. What is traced is a chain of segments, a segment the
             convex hull of the balls around two points that follow each other: a cone with round ends. Segments whose
             two radii are 0 are left out, and `statistics()` counts them.

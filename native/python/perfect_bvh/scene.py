@@ -134,8 +134,8 @@ class Scene(Queries, CurvesAndPoints):
     ) -> int:
         """Adds a mesh and returns its id. It is seen only through instances.
 
-        positions: (V, 3) float; float64 keeps its detail however far from zero it lies. If the largest coordinate
-            exceeds 2^20, detail below 2^-126 of it is not resolved.
+        positions: (V, 3) float; float64 keeps its detail however far from zero it lies. Of a mesh larger than 2^20
+            detail below 2^-126 of its size is rounded.
         triangles: (T, 3) int, rows of positions; counter-clockwise seen from the front.
         build: "auto" or a `BuildConfig`. usage: what will happen to the mesh: "static" (nothing, or rigid motion),
             "deforming" (its positions) or "changing" (its topology). "auto" builds a mesh of the last kind with the

@@ -12,9 +12,9 @@
 // planes, for every box around that one. P lies in the boxes of all nodes above the triangle, or, if references were
 // split, of those above one of its leaves. So strict pruning (near > best t) loses no hit, and no tree decides
 // between two hits.
-// A component below 2^-40 of the longest is raised to that before it is inverted. Over the whole reach of the ray
-// that moves it by 2^-40 R_k at most, for which 2^-18 R_k is added to R_a. So zeros of either sign need no further
-// care, and neither infinity nor NaN arises.
+// A component below 2^-40 of the longest is raised to that, its sign kept, before it is inverted. Over the whole reach
+// of the ray that moves it by 2^-40 R_k at most, for which 2^-18 R_k is added to R_a: 6 u of it are half as much again.
+// So zeros of either sign need no further care, and neither infinity nor NaN arises.
 #pragma once
 
 #include "math/vec3.h"

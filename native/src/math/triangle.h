@@ -15,10 +15,9 @@
 //
 // t is the float nearest to where the ray meets the triangle's plane, in double: the corners' depths in float,
 // weighted, would be off by a few roundings of the corners' distance, which on a ground of kilometres is centimetres.
-// Beside an edge it comes from the depths in double, weighted: the plane of a triangle that is seen almost edge-on
-// could be anywhere. Where the angle between ray and plane is less than 2^-28 even double does not tell the plane's t
-// to a float: it is off by about 2^-53 of the largest coordinate, divided by the angle, and may lie beyond the corners.
-// Why no box loses a hit: math/slab.h.
+// Beside an edge it comes from the depths in double, weighted, and exactly where these do not tell it to a float: the
+// plane of a triangle that is seen almost edge-on, which then is all beside an edge, could be anywhere. Why no box
+// loses a hit: math/slab.h.
 #pragma once
 
 #include <algorithm>
@@ -156,6 +155,9 @@ struct ExactRay {
 // How far double is sure of its side where float is sure at 1, by the roundings of math/slab.h; and how much more
 // for each unit that the origin was moved.
 inline constexpr double kDoubleShare = 0x1p-29, kMovedShare = 0x1p-50;
+// If each weight is off by no more than this share of the volume between triangle and origin, divided by the depth of
+// the triangle, t is off by less than half a unit in the last place of a float.
+inline constexpr double kSureShare = 0x1p-27;
 
 static inline bool intersect_exactly(const ExactRay& ray, const float* const corners[3], TriangleHit& hit) noexcept {
   const ExactWeights exact = exact_weights(ray.start, ray.direction, corners);
@@ -183,9 +185,12 @@ static inline bool intersect_beside_edge(const TriangleRay& sheared, const Exact
   const double slack = weight_slack(sure, span_of(corners[0], corners[1], corners[2]));
   const double least_weight = larger(triangle.least, -triangle.most);
   if (least_weight < -slack) return false;
-  if (!(least_weight > slack)) return intersect_exactly(ray, corners, hit);
   const double *const w = triangle.weights, *const z = triangle.z, sum = triangle.sum;
-  hit.t = static_cast<float>(((w[0] * z[0] + w[1] * z[1]) + w[2] * z[2]) / (sum * along));
+  const double volume = (w[0] * z[0] + w[1] * z[1]) + w[2] * z[2];
+  const double depth = larger(larger(z[0], z[1]), z[2]) - smaller(smaller(z[0], z[1]), z[2]);
+  const bool tells_t = slack * depth <= kSureShare * __builtin_fabs(volume);
+  if (!(least_weight > slack && tells_t)) return intersect_exactly(ray, corners, hit);
+  hit.t = static_cast<float>(volume / (sum * along));
   hit.u = static_cast<float>(w[1] / sum);
   hit.v = static_cast<float>(w[2] / sum);
   hit.is_front = (sum > 0.0) != (along < 0.0);
