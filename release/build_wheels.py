@@ -4,8 +4,8 @@ python release/build_wheels.py OUTPUT_FOLDER [--platform linux-x64 windows-x64:3
 
 One compiler, ziglang's, builds all of them on any machine, and twice the same bytes. Of each Python nothing but its
 headers is needed, and what Windows links with: python_headers.py fetches them into .cache, without installing
-anything. The interpreter that runs this must have cmake, ninja, pip, pybind11, scikit-build-core and ziglang; the
-system must have apt-get, dpkg and binutils, and maven for other platforms than Linux.
+anything. The interpreter that runs this must have cmake, ninja, pip, pybind11, scikit-build-core, ziglang and zopflipy;
+the system must have apt-get, dpkg and binutils, and maven for other platforms than Linux.
 """
 
 from __future__ import annotations
@@ -14,9 +14,11 @@ import argparse
 import os
 import subprocess
 import sys
+import zipfile
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
+import zopfli
 from debian_packages import CACHE
 from python_headers import ZIG, Headers, fetch_headers
 from weak_symbols import check_kernels
@@ -70,6 +72,15 @@ def build_wheel(python: str, name: str, headers: Headers, output: Path) -> None:
         check_kernels(build)
 
 
+def pack_tightly(wheel: Path) -> None:
+    """Packs a wheel's files into 4 % less, in seconds. Their contents, dates and order stay."""
+    packed = wheel.with_suffix(".packed")
+    with zipfile.ZipFile(wheel) as source, zopfli.ZipFile(packed, "w", zipfile.ZIP_DEFLATED, iterations=1) as target:
+        for entry in source.infolist():
+            target.writestr(entry, source.read(entry))
+    packed.replace(wheel)
+
+
 def main() -> None:
     """The command line."""
     parser = argparse.ArgumentParser(description="Build the engine's wheels for Blender's extension.")
@@ -96,6 +107,7 @@ def main() -> None:
     # Side by side, for what cores would be idle in: CMake's questions to the compiler, and linking.
     with ThreadPoolExecutor(PLATFORMS_AT_ONCE) as pool:
         list(pool.map(build_platform, headers))
+        list(pool.map(pack_tightly, sorted(arguments.output.glob("*.whl"))))
 
 
 if __name__ == "__main__":

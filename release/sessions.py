@@ -18,7 +18,7 @@ BUILD_TOOLS = ("cmake>=3.25", "ninja>=1.11")
 # Pinned: one compiler for the wheels of all Pythons, and the Blender whose tools make the zip of them.
 PYBIND11 = "pybind11==3.1.0"
 BUILD_BACKEND = (PYBIND11, "scikit-build-core==1.1.2")
-WHEEL_TOOLS = (*BUILD_BACKEND, "ziglang==0.17.1")
+WHEEL_TOOLS = (*BUILD_BACKEND, "ziglang==0.17.1", "zopflipy==1.14")
 BLENDER = "bpy==5.0.1"
 BUILD = "build==1.6.1"
 TQDM = "tqdm==4.70.1"  # the command line's progress bar, in the zip
