@@ -214,8 +214,7 @@ static_assert(sizeof(BoxState) == 60);
 struct TriangleState {
   TriangleRay ray;
   std::uint16_t row[4];  // byte offsets in a leaf block of the sheared frame's x, y and z
-  // Along the sheared z: between these depths a triangle must have a point to be met within the limits of t.
-  float least_depth, largest_depth;
+  DepthRange depths;     // a triangle must have a point between them to be met within the limits of t
 };
 
 // As much is added as a hit's t may be beyond the depths of the triangle's corners.
@@ -223,8 +222,7 @@ static inline void set_depths(TriangleState& triangle, float t_min, float t_limi
   const TriangleRay& ray = triangle.ray;
   const float slack = ray.depth_slack;
   const float first = (t_min - slack) * ray.direction_z, last = (t_limit + slack) * ray.direction_z;
-  triangle.least_depth = ray.runs_down ? last : first;
-  triangle.largest_depth = ray.runs_down ? first : last;
+  triangle.depths = ray.runs_down ? DepthRange{last, first} : DepthRange{first, last};
 }
 
 static constexpr OctantRows octant_rows(std::uint32_t octant) noexcept {
