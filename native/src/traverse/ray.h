@@ -166,8 +166,9 @@ static inline void narrow(const double v[3], float out[3]) noexcept {
   for (int axis = 0; axis < 3; ++axis) out[axis] = static_cast<float>(v[axis]);
 }
 
+// A float: hits that are reported at the same t are at the same t, and their order decides.
 static inline double to_ray_t(const TimeFrame& time, float local_t) noexcept {
-  return time.offset + time.scale * static_cast<double>(local_t);
+  return static_cast<double>(static_cast<float>(time.offset + time.scale * static_cast<double>(local_t)));
 }
 
 // No t beyond this becomes a float of at most t_max: hits are compared with the range as they are reported.
