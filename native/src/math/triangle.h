@@ -293,6 +293,9 @@ struct JudgedHit {
     result.surely_missed = true;
     return result;
   }
+  // Of a needle the normal, which is rounded by 2^-52 of how long and of how far away it is, would be noise as well.
+  const double least_area = triangle.radius * (0x1p-28 * triangle.radius + 0x1p-4 * margin);
+  if (!(triangle.squared_area > least_area * least_area)) return result;
   const double facing = dot(ray.direction, triangle.normal);
   // The cosine of ray and normal is below 1e-6: the signs of the edges' distances would be noise.
   if (!(facing * facing > 1e-12 * ray.squared_length * triangle.squared_area)) return result;
