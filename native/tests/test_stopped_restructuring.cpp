@@ -1,5 +1,6 @@
-// A commit that is interrupted while it restructures a tree, at every single place where it can be: its memory,
-// whatever state it is in, is used again by the next commit, whose tree must equal that of an uninterrupted scene.
+// A commit that is interrupted while it restructures a refitted tree, or builds another in its place, at every single
+// place where it can be: its memory, whatever state it is in, is used again by the next commit, whose tree must equal
+// that of an uninterrupted scene.
 #include <gtest/gtest.h>
 
 #include <new>
@@ -29,13 +30,21 @@ class StoppedRestructuring : public testing::TestWithParam<Case> {
  protected:
   StoppedRestructuring() : still_(bumpy_sheet(24)), mesh_(moved(still_, {"", [](Positions& p) { twist(p, 25.0f); }})) {}
 
-  // A scene that is about to see the mesh move; `mesh_id` of it is 0.
+  // A scene that has seen the mesh move; `mesh_id` of it is 0.
   void begin(Scene& scene) {
     static_cast<void>(scene.add_mesh(Mesh(still_), {}, Usage::kDeforming));
+    scene.add_instances(std::vector<InstanceInput>{{0, Affine{}, 1, {}}});
     static_cast<void>(commit(scene, Policy::kRefit));
     scene.update_mesh<float>(0, still_.positions);  // from the first refit on memory is handed on
     static_cast<void>(commit(scene, Policy::kRefit));
-    scene.update_mesh<float>(0, mesh_.positions);
+  }
+
+  // What the commit is for that is interrupted: another shape or, which no tree can follow that was refitted, a motion.
+  void deform(Scene& scene) {
+    if (GetParam().action != MeshAction::kRebuilt) return scene.update_mesh<float>(0, mesh_.positions);
+    Positions steps = mesh_.positions;
+    steps.insert(steps.end(), still_.positions.begin(), still_.positions.end());
+    scene.set_mesh_motion(0, std::span<const Vec3f>(steps), StepTimes{0.0f, 1.0f, 1});
   }
 
   CommitReport commit(Scene& scene, Policy policy) {
@@ -46,6 +55,7 @@ class StoppedRestructuring : public testing::TestWithParam<Case> {
   CommitReport commit(Scene& scene, Policy policy, CancelToken& cancel) {
     CommitOptions options;
     options.policy = policy;
+    if (policy == Policy::kGoverned) options.expected_rays = 1e12;  // that repay a new tree
     return scene.commit(pool_, cancel, options);
   }
 
@@ -81,10 +91,12 @@ class StoppedRestructuring : public testing::TestWithParam<Case> {
 TEST_P(StoppedRestructuring, LeavesNothingBehind) {
   Scene undisturbed;
   begin(undisturbed);
+  undisturbed.update_mesh<float>(0, mesh_.positions);
   ASSERT_EQ(commit(undisturbed, Policy::kRefit).meshes[0].action, MeshAction::kRefitted);
   const auto expected = undisturbed.snapshot();
   Scene restructured;
   begin(restructured);
+  deform(restructured);
   ASSERT_EQ(commit(restructured, GetParam().policy).meshes[0].action, GetParam().action);
   ASSERT_FALSE(same_bytes(restructured.snapshot()->blases[0]->wide, expected->blases[0]->wide));
 
@@ -92,10 +104,12 @@ TEST_P(StoppedRestructuring, LeavesNothingBehind) {
   for (long after = 0;; ++after) {
     Scene scene;
     begin(scene);
+    deform(scene);
     const Attempt tried = attempt(scene, after);
     if (!tried.is_disturbed) break;
     if (tried.is_done) continue;  // a stop that came after the last question, memory that was only a wish
     ++interruptions;
+    scene.update_mesh<float>(0, mesh_.positions);
     ASSERT_EQ(commit(scene, Policy::kRefit).meshes[0].action, MeshAction::kRefitted);
     const WideBvh& tree = scene.snapshot()->blases[0]->wide;
     ASSERT_EQ(find_wide_fault(tree, mesh_, true), "") << after;
@@ -111,7 +125,9 @@ INSTANTIATE_TEST_SUITE_P(
                     Case{"rotated_for_good", Policy::kRotate, MeshAction::kRotated, Interruption::kMemoryRunsOut},
                     Case{"rebuilt_stop", Policy::kRebuildParts, MeshAction::kPartlyRebuilt, Interruption::kStop},
                     Case{"rebuilt_once", Policy::kRebuildParts, MeshAction::kPartlyRebuilt,
-                         Interruption::kOneAllocationFails}),
+                         Interruption::kOneAllocationFails},
+                    Case{"new_tree_stop", Policy::kGoverned, MeshAction::kRebuilt, Interruption::kStop},
+                    Case{"new_tree_once", Policy::kGoverned, MeshAction::kRebuilt, Interruption::kOneAllocationFails}),
     [](const auto& test) { return test.param.name; });
 
 }  // namespace

@@ -202,3 +202,32 @@ def test_an_audit_of_a_render_finds_what_is_wrong(scene_and_triangles, camera, m
 def test_an_impossible_share_is_refused(share):
     with pytest.raises(ValueError, match="RenderAudit: share must be a number above 0 and up to 1, got"):
         perfect_bvh.RenderAudit(share)
+
+
+def test_what_no_float_holds_is_no_answer_that_is_missing() -> None:
+    scene = perfect_bvh.Scene()
+    scene.add_instance(scene.add_mesh([(-1, -1, 0), (1, -1, 0), (0, 1, 0)], [(0, 1, 2)]))
+    scene.commit()
+    hit = scene.cast_rays([0, 0, 5.0], [0, 0, -1e-39], audit=1.0)
+    assert not hit.is_hit
+    assert hit.audit.wrong_rows.size == 0
+
+
+def test_needles_whose_normal_is_noise_are_not_judged() -> None:
+    random = np.random.default_rng(18)
+    scene = perfect_bvh.Scene()
+    mesh = scene.add_mesh([(0, 0, 0), (3, 3, 3), (1, 1, 1)], [(0, 1, 2)])
+    wrong = 0
+    for _ in range(100):
+        turn, _ = np.linalg.qr(random.normal(size=(3, 3)))
+        place = np.column_stack([turn, random.normal(size=3)])
+        instance = scene.add_instance(mesh, place)
+        scene.commit()
+        targets = np.concatenate(
+            [place[:, 3] + (turn @ np.ones(3)) * random.uniform(0, 3, (50, 1)), [place[:, 3]] * 50]
+        )
+        directions = random.normal(size=(100, 3))
+        directions[::4] = turn @ np.ones(3)  # along it
+        wrong += scene.cast_rays(targets - directions, directions, audit=1.0).audit.wrong_rows.size
+        scene.remove_instances([instance])
+    assert wrong == 0

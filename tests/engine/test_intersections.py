@@ -197,3 +197,23 @@ def test_a_limit_beyond_any_count_limits_nothing(most: int) -> None:
     assert len(every.hits.t_hit) > 10
     assert np.array_equal(every.ray_splits, limited.ray_splits)
     assert np.array_equal(every.hits.t_hit, limited.hits.t_hit)
+
+
+@pytest.mark.parametrize("distance", [2.0, 10.0, 100.0])
+def test_equal_t_is_ordered_however_far_the_rays_begin(distance: float) -> None:
+    quad = np.array([(-1, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0)], np.float32)
+    scene = perfect_bvh.Scene()
+    mesh = scene.add_mesh(quad, [(0, 1, 2), (0, 2, 3)])
+    first = scene.add_instance(mesh, [[1, 0, 0, 0.3], [0, 1, 0, 0.1], [0, 0, 1, 0]], order=0)
+    scene.add_instance(mesh, order=1)
+    scene.commit()
+    random = np.random.default_rng(0)
+    origin = np.array([0.7, 0.4, 1.0]) * distance
+    targets = np.concatenate([random.uniform(-0.5, 0.5, (20_000, 2)), np.zeros((20_000, 1))], axis=1)
+    directions = (targets - origin) / np.linalg.norm(targets - origin, axis=1, keepdims=True)
+    hits, splits = scene.list_intersections(origin, directions, fields=("t_hit", "instance_ids"))
+    nearest = hits.t_hit[splits[:-1]]
+    is_tie = (np.diff(splits) == 2) & (nearest == hits.t_hit[splits[1:] - 1])
+    assert is_tie.sum() > 15_000
+    assert (hits.instance_ids[splits[:-1]][is_tie] == first).all()
+    assert (scene.cast_rays(origin, directions).instance_ids[is_tie] == first).all()

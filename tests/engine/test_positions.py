@@ -113,3 +113,22 @@ def test_edge_on_and_thread_thin(thinness, aside, far):
     struck, where = corners[hits.primitive_ids[hits.is_hit]], hits.positions[hits.is_hit]
     beyond = np.maximum(struck.min(axis=1) - where, where - struck.max(axis=1)).max(axis=1)
     assert (beyond <= 1e-6 * sizes[hits.primitive_ids[hits.is_hit]]).all()
+
+
+def test_normals_of_tiny_triangles_far_from_the_origin() -> None:
+    random = np.random.default_rng(0)
+    for _ in range(50):
+        turn, _ = np.linalg.qr(random.normal(size=(3, 3)))
+        corners = random.normal(size=(3, 3)).astype(np.float32)
+        matrix = np.column_stack([turn * 1e-6, random.normal(size=3) * 1e6])
+        scene = perfect_bvh.Scene()
+        scene.add_instance(scene.add_mesh(corners, [(0, 1, 2)]), matrix)
+        scene.commit()
+        edges = matrix[:, :3] @ (corners[1:].astype(float) - corners[0]).T
+        normal = np.cross(edges[:, 0], edges[:, 1])
+        normal /= np.linalg.norm(normal)
+        middle = matrix[:, :3] @ corners.astype(float).mean(axis=0) + matrix[:, 3]
+        hit = scene.cast_rays(middle - normal, normal, fields=("t_hit", "geometric_normals", "front_face"))
+        if hit.is_hit:
+            np.testing.assert_allclose(hit.geometric_normals, normal, atol=1e-6)
+            assert not hit.front_face

@@ -134,12 +134,12 @@ void build_blas(Blas& blas, const ChangedMesh& changed, const CommitOptions& opt
   blas.config = choice.config;
   const Usage usage = usage_of(state.usage, state.has_deformed);
   report.reason += why_so_built(state.config.builder, blas.config.builder, usage);
+  blas.shape = new_tree_shape();  // first: stopped half-way, its memory must not pass for that of a refitted tree
   if (blas.mesh.moves()) {
     build_moving_tree(blas, report, pool, cancel);
   } else {
     build_wide_tree(blas, report, pool, cancel);
   }
-  blas.shape = new_tree_shape();
   const bool is_of_these = state.same_topology || is_resting(state);  // and not of primitives that were replaced
   const UpdateHistory last = state.has_deformed && is_of_these ? state.history : UpdateHistory{};
   const TraceWork work = measure_trace_work(blas.wide, blas.mesh, cancel);

@@ -170,9 +170,24 @@ static inline bool intersect_exactly(const ExactRay& ray, const float* const cor
   return true;
 }
 
-// Beside an edge.
+// Along the sheared z, in the ray's order or against it: what is not between them is no hit.
+struct DepthRange {
+  float least, most;
+};
+
+// Whether a triangle whose weights are off by no more than `slack` is out of the range if it is met: that moves the
+// depth of the point by no more than three times the slack times the triangle's own depth over the weights' sum.
+static inline bool is_out_of_range(const ShearedTriangle<double>& triangle, double volume, double depth, double slack,
+                                   const DepthRange& range) noexcept {
+  const double *const z = triangle.z, sum = __builtin_fabs(triangle.sum);
+  const double far = larger(larger(__builtin_fabs(z[0]), __builtin_fabs(z[1])), __builtin_fabs(z[2]));
+  const double at = volume / triangle.sum, off = (3.0 * slack * depth + 0x1p-40 * far * (sum + slack)) / sum;
+  return at + off < static_cast<double>(range.least) || at - off > static_cast<double>(range.most);
+}
+
+// Beside an edge. Out of the range it may say of a hit that there is none.
 static inline bool intersect_beside_edge(const TriangleRay& sheared, const ExactRay& ray, const float* const corners[3],
-                                         TriangleHit& hit) noexcept {
+                                         const DepthRange& range, TriangleHit& hit) noexcept {
   const std::uint8_t* const axes = sheared.axes;
   const double *const origin = ray.origin, *const direction = ray.direction;
   const double from[3] = {origin[axes[0]], origin[axes[1]], origin[axes[2]]}, along = direction[axes[2]];
@@ -189,7 +204,9 @@ static inline bool intersect_beside_edge(const TriangleRay& sheared, const Exact
   const double volume = (w[0] * z[0] + w[1] * z[1]) + w[2] * z[2];
   const double depth = larger(larger(z[0], z[1]), z[2]) - smaller(smaller(z[0], z[1]), z[2]);
   const bool tells_t = slack * depth <= kSureShare * __builtin_fabs(volume);
-  if (!(least_weight > slack && tells_t)) return intersect_exactly(ray, corners, hit);
+  if (!(least_weight > slack && tells_t)) {
+    return !is_out_of_range(triangle, volume, depth, slack, range) && intersect_exactly(ray, corners, hit);
+  }
   hit.t = static_cast<float>(volume / (sum * along));
   hit.u = static_cast<float>(w[1] / sum);
   hit.v = static_cast<float>(w[2] / sum);
@@ -206,7 +223,8 @@ static inline bool intersect_triangle(const TriangleRay& ray, const ExactRay& ex
   set_sheared(triangle, at, ray.origin, ray.shear_x, ray.shear_y);
   const float slack = weight_slack(ray.edge_slack, static_cast<float>(span_of(corners[0], corners[1], corners[2])));
   if (!(larger(triangle.least, -triangle.most) > slack)) {
-    return intersect_beside_edge(ray, exact, corners, hit);
+    constexpr float kAnywhere = __builtin_inff();
+    return intersect_beside_edge(ray, exact, corners, {-kAnywhere, kAnywhere}, hit);
   }
   const float sum = triangle.sum;
   hit.t = static_cast<float>(plane_t(plane_of(corners[0], corners[1], corners[2]), exact.origin, exact.direction));
@@ -275,6 +293,9 @@ struct JudgedHit {
     result.surely_missed = true;
     return result;
   }
+  // Of a needle the normal, which is rounded by 2^-52 of how long and of how far away it is, would be noise as well.
+  const double least_area = triangle.radius * (0x1p-28 * triangle.radius + 0x1p-4 * margin);
+  if (!(triangle.squared_area > least_area * least_area)) return result;
   const double facing = dot(ray.direction, triangle.normal);
   // The cosine of ray and normal is below 1e-6: the signs of the edges' distances would be noise.
   if (!(facing * facing > 1e-12 * ray.squared_length * triangle.squared_area)) return result;

@@ -187,7 +187,9 @@ class Audit {
   }
 
   static void keep(std::size_t index, const AuditedRay& ray, const JudgedHit& hit, std::vector<Finding>& findings) {
-    const auto low = static_cast<double>(ray.ray.t_min), high = static_cast<double>(ray.ray.t_max);
+    constexpr double kLast = std::numeric_limits<float>::max();  // what no float holds is not answered
+    const double low = std::max(static_cast<double>(ray.ray.t_min), -kLast);
+    const double high = std::min(static_cast<double>(ray.ray.t_max), kLast);
     if (hit.has_t && (hit.t + hit.bound < low || hit.t - hit.bound > high)) return;
     const bool is_sure = hit.surely_hit && hit.t - hit.bound > low && hit.t + hit.bound < high;
     findings.push_back({index, is_sure ? Finding::kSure : Finding::kUnsure, hit.t + hit.bound});

@@ -99,8 +99,9 @@ void store_no_geometry(const HitColumns& out, std::size_t row) {
   if (out.front_face) out.front_face[row] = 0;
 }
 
-// Places triangles as place_triangle does, in fewer steps where an instance is only moved: most stand as they were
-// made.
+// Places triangles as place_triangle does, but leaves out where an instance at rest stands: normals do not depend on
+// it, and edges that are short beside it would be rounded away. In fewer steps where an instance is only moved: most
+// stand as they were made.
 class Placer {
  public:
   [[nodiscard]] WorldTriangle place(const Instance& instance, TriangleIndices corners, const Ray& ray) noexcept {
@@ -110,11 +111,12 @@ class Placer {
       last_ = &instance;
       is_moved_only_ = map.x == Vec3d{1, 0, 0} && map.y == Vec3d{0, 1, 0} && map.z == Vec3d{0, 0, 1};
     }
-    if (!is_moved_only_) return place_triangle(instance, corners);
     const Vec3f* const positions = instance.blas->mesh.positions.data();
-    const Vec3d by = instance.object_to_world.translation;
-    return {to_double(positions[corners.x]) + by, to_double(positions[corners.y]) + by,
-            to_double(positions[corners.z]) + by};
+    const Vec3d v0 = to_double(positions[corners.x]), v1 = to_double(positions[corners.y]);
+    const Vec3d v2 = to_double(positions[corners.z]);
+    if (is_moved_only_) return {v0, v1, v2};
+    const Affine& map = instance.object_to_world;
+    return {map.vector(v0), map.vector(v1), map.vector(v2)};
   }
 
  private:

@@ -168,8 +168,8 @@ class Walker {
     for (int lane = 0; lane < 8; ++lane) {
       if (is_repeated(leaf, lane)) continue;
       Meeting meeting;
-      const bool is_met = (anywhere.lanes >> lane & 1) != 0 &&
-                          meet_candidate(meeting, candidates, lane, leaf, slot().triangle.ray, slot().local);
+      const bool is_met =
+          (anywhere.lanes >> lane & 1) != 0 && meet_candidate(meeting, candidates, lane, leaf, unlimited, slot().local);
       const bool is_hit = is_met && (test.lanes >> lane & 1) != 0 &&
                           take_hit(slot(), view_.instances, ray_, cull_, leaf, lane, candidates);
       is_new = is_new || is_hit;

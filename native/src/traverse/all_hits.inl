@@ -22,7 +22,7 @@ PERFECT_BVH_INLINE std::size_t take_all(const Slot& slot, const RayBatch& batch,
     const int lane = __builtin_ctz(lanes);
     if (is_repeated(leaf, lane)) continue;
     Meeting at;
-    if (!meet_candidate(at, candidates, lane, leaf, slot.triangle.ray, slot.local)) continue;
+    if (!meet_candidate(at, candidates, lane, leaf, slot.triangle, slot.local)) continue;
     if (!is_in_range(at.t, ray) || is_culled(batch.cull, at.sum, slot.triangle.ray, slot.is_mirrored)) continue;
     if (hits != nullptr && count < room) {
       hits[count] = {at.t, at.weight_v1 / at.sum, at.weight_v2 / at.sum, slot.instance, leaf.primitives[lane]};

@@ -58,8 +58,8 @@ PERFECT_BVH_INLINE LeafTest test_leaf(const Leaf& leaf, const TriangleState& tri
   const Float8 edge_slack = broadcast(triangle.ray.edge_slack);
   const Mask8 inside = less_equal(zero(), fmadd(add(broadcast(span), edge_slack), edge_slack, least_weight));
   const Float8 nearest = min(min(z0, z1), z2), farthest = max(max(z0, z1), z2);
-  const Mask8 in_range = both(less_equal(broadcast(triangle.least_depth), farthest),
-                              less_equal(nearest, broadcast(triangle.largest_depth)));
+  const Mask8 in_range = both(less_equal(broadcast(triangle.depths.least), farthest),
+                              less_equal(nearest, broadcast(triangle.depths.most)));
   return {weight1, weight2, sum, least_weight, bits(both(inside, in_range))};
 }
 
@@ -100,8 +100,8 @@ struct CornerDepths {
 // met. The range is that of the TriangleState, which is too wide by depth_slack.
 PERFECT_BVH_INLINE bool is_surely_in_range(const TriangleState& triangle, const CornerDepths& depths) noexcept {
   const float *const z = depths.z, margin = 2.0f * triangle.ray.depth_slack * magnitude(triangle.ray.direction_z);
-  return smaller(smaller(z[0], z[1]), z[2]) - margin >= triangle.least_depth &&
-         larger(larger(z[0], z[1]), z[2]) + margin <= triangle.largest_depth;
+  return smaller(smaller(z[0], z[1]), z[2]) - margin >= triangle.depths.least &&
+         larger(larger(z[0], z[1]), z[2]) + margin <= triangle.depths.most;
 }
 
 PERFECT_BVH_INLINE bool is_in_range(double t, const Ray& ray) noexcept {
@@ -124,8 +124,9 @@ PERFECT_BVH_INLINE bool is_beside_edge(float least_weight, const TriangleRay& ra
 // Of a triangle that is not known to be met inside of its edges: intersect_triangle(), from where float has its say.
 template <class Leaf>
 __attribute__((noinline)) bool meet_beside_edge(Meeting& meeting, const LeafCandidates& candidates, int lane,
-                                                const Leaf& leaf, const TriangleRay& ray,
+                                                const Leaf& leaf, const TriangleState& triangle,
                                                 const ObjectRay& local) noexcept {
+  const TriangleRay& ray = triangle.ray;
   const LoneCorners lone(leaf, lane);
   const auto& at = lone.at;
   const auto span = static_cast<float>(span_of(at[0], at[1], at[2]));
@@ -139,18 +140,19 @@ __attribute__((noinline)) bool meet_beside_edge(Meeting& meeting, const LeafCand
   }
   const float* const corners[3] = {at[0], at[1], at[2]};
   TriangleHit hit;
-  if (!intersect_beside_edge(ray, exact_ray(local), corners, hit)) return false;
+  if (!intersect_beside_edge(ray, exact_ray(local), corners, triangle.depths, hit)) return false;
   const float turn = hit.is_front != ray.runs_down ? 1.0f : -1.0f;
   meeting = {to_ray_t(local.time, hit.t), hit.u * turn, hit.v * turn, turn};
   return true;
 }
 
-// Whether the ray's line meets a candidate, and where. `local`: what the tree's TriangleRay was made of.
+// Whether the ray's line meets a candidate within the limits of t, and where; beyond them it may say so, too. `local`:
+// what the tree's TriangleRay was made of.
 template <class Leaf>
 PERFECT_BVH_INLINE bool meet_candidate(Meeting& meeting, const LeafCandidates& candidates, int lane, const Leaf& leaf,
-                                       const TriangleRay& ray, const ObjectRay& local) noexcept {
-  if (is_beside_edge(candidates.least_weights[lane], ray, span_bound(leaf))) [[unlikely]] {
-    return meet_beside_edge(meeting, candidates, lane, leaf, ray, local);
+                                       const TriangleState& triangle, const ObjectRay& local) noexcept {
+  if (is_beside_edge(candidates.least_weights[lane], triangle.ray, span_bound(leaf))) [[unlikely]] {
+    return meet_beside_edge(meeting, candidates, lane, leaf, triangle, local);
   }
   const auto at = [&](int corner, int axis)
                       __attribute__((always_inline)) { return coordinate(leaf, lane, corner, axis); };
@@ -178,7 +180,7 @@ template <class Leaf>
 PERFECT_BVH_INLINE bool take_hit(Slot& slot, const InstanceView* instances, const Ray& ray, Cull cull, const Leaf& leaf,
                                  int lane, const LeafCandidates& candidates) noexcept {
   Meeting meeting;
-  if (!meet_candidate(meeting, candidates, lane, leaf, slot.triangle.ray, slot.local)) return false;
+  if (!meet_candidate(meeting, candidates, lane, leaf, slot.triangle, slot.local)) return false;
   const double t = meeting.t;
   if (!(is_in_range(t, ray) && t <= slot.best_t)) return false;
   if (is_culled(cull, meeting.sum, slot.triangle.ray, slot.is_mirrored)) return false;

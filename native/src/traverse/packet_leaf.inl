@@ -76,7 +76,7 @@ bool test_leaf_alone(Packet& packet, const PacketLevel& level, const LeafBlock& 
     const int lane = __builtin_ctz(lanes);
     if (is_repeated(leaf, lane)) continue;
     Meeting meeting;
-    if (!meet_candidate(meeting, candidates, lane, leaf, lone.triangle.ray, local)) continue;
+    if (!meet_candidate(meeting, candidates, lane, leaf, lone.triangle, local)) continue;
     if (is_culled(packet.cull, meeting.sum, lone.triangle.ray, level.instance->mirrored != 0)) continue;
     if (!take_packet_hit(packet, level, i, leaf.primitives[lane], meeting)) continue;
     is_new = true;

@@ -166,8 +166,9 @@ static inline void narrow(const double v[3], float out[3]) noexcept {
   for (int axis = 0; axis < 3; ++axis) out[axis] = static_cast<float>(v[axis]);
 }
 
+// A float: hits that are reported at the same t are at the same t, and their order decides.
 static inline double to_ray_t(const TimeFrame& time, float local_t) noexcept {
-  return time.offset + time.scale * static_cast<double>(local_t);
+  return static_cast<double>(static_cast<float>(time.offset + time.scale * static_cast<double>(local_t)));
 }
 
 // No t beyond this becomes a float of at most t_max: hits are compared with the range as they are reported.
@@ -214,8 +215,7 @@ static_assert(sizeof(BoxState) == 60);
 struct TriangleState {
   TriangleRay ray;
   std::uint16_t row[4];  // byte offsets in a leaf block of the sheared frame's x, y and z
-  // Along the sheared z: between these depths a triangle must have a point to be met within the limits of t.
-  float least_depth, largest_depth;
+  DepthRange depths;     // a triangle must have a point between them to be met within the limits of t
 };
 
 // As much is added as a hit's t may be beyond the depths of the triangle's corners.
@@ -223,8 +223,7 @@ static inline void set_depths(TriangleState& triangle, float t_min, float t_limi
   const TriangleRay& ray = triangle.ray;
   const float slack = ray.depth_slack;
   const float first = (t_min - slack) * ray.direction_z, last = (t_limit + slack) * ray.direction_z;
-  triangle.least_depth = ray.runs_down ? last : first;
-  triangle.largest_depth = ray.runs_down ? first : last;
+  triangle.depths = ray.runs_down ? DepthRange{last, first} : DepthRange{first, last};
 }
 
 static constexpr OctantRows octant_rows(std::uint32_t octant) noexcept {

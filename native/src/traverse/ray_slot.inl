@@ -162,13 +162,17 @@ inline void take_tree_step(Slot& slot, const SceneView& scene, const InstanceVie
 
 // Takes on a new ray. False if it can hit nothing. kMoves: the scene has motions.
 template <bool kMoves>
-inline bool start_ray(Slot& slot, const SceneView& scene, const Ray& ray) noexcept {
+PERFECT_BVH_INLINE bool start_ray(Slot& slot, const SceneView& scene, const Ray& ray) noexcept {
   if (!(ray.t_min <= ray.t_max)) return false;
   if (kMoves && !is_in_shutter(ray.time)) return false;
   if (!load_ray(slot.world, ray, static_cast<double>(scene.scale))) return false;
   const double reach = static_cast<double>(scene.reach);
-  ObjectRay near = slot.world;
-  if (!stands_near(near, reach) && !bring_near(near, reach)) return false;
+  const ObjectRay* near = &slot.world;
+  if (!stands_near(slot.world, reach)) [[unlikely]] {
+    slot.local = slot.world;  // which the first instance that is entered sets again
+    if (!bring_near(slot.local, reach)) return false;
+    near = &slot.local;
+  }
   slot.best_t = last_t(ray.t_max);
   clear_hit(slot);
   slot.floor = 0;
@@ -177,13 +181,13 @@ inline bool start_ray(Slot& slot, const SceneView& scene, const Ray& ray) noexce
   stack[0] = kDoneMark;
   stack[1] = scene.root;
   if (scene.root >= kInstanceChild) return true;  // a single instance: the top level has no boxes
-  slot.time = slot.world_time = near.time;
+  slot.time = slot.world_time = near->time;
   slot.nodes = scene.nodes;
   if constexpr (kMoves) {
     slot.top_moment = moment_at(scene.top_times, ray.time);
     take_top_step(slot, scene);
   }
-  set_states(slot.box, slot.triangle, near, scene.extent);
+  set_states(slot.box, slot.triangle, *near, scene.extent);
   slot.box.t_min = to_local_min(slot.time, static_cast<double>(ray.t_min));
   slot.box.t_limit = to_local_max(slot.time, slot.best_t);
   slot.world_box = slot.box;

@@ -135,7 +135,7 @@ struct NearestPoint {
   std::uint32_t instance_index, primitive_index;
 };
 
-// One of all the triangles that a ray meets. t is what trace_closest() would find, before it is narrowed.
+// One of all the triangles that a ray meets. t is what trace_closest() would find.
 struct FoundHit {
   double t;
   float u, v;
