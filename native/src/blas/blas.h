@@ -103,6 +103,12 @@ struct Blas {
   return {tree.point_leaves.data(), curves, round};
 }
 
+// Of a tree in which nothing more changes.
+[[nodiscard]] inline LeafView view_leaves(const Blas& blas) noexcept {
+  if (blas.mesh.is_round()) return {.round_leaves = &blas.round_leaves};
+  return {.blocks = blas.wide.blocks.data()};
+}
+
 // Of what refits go by; 0 before the first one.
 [[nodiscard]] inline std::size_t plan_byte_count(const Blas& blas) noexcept {
   return blas.refit_plan.byte_count() + (blas.fresh_costs ? blas.fresh_costs->byte_count() : 0);

@@ -6,7 +6,7 @@
 #include <cstdint>
 #include <span>
 
-#include "mesh/mesh.h"
+#include "mesh/primitive_traits.h"
 
 namespace perfect_bvh {
 
@@ -17,9 +17,6 @@ struct BallsGiven {
   std::span<const Vec3<T>> centres;
   std::span<const T> radii;
 };
-
-// What messages call the centres, after what the caller calls them: "centers" of points, "points" of curves.
-[[nodiscard]] const char* name_of_centres(PrimitiveKind kind) noexcept;
 
 // Each ball is a point. Throws InvalidArgument for numbers that are not finite or exceed 1e18, negative radii, as many
 // radii as suit no reading; `function` opens the message.
@@ -33,6 +30,10 @@ template <class T>
 template <class T>
 [[nodiscard]] Mesh make_curves(const BallsGiven<T>& balls, std::span<const std::int64_t> offsets, CurveShape shape,
                                const char* function, std::span<const std::uint8_t> cyclic = {});
+
+// Of the same kind, curves of as many balls as there are, from other balls.
+template <class T>
+[[nodiscard]] Mesh make_again(const Mesh& mesh, const BallsGiven<T>& balls, const char* function);
 
 // Throws InvalidArgument for balls that make_points() would not take.
 template <class T>
@@ -48,17 +49,5 @@ template <class T>
     return {to_float(balls.centres[i] - centre), static_cast<float>(radius)};
   }
 }
-
-// How many balls the caller gave, those included that are left out.
-[[nodiscard]] std::size_t given_ball_count(const Mesh& mesh) noexcept;
-// How many curves or points the caller gave.
-[[nodiscard]] std::size_t given_part_count(const Mesh& mesh) noexcept;
-// How many points or segments were left out.
-[[nodiscard]] std::size_t left_out_count(const Mesh& mesh) noexcept;
-
-// The number that the caller knows the point or the segment's curve by; of a triangle its own.
-[[nodiscard]] std::uint32_t caller_number(const Mesh& mesh, std::uint32_t primitive) noexcept;
-// What a hit's u along its segment is along the whole curve, 0 to 1; 0 of a point, the same of a triangle.
-[[nodiscard]] float u_along_curve(const Mesh& mesh, std::uint32_t primitive, float u) noexcept;
 
 }  // namespace perfect_bvh

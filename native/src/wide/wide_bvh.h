@@ -16,7 +16,7 @@
 #include "math/aabb.h"
 #include "math/float4.h"
 #include "math/slab.h"
-#include "mesh/mesh.h"
+#include "mesh/primitive_traits.h"
 
 namespace perfect_bvh {
 
@@ -76,6 +76,11 @@ struct alignas(32) PointLeaf {
   std::uint32_t primitives[8];  // as in a block
 };
 static_assert(sizeof(PointLeaf) == 32 && std::is_trivially_copyable_v<PointLeaf>);
+
+// Which of a tree's leaves are of a kind.
+constexpr auto& leaves_of(TriangleTraits, auto& tree) noexcept { return tree.blocks; }
+constexpr auto& leaves_of(CurveTraits, auto& tree) noexcept { return tree.curve_leaves; }
+constexpr auto& leaves_of(PointTraits, auto& tree) noexcept { return tree.point_leaves; }
 
 struct WideBvh {
   AlignedVector<WideNode> nodes;

@@ -296,7 +296,7 @@ void Appearance::check_fits(const Instance& instance, const MeshAttributes& attr
 
 void Appearance::check_fits_round(const Instance& instance, const MeshAttributes& attributes) {
   const Mesh& mesh = instance.blas->mesh;
-  const std::size_t count = given_part_count(mesh);
+  const std::size_t count = part_count_of(mesh);
   const bool is_curves = mesh.kind == PrimitiveKind::kCurves;
   const auto check = [&](std::size_t rows, const char* name, std::size_t other) {
     if (rows == 0 || rows == count || rows == other) return;
