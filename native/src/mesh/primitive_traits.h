@@ -30,10 +30,10 @@ struct PrimitiveNames {
 }
 
 struct TriangleTraits {
-  static constexpr PrimitiveKind kKind = PrimitiveKind::kTriangles;
   static constexpr PrimitiveNames kNames{"triangles", "positions", "mesh", "triangles"};
   static constexpr auto kCounted = &PrimitiveCounts::triangles;
   static constexpr std::uint32_t kBalls = 0;    // that a primitive is the hull of
+  static constexpr std::size_t kCorners = 3;    // that have normals, uvs and colours of their own
   static constexpr float kMovingExtent = 1.0f;  // of boxes between two steps of a motion, over what theirs is
 
   static std::size_t count(const Mesh& mesh) noexcept { return mesh.triangles.size(); }
@@ -75,6 +75,7 @@ struct OverBalls {
   // A ball's box is its centre less and plus its radius, each interpolated and rounded: by 3 u R more than the slab
   // test has room for (math/slab.h), which goes with the extent.
   static constexpr float kMovingExtent = 1.5f;
+  static constexpr std::size_t kCorners = 1;
 
   static const AlignedVector<Ball>& vertices(const Mesh& mesh) noexcept { return mesh.balls; }
   static const Ball& first(const Mesh& mesh, std::size_t index) noexcept {
@@ -102,7 +103,6 @@ struct OverBalls {
 };
 
 struct CurveTraits : OverBalls<CurveTraits> {
-  static constexpr PrimitiveKind kKind = PrimitiveKind::kCurves;
   static constexpr PrimitiveNames kNames{"curves", "points", "curves", "in all curves"};
   static constexpr auto kCounted = &PrimitiveCounts::segments;
   static constexpr std::uint32_t kBalls = 2;
@@ -118,7 +118,6 @@ struct CurveTraits : OverBalls<CurveTraits> {
 };
 
 struct PointTraits : OverBalls<PointTraits> {
-  static constexpr PrimitiveKind kKind = PrimitiveKind::kPoints;
   static constexpr PrimitiveNames kNames{"points", "centers", "points", "points"};
   static constexpr auto kCounted = &PrimitiveCounts::points;
   static constexpr std::uint32_t kBalls = 1;
@@ -138,14 +137,8 @@ struct PointTraits : OverBalls<PointTraits> {
 // The only list of the kinds: body(TriangleTraits{}), or of whichever kind it is.
 template <class Body>
 decltype(auto) with_kind(PrimitiveKind kind, const Body& body) {
-  switch (kind) {
-    case PrimitiveKind::kCurves:
-      return body(CurveTraits{});
-    case PrimitiveKind::kPoints:
-      return body(PointTraits{});
-    case PrimitiveKind::kTriangles:
-      break;
-  }
+  if (kind == PrimitiveKind::kCurves) return body(CurveTraits{});
+  if (kind == PrimitiveKind::kPoints) return body(PointTraits{});
   return body(TriangleTraits{});
 }
 template <class Body>

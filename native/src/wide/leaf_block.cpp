@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <bit>
+#include <type_traits>
 
 #include "math/float4.h"
 #include "math/sorting_network.h"
@@ -67,13 +68,6 @@ LeafBlock make_leaf(TriangleTraits, const std::uint32_t* primitives, std::uint32
   for (std::uint32_t i = 0; i < 8; ++i) block.corners[i] = words[std::min(i, count - 1)];
   static_cast<void>(write_vertices(block, vertices.numbers().data(), mesh, scale));
   return block;
-}
-
-PointLeaf make_leaf(PointTraits, const std::uint32_t* primitives, std::uint32_t count, const Mesh& /*mesh*/,
-                    float /*scale*/) noexcept {
-  PointLeaf leaf;
-  write_sorted(primitives, count, leaf.primitives);
-  return leaf;
 }
 
 // Curve leaf ----------------------------------------------------------------------------------------------------------
@@ -232,7 +226,7 @@ void refit(Kind kind, const WideBvh& from, const LeafVertices& /*vertices*/, con
   const auto numbers_at = [&](std::size_t i) { return std::span(leaves[rows[i]].primitives); };
   for (std::size_t i = 0; i < rows.size(); ++i) {
     if (i + kLeafAhead < rows.size()) fetch(numbers_at(i + kLeafAhead).data());
-    if (Kind::kBalls > 1 && i + kSegmentsAhead < rows.size()) {
+    if (std::is_same_v<Kind, CurveTraits> && i + kSegmentsAhead < rows.size()) {
       for (const std::uint32_t primitive : numbers_at(i + kSegmentsAhead)) fetch(&mesh.segments[primitive]);
     }
     if (i + kBallsAhead < rows.size()) {

@@ -35,15 +35,14 @@ struct LeafRoom {
 
 // So many leaves of the mesh's kind.
 inline void make_room_for_leaves(const Mesh& mesh, std::size_t count, WideBvh& tree) {
-  for_each_kind([&](auto kind) { leaves_of(kind, tree).resize(mesh.kind == kind.kKind ? count : 0); });
+  for_each_kind([&](auto kind) { leaves_of(kind, tree).clear(); });
+  with_kind(mesh.kind, [&](auto kind) { leaves_of(kind, tree).resize(count); });
 }
 
 // From 1 to 8 different primitives, triangles over at most 8 vertices, in any order. Positions are taken times `scale`.
 [[nodiscard]] LeafBlock make_leaf(TriangleTraits, const std::uint32_t* primitives, std::uint32_t count,
                                   const Mesh& mesh, float scale) noexcept;
 [[nodiscard]] CurveLeaf make_leaf(CurveTraits, const std::uint32_t* primitives, std::uint32_t count, const Mesh& mesh,
-                                  float scale) noexcept;
-[[nodiscard]] PointLeaf make_leaf(PointTraits, const std::uint32_t* primitives, std::uint32_t count, const Mesh& mesh,
                                   float scale) noexcept;
 
 // One of a mesh's positions in a register; what stands behind it is in the fourth lane.
@@ -62,6 +61,14 @@ Box4 write_vertices(LeafBlock& block, const std::uint32_t* vertices, const Mesh&
 // 1 to 8 numbers by ascending order: then the first of several equal hits in a leaf is the one that wins ties. The
 // places past count repeat the last number.
 void write_sorted(const std::uint32_t* numbers, std::uint32_t count, std::uint32_t* sorted) noexcept;
+
+template <class Kind>
+[[nodiscard]] PointLeaf make_leaf(Kind, const std::uint32_t* primitives, std::uint32_t count, const Mesh& /*mesh*/,
+                                  float /*scale*/) noexcept {
+  PointLeaf leaf;
+  write_sorted(primitives, count, leaf.primitives);
+  return leaf;
+}
 
 // Leaf refit ----------------------------------------------------------------------------------------------------------
 // The leaves of a wide tree, moved to where their primitives are now.
