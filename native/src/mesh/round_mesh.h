@@ -6,6 +6,7 @@
 #include <cstdint>
 #include <span>
 
+#include "math/curve_joint.h"
 #include "mesh/primitive_traits.h"
 
 namespace perfect_bvh {
@@ -38,6 +39,14 @@ template <class T>
 // Throws InvalidArgument for balls that make_points() would not take.
 template <class T>
 void check_balls(const BallsGiven<T>& balls, PrimitiveKind kind, const char* function);
+
+// A mesh's curves or points as formulas take them, times `scale`. moment: of one that moves within the shutter.
+[[nodiscard]] inline RoundList round_list(const Mesh& mesh, const Moment& moment = {}, float scale = 1.0f) noexcept {
+  RoundList list{mesh.at_step(moment.step).balls.data(), mesh.segments.data(), scale, mesh.shape};
+  list.closed = mesh.closed.data(), list.closed_count = mesh.closed.size();
+  if (moment.is_between()) list.later = mesh.at_step(moment.step + 1).balls.data(), list.moment = moment;
+  return list;
+}
 
 // The ball in row i of what was given.
 template <class T>

@@ -6,7 +6,6 @@
 #include <cmath>
 
 #include "math/distance.h"
-#include "mesh/round_mesh.h"
 #include "query/round_surface.h"
 #include "query/trace.h"
 #include "tlas/assemble.h"

@@ -4,7 +4,6 @@
 #include <array>
 
 #include "math/elementary.h"
-#include "mesh/round_mesh.h"
 #include "query/round_surface.h"
 #include "query/trace.h"
 

@@ -4,7 +4,6 @@
 #include <limits>
 
 #include "math/turning.h"
-#include "mesh/round_mesh.h"
 #include "query/round_surface.h"
 #include "query/trace.h"
 #include "query/tree_boxes.h"

@@ -8,7 +8,6 @@
 #include <vector>
 
 #include "math/elementary.h"
-#include "mesh/round_mesh.h"
 #include "query/round_surface.h"
 
 namespace perfect_bvh {
