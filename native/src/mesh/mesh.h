@@ -70,9 +70,10 @@ struct Mesh {
 
   // Curves or points: balls, and hulls of two of them.
   [[nodiscard]] bool is_round() const noexcept { return kind != PrimitiveKind::kTriangles; }
+  // Of triangles, or balls.
+  [[nodiscard]] std::size_t vertex_count() const noexcept { return positions.size() + balls.size(); }
   // By the kind (mesh/primitive_traits.h).
   [[nodiscard]] std::size_t primitive_count() const noexcept;
-  [[nodiscard]] std::size_t vertex_count() const noexcept;
   [[nodiscard]] Aabb primitive_box(std::size_t index) const noexcept;
   [[nodiscard]] bool moves() const noexcept { return !later.empty(); }
   [[nodiscard]] const Mesh& at_step(std::uint32_t step) const noexcept { return step == 0 ? *this : *later[step - 1]; }

@@ -45,7 +45,6 @@ struct TriangleTraits {
     box.grow(mesh.positions[t.x]), box.grow(mesh.positions[t.y]), box.grow(mesh.positions[t.z]);
     return box;
   }
-  // As slice_triangle() and slice_segment().
   static void slice(const Mesh& mesh, std::size_t index, int axis, std::span<const float> planes,
                     Box4* slices) noexcept {
     const TriangleIndices t = mesh.triangles[index];
@@ -163,9 +162,6 @@ inline float u_of_part(const Mesh& mesh, std::uint32_t primitive, float u) noexc
 }
 inline std::size_t Mesh::primitive_count() const noexcept {
   return with_kind(kind, [&](auto of_kind) { return of_kind.count(*this); });
-}
-inline std::size_t Mesh::vertex_count() const noexcept {
-  return with_kind(kind, [&](auto of_kind) { return of_kind.vertices(*this).size(); });
 }
 inline Aabb Mesh::primitive_box(std::size_t index) const noexcept {
   return with_kind(kind, [&](auto of_kind) { return of_kind.box(*this, index); });
