@@ -222,7 +222,10 @@ constexpr std::size_t kLeafAhead = 24, kSegmentsAhead = 16, kBallsAhead = 8;
 template <class Kind>
 void refit(Kind kind, const WideBvh& from, const LeafVertices& /*vertices*/, const Mesh& mesh,
            std::span<const std::uint32_t> rows, WideBvh& to, Box4* boxes) noexcept {
-  const auto& leaves = leaves_of(kind, from);
+  const auto* const leaves = leaves_of(kind, from).data();
+  auto* const moved = leaves_of(kind, to).data();
+  const bool is_copy = &from != &to;
+  const Float4 scale(to.scale);
   const auto numbers_at = [&](std::size_t i) { return std::span(leaves[rows[i]].primitives); };
   for (std::size_t i = 0; i < rows.size(); ++i) {
     if (i + kLeafAhead < rows.size()) fetch(numbers_at(i + kLeafAhead).data());
@@ -232,10 +235,9 @@ void refit(Kind kind, const WideBvh& from, const LeafVertices& /*vertices*/, con
     if (i + kBallsAhead < rows.size()) {
       for (const std::uint32_t primitive : numbers_at(i + kBallsAhead)) fetch(&Kind::first(mesh, primitive));
     }
-    boxes[i] = round_box_of<Kind>(numbers_at(i).data(), mesh, Float4(to.scale));
-    auto& leaf = leaves_of(kind, to)[rows[i]];
-    if (&from != &to) leaf = leaves[rows[i]];
-    move_leaf(leaf, mesh, to.scale);
+    boxes[i] = round_box_of<Kind>(numbers_at(i).data(), mesh, scale);
+    if (is_copy) moved[rows[i]] = leaves[rows[i]];
+    move_leaf(moved[rows[i]], mesh, to.scale);
   }
 }
 
