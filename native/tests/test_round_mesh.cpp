@@ -45,7 +45,7 @@ TEST(RoundMesh, KnowsCurvesByTheirBalls) {
   const std::array<float, 4> halfway{0.1f, 0.3f, 0.9f, 0.25f};
   for (std::uint32_t i = 0; i < 4; ++i) {
     EXPECT_EQ(caller_number(mesh, i), numbers[i]);
-    EXPECT_FLOAT_EQ(u_along_curve(mesh, i, 0.5f), halfway[i]);
+    EXPECT_FLOAT_EQ(u_of_part(mesh, i, 0.5f), halfway[i]);
   }
 }
 
@@ -84,7 +84,7 @@ TEST(RoundMesh, KnowsPointsByTheirNumbers) {
   EXPECT_EQ(mesh.balls[1].centre, (Vec3f{3, 0, 0}));
   EXPECT_EQ(left_out_count(mesh), 2u);
   EXPECT_EQ(given_ball_count(mesh), 4u);
-  EXPECT_EQ(u_along_curve(mesh, 0, 0.5f), 0.0f);
+  EXPECT_EQ(u_of_part(mesh, 0, 0.5f), 0.0f);
   input.radii = {5};
   EXPECT_EQ(input.points().balls[3].radius, 5.0f);
   EXPECT_TRUE(input.points().numbers.empty());

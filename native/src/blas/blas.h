@@ -17,7 +17,7 @@
 #include "core/aligned.h"
 #include "math/round_segment.h"
 #include "math/vec3.h"
-#include "mesh/mesh.h"
+#include "mesh/round_mesh.h"
 #include "traverse/scene_view.h"
 #include "wide/wide_bvh.h"
 #include "wide/wide_cost.h"
@@ -97,10 +97,14 @@ struct Blas {
 // What kernels see of the leaves of such a tree over curves or points and of its mesh, which must both stay where they
 // are.
 [[nodiscard]] inline RoundLeaves view_leaves(const WideBvh& tree, const Mesh& mesh) noexcept {
-  RoundList round{mesh.balls.data(), mesh.segments.data(), tree.scale, mesh.shape};
-  round.closed = mesh.closed.data(), round.closed_count = mesh.closed.size();
   const CurveLeaf* const curves = tree.curve_leaves.empty() ? nullptr : tree.curve_leaves.data();
-  return {tree.point_leaves.data(), curves, round};
+  return {tree.point_leaves.data(), curves, round_list(mesh, {}, tree.scale)};
+}
+
+// Of a tree in which nothing more changes.
+[[nodiscard]] inline LeafView view_leaves(const Blas& blas) noexcept {
+  if (blas.mesh.is_round()) return {.round_leaves = &blas.round_leaves};
+  return {.blocks = blas.wide.blocks.data()};
 }
 
 // Of what refits go by; 0 before the first one.

@@ -5,7 +5,7 @@
 #include "builders/quality.h"
 #include "core/aligned.h"
 #include "core/cancel.h"
-#include "mesh/clip.h"
+#include "mesh/primitive_traits.h"
 #include "wide/collapse.h"
 #include "wide/fast_wide.h"
 #include "wide/leaf_block.h"
@@ -14,28 +14,14 @@
 namespace perfect_bvh {
 namespace {
 
-// Spatial splits know boxes alone; here they learn where a slice of a triangle lies.
-class TriangleClipper final : public PrimClipper {
+// Spatial splits know boxes alone; here they learn where a slice of a primitive lies.
+template <class Kind>
+class Clipper final : public PrimClipper {
  public:
-  explicit TriangleClipper(const Mesh& mesh) : mesh_(mesh) {}
+  explicit Clipper(const Mesh& mesh) : mesh_(mesh) {}
 
   void slice(std::uint32_t prim_index, int axis, std::span<const float> planes, Box4* slices) const noexcept override {
-    const TriangleIndices t = mesh_.triangles[prim_index];
-    slice_triangle(mesh_.positions[t.x], mesh_.positions[t.y], mesh_.positions[t.z], axis, planes, slices);
-  }
-
- private:
-  const Mesh& mesh_;
-};
-
-class RoundClipper final : public PrimClipper {
- public:
-  explicit RoundClipper(const Mesh& mesh) : mesh_(mesh) {}
-
-  void slice(std::uint32_t prim_index, int axis, std::span<const float> planes, Box4* slices) const noexcept override {
-    const bool is_point = mesh_.kind == PrimitiveKind::kPoints;
-    const std::uint32_t first = is_point ? prim_index : mesh_.segments[prim_index] & kSegmentBall;
-    slice_segment(mesh_.balls[first], mesh_.balls[is_point ? first : first + 1], axis, planes, slices);
+    Kind::slice(mesh_, prim_index, axis, planes, slices);
   }
 
  private:
@@ -45,7 +31,7 @@ class RoundClipper final : public PrimClipper {
 class MeshLeafLimit final : public LeafLimit {
  public:
   explicit MeshLeafLimit(const Mesh& mesh)
-      : LeafLimit(mesh.triangles.data(), mesh.is_round() ? 0 : sizeof(TriangleIndices)), room_(mesh) {}
+      : LeafLimit(mesh.triangles.data(), mesh.triangles.empty() ? 0 : sizeof(TriangleIndices)), room_(mesh) {}
 
   [[nodiscard]] bool fits(std::span<const std::uint32_t> prim_indices) const noexcept override {
     return room_.holds(prim_indices);
@@ -89,22 +75,12 @@ bool is_built_wide(const BuildConfig& config) noexcept {
 Bvh2 build_tree(const Mesh& mesh, const BuildConfig& config, ThreadPool& pool, CancelToken& cancel) {
   Scratch scratch;
   const auto prims = scratch.take<PrimRef>(mesh.primitive_count());
-  if (mesh.is_round()) {
-    list_boxes(prims, pool, cancel, [&](std::size_t i) { return mesh.primitive_box(i); });
-  } else {
-    list_boxes(prims, pool, cancel, [&](std::size_t i) {
-      const TriangleIndices t = mesh.triangles[i];
-      Aabb box;
-      box.grow(mesh.positions[t.x]), box.grow(mesh.positions[t.y]), box.grow(mesh.positions[t.z]);
-      return box;
-    });
-  }
-  const TriangleClipper triangle_clipper(mesh);
-  const RoundClipper round_clipper(mesh);
-  const PrimClipper* clipper = &triangle_clipper;
-  if (mesh.is_round()) clipper = &round_clipper;
   const MeshLeafLimit leaf_limit(mesh);
-  return build_bvh2(prims, config, pool, cancel, clipper, &leaf_limit);
+  return with_kind(mesh.kind, [&]<class Kind>(Kind) {
+    list_boxes(prims, pool, cancel, [&](std::size_t i) { return Kind::box(mesh, i); });
+    const Clipper<Kind> clipper(mesh);
+    return build_bvh2(prims, config, pool, cancel, &clipper, &leaf_limit);
+  });
 }
 
 // Build wide tree -----------------------------------------------------------------------------------------------------

@@ -121,7 +121,7 @@ const char* why_so_built(BuilderKind asked, BuilderKind chosen, Usage usage) {
 
 std::string why_built(const MeshState& state) {
   if (!state.blas) return "new mesh";
-  const std::string what = std::string("the ") + kind_name(state.blas->mesh.kind);
+  const std::string what = std::string("the ") + names_of(state.blas->mesh.kind).kind;
   return what + (is_resting(state) ? " rest, and more rays came than their tree was built for" : " were replaced");
 }
 
@@ -172,7 +172,7 @@ BlasResult make_blas(const ChangedMesh& changed, const CommitOptions& options, T
   }
   report.cost = kWideNodeCost * report.node_visits + kWideLeafCost * report.leaf_visits;
   report.builder = builder_name(blas->config.builder);
-  report.kind = kind_name(blas->mesh.kind);
+  report.kind = names_of(blas->mesh.kind).kind;
   report.triangle_count = blas->mesh.primitive_count();
   blas->round_leaves = view_leaves(blas->wide, blas->mesh);
   add_motion_steps(*blas, pool, cancel);
@@ -319,7 +319,7 @@ bool keeps_at_rest(const ChangedMesh& resting, const CommitOptions& options, Bla
   const Blas& blas = *state.blas;
   UpdateDecision decision =
       decide_at_rest({.triangle_count = blas.mesh.primitive_count(),
-                      .what = kind_name(blas.mesh.kind),
+                      .what = names_of(blas.mesh.kind).kind,
                       .builder = choose_builder(state.config, usage_of(state.usage, true)).builder,
                       .rays = resting.rays,
                       .history = state.history},
@@ -333,7 +333,7 @@ bool keeps_at_rest(const ChangedMesh& resting, const CommitOptions& options, Bla
   report.node_visits = state.history.now.node_visits, report.leaf_visits = state.history.now.leaf_visits;
   report.cost = kWideNodeCost * report.node_visits + kWideLeafCost * report.leaf_visits;
   report.builder = builder_name(blas.config.builder);
-  report.kind = kind_name(blas.mesh.kind);
+  report.kind = names_of(blas.mesh.kind).kind;
   report.triangle_count = blas.mesh.primitive_count();
   report.byte_count = byte_count(blas);
   return true;

@@ -13,29 +13,11 @@
 namespace perfect_bvh {
 namespace {
 
-TreeStep step_of(const Blas& blas) noexcept {
-  TreeStep step;
-  step.nodes = blas.wide.nodes.data();
-  if (blas.mesh.is_round()) {
-    step.round_leaves = &blas.round_leaves;
-  } else {
-    step.blocks = blas.wide.blocks.data();
-  }
-  return step;
-}
-
 // Of all steps, which are not empty.
 Aabb bounds_of(const Blas& blas) noexcept {
   Aabb box = blas.box;
   for (const auto& step : blas.later) box.grow(step->box);
   return box;
-}
-
-// A ball's box is its centre less and plus its radius, each interpolated and rounded: by 3 u R more than the slab test
-// has room for (math/slab.h), which goes with the extent.
-void widen(TreeExtent& extent) noexcept {
-  for (float& largest : extent.largest) largest *= 1.5f;
-  extent.reach *= 1.5f;
 }
 
 // The same primitives half-way between the first step and the last.
@@ -83,18 +65,18 @@ void add_motion_steps(Blas& blas, ThreadPool& pool, CancelToken& cancel) {
   }
   const Aabb bounds = bounds_of(blas);
   const float scale = tree_scale(bounds);
+  const float growth = with_kind(blas.mesh.kind, [](auto kind) { return kind.kMovingExtent; });
   const auto settle = [&](Blas& step) {
     if (step.wide.scale != scale)
       refit_wide(step.wide, blas.refit_plan, step.mesh, step.wide, true, pool, cancel, scale);
-    step.wide.extent = tree_extent(bounds, scale);
-    if (step.mesh.is_round()) widen(step.wide.extent);
+    step.wide.extent = tree_extent(bounds, scale * growth);
     step.round_leaves = view_leaves(step.wide, step.mesh);
   };
   settle(blas);
-  blas.steps.push_back(step_of(blas));
+  blas.steps.push_back({blas.wide.nodes.data(), view_leaves(blas)});
   for (const auto& step : blas.later) {
     settle(*step);
-    blas.steps.push_back(step_of(*step));
+    blas.steps.push_back({step->wide.nodes.data(), view_leaves(*step)});
   }
 }
 
@@ -107,9 +89,9 @@ constexpr std::size_t kGrain = 32768;  // positions or balls that a task copies
 void check_ball_count(std::size_t given, const Mesh& mesh, const char* function) {
   const std::size_t expected = given_ball_count(mesh);
   if (given == expected) return;
-  const bool is_points = mesh.kind == PrimitiveKind::kPoints;
-  throw InvalidArgument(std::string(function) + ": " + name_of_centres(mesh.kind) + " has " + std::to_string(given) +
-                        " rows but there are " + std::to_string(expected) + (is_points ? " points" : " in all curves") +
+  const PrimitiveNames& names = names_of(mesh.kind);
+  throw InvalidArgument(std::string(function) + ": " + names.vertices + " has " + std::to_string(given) +
+                        " rows but there are " + std::to_string(expected) + " " + names.whose +
                         "; remove them and add the others");
 }
 
@@ -139,13 +121,6 @@ bool gained_radius(const Mesh& mesh, const BallsGiven<T>& balls) noexcept {
   return false;
 }
 
-template <class T>
-Mesh made_again(const Mesh& mesh, const BallsGiven<T>& balls, const char* function) {
-  if (mesh.kind == PrimitiveKind::kPoints) return make_points(balls, function);
-  const std::vector<std::int64_t> offsets(mesh.starts.begin(), mesh.starts.end());
-  return make_curves(balls, offsets, mesh.shape, function, mesh.cyclic_curves());
-}
-
 }  // namespace
 
 template <class T>
@@ -171,10 +146,10 @@ MovedBalls move_balls(const Mesh& mesh, const BallsGiven<T>& given, const std::s
     if (!is_alike) all_alike = false;
   });
   if (all_alike && !gained_radius(mesh, balls)) return {lend_mesh(std::move(moved), spare), true};
-  Mesh anew = made_again(mesh, balls, function);
+  Mesh anew = make_again(mesh, balls, function);
   const bool is_same =
       std::ranges::equal(anew.segments, mesh.segments) && std::ranges::equal(anew.numbers, mesh.numbers);
-  return {std::make_shared<const Mesh>(std::move(anew)), is_same && mesh.kind == PrimitiveKind::kCurves};
+  return {std::make_shared<const Mesh>(std::move(anew)), is_same};
 }
 template <class T>
 std::shared_ptr<const Mesh> balls_at_step(const Mesh& first, const BallsGiven<T>& given, ThreadPool& pool,

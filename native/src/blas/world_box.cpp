@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <span>
 #include <vector>
 
 #include "math/float4.h"
@@ -83,7 +82,10 @@ class Search {
   }
 
   void visit_leaf(std::uint32_t leaf) {
-    if (mesh_.is_round()) return visit_round_leaf(primitives_of(tree_, leaf));
+    with_kind(mesh_.kind, [&](auto kind) { visit_leaf(kind, leaf); });
+  }
+
+  void visit_leaf(TriangleTraits, std::uint32_t leaf) {
     const auto& [x, y, z] = tree_.blocks[leaf].vertices;
     const Eight reaches = along_direction(x, y, z);
     for (std::size_t lane = 0; lane < 8; ++lane) {
@@ -91,12 +93,11 @@ class Search {
     }
   }
 
-  void visit_round_leaf(const std::uint32_t* primitives) {
-    const bool is_curves = mesh_.kind == PrimitiveKind::kCurves;
-    for (const std::uint32_t primitive : std::span(primitives, 8)) {
-      const std::uint32_t first = is_curves ? mesh_.segments[primitive] & kSegmentBall : primitive;
-      visit_ball(mesh_.balls[first]);
-      if (is_curves) visit_ball(mesh_.balls[first + 1]);
+  template <class Kind>
+  void visit_leaf(Kind kind, std::uint32_t leaf) {
+    for (const std::uint32_t primitive : leaves_of(kind, tree_)[leaf].primitives) {
+      visit_ball(Kind::first(mesh_, primitive));
+      if constexpr (Kind::kBalls > 1) visit_ball(Kind::last(mesh_, primitive));
     }
   }
 
@@ -233,25 +234,25 @@ RowRange range_along(Vec3d row, const Aabb& box, double origin = 0) noexcept {
 }
 
 // Around the vertices under a map's linear part, in float: a nanosecond each.
-Box4 turned_box(const Mesh& mesh, const Affine& map) noexcept {
+Box4 turned_box(const AlignedVector<Vec3f>& positions, const Affine& map) noexcept {
   const auto column = [](Vec3d v) {
     return Float4(static_cast<float>(v.x), static_cast<float>(v.y), static_cast<float>(v.z), 0.0f);
   };
   const Float4 x = column(map.x), y = column(map.y), z = column(map.z);
   Box4 box = Box4::empty();
-  for (const Vec3f p : mesh.positions) box.grow(x * Float4(p.x) + y * Float4(p.y) + z * Float4(p.z));
+  for (const Vec3f p : positions) box.grow(x * Float4(p.x) + y * Float4(p.y) + z * Float4(p.z));
   return box;
 }
 
 // The same around balls: beyond its centre a ball reaches its radius times the length of a row.
-Box4 turned_balls(const Mesh& mesh, const Affine& map) noexcept {
+Box4 turned_box(const AlignedVector<Ball>& balls, const Affine& map) noexcept {
   const auto column = [](Vec3d v) {
     return Float4(static_cast<float>(v.x), static_cast<float>(v.y), static_cast<float>(v.z), 0.0f);
   };
   const Float4 x = column(map.x), y = column(map.y), z = column(map.z);
   const Float4 lengths = column({length(row_of(map, 0)), length(row_of(map, 1)), length(row_of(map, 2))});
   Box4 box = Box4::empty();
-  for (const Ball& ball : mesh.balls) {
+  for (const Ball& ball : balls) {
     const Vec3f p = ball.centre;
     const Float4 centre = x * Float4(p.x) + y * Float4(p.y) + z * Float4(p.z), reach = lengths * Float4(ball.radius);
     box.grow({centre - reach, centre + reach});
@@ -297,7 +298,7 @@ Aabb transformed_bounds(const Aabb& box, const Affine& map) noexcept {
 
 Aabb transformed_bounds(const Mesh& mesh, const Aabb& box, const Affine& map) noexcept {
   if (box.is_empty()) return {};
-  const Box4 turned = mesh.is_round() ? turned_balls(mesh, map) : turned_box(mesh, map);
+  const Box4 turned = with_kind(mesh.kind, [&](auto kind) { return turned_box(kind.vertices(mesh), map); });
   alignas(16) float lower[4], upper[4];
   turned.lower.store(lower), turned.upper.store(upper);
   RowRange ranges[3];

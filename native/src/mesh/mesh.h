@@ -52,12 +52,6 @@ using TriangleList = SharedList<TriangleIndices>;
 
 enum class PrimitiveKind : std::uint8_t { kTriangles, kCurves, kPoints };
 
-// "triangles", "curves" or "points".
-[[nodiscard]] constexpr const char* kind_name(PrimitiveKind kind) noexcept {
-  if (kind == PrimitiveKind::kTriangles) return "triangles";
-  return kind == PrimitiveKind::kCurves ? "curves" : "points";
-}
-
 struct Mesh {
   PrimitiveKind kind = PrimitiveKind::kTriangles;
   CurveShape shape = CurveShape::kRound;  // of curves
@@ -76,12 +70,11 @@ struct Mesh {
 
   // Curves or points: balls, and hulls of two of them.
   [[nodiscard]] bool is_round() const noexcept { return kind != PrimitiveKind::kTriangles; }
-  [[nodiscard]] std::size_t primitive_count() const noexcept {
-    if (kind == PrimitiveKind::kTriangles) return triangles.size();
-    return kind == PrimitiveKind::kCurves ? segments.size() : balls.size();
-  }
-  // Of triangles the vertices, else the balls.
-  [[nodiscard]] std::size_t vertex_count() const noexcept { return is_round() ? balls.size() : positions.size(); }
+  // Of triangles, or balls.
+  [[nodiscard]] std::size_t vertex_count() const noexcept { return positions.size() + balls.size(); }
+  // By the kind (mesh/primitive_traits.h).
+  [[nodiscard]] std::size_t primitive_count() const noexcept;
+  [[nodiscard]] Aabb primitive_box(std::size_t index) const noexcept;
   [[nodiscard]] bool moves() const noexcept { return !later.empty(); }
   [[nodiscard]] const Mesh& at_step(std::uint32_t step) const noexcept { return step == 0 ? *this : *later[step - 1]; }
   // Of triangles, at a moment: as a kernel has it.
@@ -90,9 +83,6 @@ struct Mesh {
     if (!moment.is_between()) return a;
     const Vec3f b = at_step(moment.step + 1).positions[vertex];
     return {interpolate(moment, a.x, b.x), interpolate(moment, a.y, b.y), interpolate(moment, a.z, b.z)};
-  }
-  [[nodiscard]] Aabb primitive_box(std::size_t index) const noexcept {
-    return is_round() ? round_box(index) : triangle_box(index);
   }
   [[nodiscard]] std::span<const std::uint8_t> cyclic_curves() const noexcept { return {cyclic.data(), cyclic.size()}; }
   // Its curves' numbers and who is beside whom, but not where they are.
@@ -106,22 +96,6 @@ struct Mesh {
     return positions.size() * sizeof(Vec3f) + triangles.size() * sizeof(TriangleIndices) + balls.size() * sizeof(Ball) +
            (segments.size() + starts.size() + numbers.size()) * sizeof(std::uint32_t) +
            closed.size() * sizeof(ClosedCurve) + cyclic.size();
-  }
-
- private:
-  [[nodiscard]] Aabb triangle_box(std::size_t index) const noexcept {
-    const TriangleIndices t = triangles[index];
-    Aabb box;
-    box.grow(positions[t.x]), box.grow(positions[t.y]), box.grow(positions[t.z]);
-    return box;
-  }
-  // The box of a convex hull is that of what it is the hull of.
-  [[nodiscard]] Aabb round_box(std::size_t index) const noexcept {
-    if (kind == PrimitiveKind::kPoints) return box_of(balls[index]);
-    const SegmentCode first = segments[index] & kSegmentBall;
-    Aabb box = box_of(balls[first]);
-    box.grow(box_of(balls[first + 1]));
-    return box;
   }
 };
 

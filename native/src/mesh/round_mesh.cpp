@@ -4,6 +4,7 @@
 #include <cmath>
 #include <cstdio>
 #include <string>
+#include <vector>
 
 #include "core/errors.h"
 
@@ -142,13 +143,9 @@ void leave_out_points(Mesh& mesh) {
 
 }  // namespace
 
-const char* name_of_centres(PrimitiveKind kind) noexcept {
-  return kind == PrimitiveKind::kPoints ? "centers" : "points";
-}
-
 template <class T>
 void check_balls(const BallsGiven<T>& balls, PrimitiveKind kind, const char* function) {
-  const char* const name = name_of_centres(kind);
+  const char* const name = names_of(kind).vertices;
   if (balls.radii.size() != 1 && balls.radii.size() != balls.centres.size()) {
     refuse(function, "radii must have one entry for each row of " + std::string(name) + ", " +
                          std::to_string(balls.centres.size()) + ", or be one number, got " +
@@ -197,17 +194,20 @@ template Mesh make_curves(const BallsGiven<float>&, std::span<const std::int64_t
 template Mesh make_curves(const BallsGiven<double>&, std::span<const std::int64_t>, CurveShape, const char*,
                           std::span<const std::uint8_t>);
 
-std::size_t given_ball_count(const Mesh& mesh) noexcept {
-  return mesh.numbers.empty() ? mesh.balls.size() : mesh.numbers[mesh.numbers.size() - 1];
+template <class T>
+Mesh make_again(const Mesh& mesh, const BallsGiven<T>& balls, const char* function) {
+  if (mesh.kind == PrimitiveKind::kPoints) return make_points(balls, function);
+  const std::vector<std::int64_t> offsets(mesh.starts.begin(), mesh.starts.end());
+  return make_curves(balls, offsets, mesh.shape, function, mesh.cyclic_curves());
 }
+template Mesh make_again(const Mesh&, const BallsGiven<float>&, const char*);
+template Mesh make_again(const Mesh&, const BallsGiven<double>&, const char*);
 
-std::size_t given_part_count(const Mesh& mesh) noexcept {
-  if (mesh.kind != PrimitiveKind::kCurves) return given_ball_count(mesh);
+std::size_t CurveTraits::part_count(const Mesh& mesh) noexcept {
   return mesh.starts.empty() ? 0 : mesh.starts.size() - 1;  // none of what was flattened
 }
 
-std::size_t left_out_count(const Mesh& mesh) noexcept {
-  if (mesh.kind != PrimitiveKind::kCurves) return given_ball_count(mesh) - mesh.balls.size();
+std::size_t CurveTraits::left_out_count(const Mesh& mesh) noexcept {
   return mesh.balls.size() - (mesh.starts.size() - 1) - mesh.segments.size();
 }
 
@@ -218,7 +218,7 @@ struct PlaceOnCurve {
 };
 
 PlaceOnCurve place_on_curve(const Mesh& mesh, std::uint32_t primitive) noexcept {
-  const std::uint32_t ball = mesh.segments[primitive] & kSegmentBall;
+  const std::uint32_t ball = CurveTraits::first_ball(mesh, primitive);
   const auto after = std::upper_bound(mesh.starts.begin(), mesh.starts.end(), ball);
   const std::uint32_t first = *(after - 1);
   return {static_cast<std::uint32_t>(after - mesh.starts.begin()) - 1, ball - first, *after - first - 1};
@@ -226,14 +226,11 @@ PlaceOnCurve place_on_curve(const Mesh& mesh, std::uint32_t primitive) noexcept 
 
 }  // namespace
 
-std::uint32_t caller_number(const Mesh& mesh, std::uint32_t primitive) noexcept {
-  if (mesh.kind == PrimitiveKind::kCurves) return place_on_curve(mesh, primitive).curve;
-  return mesh.numbers.empty() ? primitive : mesh.numbers[primitive];
+std::uint32_t CurveTraits::caller_number(const Mesh& mesh, std::uint32_t primitive) noexcept {
+  return place_on_curve(mesh, primitive).curve;
 }
 
-float u_along_curve(const Mesh& mesh, std::uint32_t primitive, float u) noexcept {
-  if (mesh.kind == PrimitiveKind::kTriangles) return u;
-  if (mesh.kind == PrimitiveKind::kPoints) return 0.0f;
+float CurveTraits::u_of_part(const Mesh& mesh, std::uint32_t primitive, float u) noexcept {
   const PlaceOnCurve place = place_on_curve(mesh, primitive);
   const double along = static_cast<double>(place.segment) + static_cast<double>(u);
   return static_cast<float>(along / static_cast<double>(place.segment_count));

@@ -6,7 +6,8 @@
 #include <cstdint>
 #include <span>
 
-#include "mesh/mesh.h"
+#include "math/curve_joint.h"
+#include "mesh/primitive_traits.h"
 
 namespace perfect_bvh {
 
@@ -17,9 +18,6 @@ struct BallsGiven {
   std::span<const Vec3<T>> centres;
   std::span<const T> radii;
 };
-
-// What messages call the centres, after what the caller calls them: "centers" of points, "points" of curves.
-[[nodiscard]] const char* name_of_centres(PrimitiveKind kind) noexcept;
 
 // Each ball is a point. Throws InvalidArgument for numbers that are not finite or exceed 1e18, negative radii, as many
 // radii as suit no reading; `function` opens the message.
@@ -34,9 +32,21 @@ template <class T>
 [[nodiscard]] Mesh make_curves(const BallsGiven<T>& balls, std::span<const std::int64_t> offsets, CurveShape shape,
                                const char* function, std::span<const std::uint8_t> cyclic = {});
 
+// Of the same kind, curves of as many balls as there are, from other balls.
+template <class T>
+[[nodiscard]] Mesh make_again(const Mesh& mesh, const BallsGiven<T>& balls, const char* function);
+
 // Throws InvalidArgument for balls that make_points() would not take.
 template <class T>
 void check_balls(const BallsGiven<T>& balls, PrimitiveKind kind, const char* function);
+
+// A mesh's curves or points as formulas take them, times `scale`. moment: of one that moves within the shutter.
+[[nodiscard]] inline RoundList round_list(const Mesh& mesh, const Moment& moment = {}, float scale = 1.0f) noexcept {
+  RoundList list{mesh.at_step(moment.step).balls.data(), mesh.segments.data(), scale, mesh.shape};
+  list.closed = mesh.closed.data(), list.closed_count = mesh.closed.size();
+  if (moment.is_between()) list.later = mesh.at_step(moment.step + 1).balls.data(), list.moment = moment;
+  return list;
+}
 
 // The ball in row i of what was given.
 template <class T>
@@ -48,17 +58,5 @@ template <class T>
     return {to_float(balls.centres[i] - centre), static_cast<float>(radius)};
   }
 }
-
-// How many balls the caller gave, those included that are left out.
-[[nodiscard]] std::size_t given_ball_count(const Mesh& mesh) noexcept;
-// How many curves or points the caller gave.
-[[nodiscard]] std::size_t given_part_count(const Mesh& mesh) noexcept;
-// How many points or segments were left out.
-[[nodiscard]] std::size_t left_out_count(const Mesh& mesh) noexcept;
-
-// The number that the caller knows the point or the segment's curve by; of a triangle its own.
-[[nodiscard]] std::uint32_t caller_number(const Mesh& mesh, std::uint32_t primitive) noexcept;
-// What a hit's u along its segment is along the whole curve, 0 to 1; 0 of a point, the same of a triangle.
-[[nodiscard]] float u_along_curve(const Mesh& mesh, std::uint32_t primitive, float u) noexcept;
 
 }  // namespace perfect_bvh

@@ -6,7 +6,6 @@
 #include <cmath>
 
 #include "math/distance.h"
-#include "mesh/round_mesh.h"
 #include "query/round_surface.h"
 #include "query/trace.h"
 #include "tlas/assemble.h"
@@ -66,8 +65,8 @@ void store(const ClosestColumns& out, std::size_t row, const Snapshot& snapshot,
   if (!found) return;
   const Mesh& mesh = snapshot.instances[nearest.instance_index].blas->mesh;
   out.primitive_ids[row] = static_cast<std::int32_t>(caller_number(mesh, nearest.primitive_index));
-  out.uvs[2 * row] = u_along_curve(mesh, nearest.primitive_index, static_cast<float>(nearest.u));
-  out.uvs[2 * row + 1] = mesh.is_round() ? 0.0f : static_cast<float>(nearest.v);
+  out.uvs[2 * row] = u_of_part(mesh, nearest.primitive_index, static_cast<float>(nearest.u));
+  out.uvs[2 * row + 1] = static_cast<float>(nearest.v);
 }
 
 }  // namespace

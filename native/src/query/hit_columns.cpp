@@ -4,7 +4,6 @@
 #include <array>
 
 #include "math/elementary.h"
-#include "mesh/round_mesh.h"
 #include "query/round_surface.h"
 #include "query/trace.h"
 
@@ -59,7 +58,7 @@ void store_round_identities(const HitColumns& out, const Rows& rows) {
       out.primitive_ids[row] = static_cast<std::int32_t>(caller_number(mesh, hit.primitive_index));
     }
     if (out.uvs) {
-      out.uvs[2 * row] = u_along_curve(mesh, hit.primitive_index, hit.u);
+      out.uvs[2 * row] = u_of_part(mesh, hit.primitive_index, hit.u);
       out.uvs[2 * row + 1] = 0.0f;
     }
   }

@@ -4,7 +4,6 @@
 #include <limits>
 
 #include "math/turning.h"
-#include "mesh/round_mesh.h"
 #include "query/round_surface.h"
 #include "query/trace.h"
 #include "query/tree_boxes.h"
@@ -142,21 +141,13 @@ class Walker {
   void visit_leaf() {
     const std::uint32_t row = next() - kBlockChild;
     const InstanceView& instance = view_.instances[slot().instance];
-    if (view_.motions != nullptr && slot().step != nullptr) {
-      return visit_moving_leaf(instance, row);
-    }
-    if (slot().blocks != nullptr) return test_triangles(slot().blocks[row]);
-    test_round(instance, *instance.round_leaves, row);
-  }
-
-  void visit_moving_leaf(const InstanceView& instance, std::uint32_t row) {
-    if (instance.is_round != 0) return test_round(instance, moving_leaves(slot().step, slot().moment), row);
-    if (!slot().moment.is_between()) return test_triangles(slot().blocks[row]);
-    test_triangles(MovingBlock(slot().step, slot().moment, row, slot().span_slack));
+    const auto test = [&](const auto& leaf) { meet_leaf(instance, leaf, row); };
+    view_.motions != nullptr ? with_leaf<true>(slot(), instance, row, test)
+                             : with_leaf<false>(slot(), instance, row, test);
   }
 
   template <class Leaf>
-  void test_triangles(const Leaf& leaf) {
+  void meet_leaf(const InstanceView& /*instance*/, const Leaf& leaf, std::uint32_t /*row*/) {
     const Waiting here = waiting_[slot().top];
     note(WalkEvent::kEnterLeaf, here);
     const LeafTest test = test_leaf(leaf, slot().triangle);
@@ -181,7 +172,7 @@ class Walker {
   }
 
   // Curves or points; t is where the ray goes in, or if that is hidden out.
-  void test_round(const InstanceView& instance, const RoundLeaves& leaves, std::uint32_t row) {
+  void meet_leaf(const InstanceView& instance, const RoundLeaves& leaves, std::uint32_t row) {
     const Waiting here = waiting_[slot().top];
     note(WalkEvent::kEnterLeaf, here);
     const RoundList& list = leaves.round;

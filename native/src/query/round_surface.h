@@ -6,20 +6,11 @@
 #include "math/aabb.h"
 #include "math/curve_joint.h"
 #include "math/vec3.h"
-#include "mesh/mesh.h"
+#include "mesh/round_mesh.h"
 #include "tlas/instance.h"
 #include "traverse/ray.h"
 
 namespace perfect_bvh {
-
-// A mesh's curves or points as formulas take them, in the mesh's own scale. moment: of one that moves within the
-// shutter.
-[[nodiscard]] inline RoundList round_list(const Mesh& mesh, const Moment& moment = {}) noexcept {
-  RoundList list{mesh.at_step(moment.step).balls.data(), mesh.segments.data(), 1.0f, mesh.shape};
-  list.closed = mesh.closed.data(), list.closed_count = mesh.closed.size();
-  if (moment.is_between()) list.later = mesh.at_step(moment.step + 1).balls.data(), list.moment = moment;
-  return list;
-}
 
 // position: where the hit is in the world at time `from`. Of a triangle the place of the same u and v at time `to`;
 // what is hit of a curve or a point goes with its axis.

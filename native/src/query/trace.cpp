@@ -240,10 +240,6 @@ struct Nearer {
   }
 };
 
-bool is_round(const FoundHit& hit, const Snapshot& snapshot) {
-  return snapshot.instance_views[hit.instance_index].is_round != 0;
-}
-
 // A triangle's t depends on ray and instance only, so its repetitions end up side by side; so do those of either end of
 // the ray's way through a curve or point, which v tells apart.
 std::span<FoundHit> sort_once_each(std::span<FoundHit> hits, const Snapshot& snapshot, CancelToken& cancel) {
@@ -251,7 +247,7 @@ std::span<FoundHit> sort_once_each(std::span<FoundHit> hits, const Snapshot& sna
   std::sort(hits.begin(), hits.end(), Nearer{snapshot, cancel, comparison_count});
   const auto same = [&](const FoundHit& a, const FoundHit& b) {
     return a.instance_index == b.instance_index && a.primitive_index == b.primitive_index &&
-           (a.v == b.v || !is_round(a, snapshot));
+           (a.v == b.v || snapshot.instance_views[a.instance_index].is_round == 0);
   };
   return hits.first(static_cast<std::size_t>(std::unique(hits.begin(), hits.end(), same) - hits.begin()));
 }

@@ -234,10 +234,7 @@ namespace {
 constexpr std::uint32_t kLineCount = 16384;
 
 void add(PrimitiveCounts& counts, const Mesh& mesh) {
-  std::size_t& count = mesh.kind == PrimitiveKind::kTriangles ? counts.triangles
-                       : mesh.kind == PrimitiveKind::kCurves  ? counts.segments
-                                                              : counts.points;
-  count += mesh.primitive_count();
+  with_kind(mesh.kind, [&](auto kind) { counts.*kind.kCounted += kind.count(mesh); });
 }
 
 TreeStatistics describe(const TreeQuality& quality) {
@@ -268,7 +265,7 @@ TreeStatistics describe_mesh(std::int32_t mesh_id, const Blas& blas) {
   TreeStatistics row = describe(was_binary ? blas.quality : measure_wide_quality(blas.wide, blas.mesh));
   row.mesh_id = mesh_id;
   row.builder = builder_name(blas.config.builder);
-  row.kind = kind_name(blas.mesh.kind);
+  row.kind = names_of(blas.mesh.kind).kind;
   row.primitive_count = blas.mesh.primitive_count();
   row.vertex_count = blas.mesh.vertex_count();
   row.left_out_count = left_out_count(blas.mesh);

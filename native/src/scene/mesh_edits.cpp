@@ -1,6 +1,7 @@
 // Edits of a scene's meshes. Each checks all of its input before it changes anything.
 #include <algorithm>
 #include <map>
+#include <string>
 
 #include "blas/make_blas.h"
 #include "blas/moved_mesh.h"
@@ -13,17 +14,12 @@
 namespace perfect_bvh {
 namespace {
 
-const char* update_of(PrimitiveKind kind) noexcept {
-  if (kind == PrimitiveKind::kTriangles) return "update_mesh and replace_mesh are";
-  return kind == PrimitiveKind::kCurves ? "update_curves and replace_curves are"
-                                        : "update_points and replace_points are";
-}
-
 void check_kind(const Mesh& mesh, PrimitiveKind expected, std::int32_t mesh_id, const char* function) {
   if (mesh.kind == expected) return;
+  const std::string editor = names_of(mesh.kind).editor;
   throw InvalidArgument(std::string(function) + ": mesh " + std::to_string(mesh_id) + " must have " +
-                        kind_name(expected) + ", but has " + kind_name(mesh.kind) + "; " + update_of(mesh.kind) +
-                        " for those");
+                        names_of(expected).kind + ", but has " + names_of(mesh.kind).kind + "; update_" + editor +
+                        " and replace_" + editor + " are for those");
 }
 
 void check_can_follow(const BuildConfig& config, std::int32_t mesh_id, const char* function) {
@@ -94,7 +90,8 @@ BallsGiven<T> balls_of_step(const BallsGiven<T>& balls, std::size_t step, std::s
 template <class T>
 void Scene::set_round_motion(std::int32_t mesh_id, PrimitiveKind kind, const BallsGiven<T>& balls,
                              std::span<const std::int64_t> offsets, const StepTimes& times, ThreadPool& pool) {
-  const char* const function = kind == PrimitiveKind::kPoints ? "set_points_motion" : "set_curves_motion";
+  const std::string name = std::string("set_") + names_of(kind).editor + "_motion";
+  const char* const function = name.c_str();
   const std::lock_guard lock(edit_mutex_);
   MeshSlot& slot = find_mesh(mesh_id, function);
   check_kind(slot.held(), kind, mesh_id, function);
@@ -143,7 +140,8 @@ void Scene::replace(MeshSlot& slot, Mesh mesh) {
 template <class T>
 void Scene::update_balls(std::int32_t mesh_id, PrimitiveKind kind, const BallsGiven<T>& balls, ThreadPool& pool) {
   const std::lock_guard lock(edit_mutex_);
-  const char* const function = kind == PrimitiveKind::kPoints ? "update_points" : "update_curves";
+  const std::string name = std::string("update_") + names_of(kind).editor;
+  const char* const function = name.c_str();
   MeshSlot& slot = find_mesh(mesh_id, function);
   check_kind(slot.held(), kind, mesh_id, function);
   move(slot, balls, pool, function);

@@ -238,11 +238,7 @@ InstanceView view_of(const Instance& instance, const Affine& world_to_object) {
   }
   view.nodes = tree.nodes.data();
   view.is_round = instance.blas->mesh.is_round() ? 1 : 0;
-  if (view.is_round != 0) {
-    view.round_leaves = &instance.blas->round_leaves;
-  } else {
-    view.blocks = tree.blocks.data();
-  }
+  view.leaves = view_leaves(*instance.blas);
   view.extent = tree.extent;
   view.root = tree.root;
   view.mask = tree.is_empty ? 0 : instance.mask;
@@ -281,7 +277,7 @@ void make_trace_view(Snapshot& snapshot, ThreadPool& pool, CancelToken& cancel) 
   snapshot.top_step_views.clear();
   const auto add_step = [&](const WideBvh& step) {
     TreeStep step_view;
-    step_view.nodes = step.nodes.data(), step_view.blocks = nullptr;
+    step_view.nodes = step.nodes.data(), step_view.leaves.blocks = nullptr;
     snapshot.top_step_views.push_back(step_view);
   };
   for (const WideBvh& step : snapshot.top_steps) add_step(step);

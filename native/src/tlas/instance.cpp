@@ -65,14 +65,12 @@ bool place_instance(Instance& instance, Placing& placing, const Blas& blas, cons
 
 namespace {
 
-// In world space, at all steps of one that moves. What has no thickness left is no solid: of curves and points nothing
-// remains.
+// In world space, at all steps of one that moves. What has no thickness left is no solid: of balls nothing remains.
 std::shared_ptr<Mesh> flattened(const Mesh& mesh, const Affine& to_world, CancelToken& cancel) {
   auto copy = std::make_shared<Mesh>();
   const Vec3d centre = to_world.point({0, 0, 0});
   copy->kind = mesh.kind;
   copy->centre = centre;
-  if (mesh.is_round()) return copy;
   copy->triangles = mesh.triangles;
   copy->positions.resize(mesh.positions.size());
   for_steps(copy->positions.size(), cancel, [&](std::size_t begin, std::size_t end) {

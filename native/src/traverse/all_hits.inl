@@ -11,7 +11,8 @@ namespace {
 // Lane by lane but for the last triangle's repetitions. Null `hits`: only counts. Returns how many were met, which may
 // be more than there is room for.
 template <class Leaf>
-PERFECT_BVH_INLINE std::size_t take_all(const Slot& slot, const RayBatch& batch, const Leaf& leaf, FoundHit* hits,
+PERFECT_BVH_INLINE std::size_t take_all(const Slot& slot, const InstanceView& /*instance*/, const Leaf& leaf,
+                                        const RayBatch& batch, std::uint32_t /*row*/, FoundHit* hits,
                                         std::size_t room) noexcept {
   const LeafTest test = test_leaf(leaf, slot.triangle);
   if (test.lanes == 0) return 0;
@@ -33,8 +34,8 @@ PERFECT_BVH_INLINE std::size_t take_all(const Slot& slot, const RayBatch& batch,
 }
 
 // The same of curves or points: where a ray goes in (v = 0) and out (v = 1); of ribbons only where it meets them (0).
-inline std::size_t take_all_round(const Slot& slot, const InstanceView& instance, const RoundLeaves& leaves,
-                                  const RayBatch& batch, std::uint32_t row, FoundHit* hits, std::size_t room) noexcept {
+inline std::size_t take_all(const Slot& slot, const InstanceView& instance, const RoundLeaves& leaves,
+                            const RayBatch& batch, std::uint32_t row, FoundHit* hits, std::size_t room) noexcept {
   const RoundList& list = leaves.round;
   const RoundCandidates candidates(leaves, row, slot.local, slot.box.t_min, slot.box.t_limit, instance.extent.reach);
   const RoundRay ray = round_ray(slot.local.origin, slot.local.direction);
@@ -60,24 +61,13 @@ inline std::size_t take_all_round(const Slot& slot, const InstanceView& instance
   return count;
 }
 
-// Of a tree that moves.
-__attribute__((noinline)) std::size_t take_all_moving(const Slot& slot, const InstanceView& instance,
-                                                      const RayBatch& batch, std::uint32_t row, FoundHit* hits,
-                                                      std::size_t room) noexcept {
-  if (instance.is_round != 0) {
-    return take_all_round(slot, instance, moving_leaves(slot.step, slot.moment), batch, row, hits, room);
-  }
-  if (!slot.moment.is_between()) return take_all(slot, batch, slot.blocks[row], hits, room);
-  return take_all(slot, batch, MovingBlock(slot.step, slot.moment, row, slot.span_slack), hits, room);
-}
-
 template <bool kMoves>
 inline std::size_t visit_whole_leaf(const Slot& slot, const SceneView& scene, const RayBatch& batch, std::uint32_t row,
                                     FoundHit* hits, std::size_t room) noexcept {
   const InstanceView& instance = scene.instances[slot.instance];
-  if (kMoves && slot.step != nullptr) return take_all_moving(slot, instance, batch, row, hits, room);
-  if (slot.blocks != nullptr) return take_all(slot, batch, slot.blocks[row], hits, room);
-  return take_all_round(slot, instance, *instance.round_leaves, batch, row, hits, room);
+  return with_leaf<kMoves>(slot, instance, row, [&](const auto& leaf) __attribute__((always_inline)) {
+    return take_all(slot, instance, leaf, batch, row, hits, room);
+  });
 }
 
 // How many hits the slot's ray has; those for which there is room are written to `hits` unless it is null.

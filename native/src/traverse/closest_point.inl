@@ -229,7 +229,7 @@ __attribute__((noinline)) void visit_moving_triangles(PointSearch& search, const
                                                       const PointTree& tree, std::uint32_t row,
                                                       std::uint32_t index) noexcept {
   const InstanceView& instance = search.scene.instances[index];
-  if (!tree.moment.is_between()) return visit_triangles(search, frame, tree.step->blocks[row], index);
+  if (!tree.moment.is_between()) return visit_triangles(search, frame, tree.step->leaves.blocks[row], index);
   visit_triangles(search, frame, MovingBlock(tree.step, tree.moment, row, span_slack(instance)), index);
 }
 
@@ -267,6 +267,7 @@ inline void search_instance(PointSearch& search, std::uint32_t index) noexcept {
   const PointTree tree = tree_of(search.scene, instance, search.query.time);
   PointFrame frame;
   make_frame(frame, place, static_cast<double>(instance.scale), search.query.position, instance.extent);
+  const LeafBlock* const blocks = blocks_of(instance);
   const std::size_t bottom = search.top;
   search.stack[search.top++] = {0.0, instance.root};
   while (search.top > bottom) {
@@ -277,14 +278,17 @@ inline void search_instance(PointSearch& search, std::uint32_t index) noexcept {
     } else if (search.pace.should_stop()) {
       search.top = 0;
       return;
-    } else if (const std::uint32_t row = entry.child - kBlockChild; tree.step != nullptr && instance.is_round == 0) {
-      visit_moving_triangles(search, frame, tree, row, index);
-    } else if (instance.is_round == 0) {
-      visit_triangles(search, frame, instance.blocks[row], index);
+    } else if (const std::uint32_t row = entry.child - kBlockChild; blocks != nullptr) {
+      if (tree.step != nullptr) {
+        visit_moving_triangles(search, frame, tree, row, index);
+      } else {
+        visit_triangles(search, frame, blocks[row], index);
+      }
     } else {
       const RoundFrame round(place, search.query.position);
       const bool moves = tree.step != nullptr;
-      visit_rounds(search, round, moves ? moving_leaves(tree.step, tree.moment) : *instance.round_leaves, index, row);
+      visit_rounds(search, round, moves ? moving_leaves(tree.step, tree.moment) : *instance.leaves.round_leaves, index,
+                   row);
     }
   }
 }

@@ -303,7 +303,7 @@ PERFECT_BVH_INLINE void test_leaf_together(Packet& packet, PacketLevel& level, c
 template <bool kAny>
 __attribute__((noinline)) bool test_round_leaf_alone(Packet& packet, const PacketLevel& level, std::uint32_t row,
                                                      unsigned i) noexcept {
-  const RoundLeaves& leaves = *level.instance->round_leaves;
+  const RoundLeaves& leaves = *level.instance->leaves.round_leaves;
   ObjectRay local;  // without its time, which only candidates ask for
   for (int axis = 0; axis < 3; ++axis) {
     local.origin[axis] = packet.local_rays.origin[axis][i],

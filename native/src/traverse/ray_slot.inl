@@ -58,7 +58,7 @@ inline void set_limit(Slot& slot) noexcept {
 
 // Null: it is over curves or points.
 inline const LeafBlock* blocks_of(const InstanceView& instance) noexcept {
-  return instance.is_round != 0 ? nullptr : instance.blocks;
+  return instance.is_round != 0 ? nullptr : instance.leaves.blocks;
 }
 
 // No hit yet.
@@ -156,7 +156,7 @@ inline void take_tree_step(Slot& slot, const SceneView& scene, const InstanceVie
   const MotionView& motion = scene.motions[instance.motion - 1];
   if (motion.trees == nullptr) return;
   take_step(slot, motion.trees, moment_at(motion.tree_times, time));
-  if (instance.is_round == 0) slot.blocks = slot.step->blocks;
+  if (slot.blocks != nullptr) slot.blocks = slot.step->leaves.blocks;
   slot.span_slack = span_slack(instance);
 }
 

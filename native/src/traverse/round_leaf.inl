@@ -285,7 +285,7 @@ struct MovingBlock {
   float span;
 
   PERFECT_BVH_INLINE MovingBlock(const TreeStep* step, const Moment& at, std::uint32_t row, float slack) noexcept
-      : from(step[0].blocks[row]), to(step[1].blocks[row]), moment(at), primitives(from.primitives) {
+      : from(step[0].leaves.blocks[row]), to(step[1].leaves.blocks[row]), moment(at), primitives(from.primitives) {
     span = 0.0f;  // of a leaf that is a point it is no number
     if (span_bound(from) > span) span = span_bound(from);
     if (span_bound(to) > span) span = span_bound(to);
@@ -309,7 +309,18 @@ inline float coordinate(const MovingBlock& block, int lane, int corner, int axis
 
 // Curves or points at a moment: those of a step, with the next step's balls.
 PERFECT_BVH_INLINE RoundLeaves moving_leaves(const TreeStep* step, const Moment& moment) noexcept {
-  RoundLeaves leaves = *step[0].round_leaves;
-  if (moment.is_between()) leaves.round.later = step[1].round_leaves->round.balls, leaves.round.moment = moment;
+  RoundLeaves leaves = *step[0].leaves.round_leaves;
+  if (moment.is_between()) leaves.round.later = step[1].leaves.round_leaves->round.balls, leaves.round.moment = moment;
   return leaves;
+}
+
+// The slot's leaf, as what it is: body(a LeafBlock or MovingBlock), or body(RoundLeaves) of what is in its row.
+template <bool kMoves, class Body>
+PERFECT_BVH_INLINE auto with_leaf(const Slot& slot, const InstanceView& instance, std::uint32_t row,
+                                  const Body& body) noexcept {
+  if (kMoves && slot.step != nullptr) {
+    if (slot.blocks == nullptr) return body(moving_leaves(slot.step, slot.moment));
+    if (slot.moment.is_between()) return body(MovingBlock(slot.step, slot.moment, row, slot.span_slack));
+  }
+  return slot.blocks == nullptr ? body(*instance.leaves.round_leaves) : body(slot.blocks[row]);
 }

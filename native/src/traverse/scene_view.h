@@ -16,13 +16,16 @@ namespace perfect_bvh {
 
 struct RoundLeaves;
 
+// The leaves of a tree, by its mesh's kind.
+union LeafView {
+  const LeafBlock* blocks;          // of triangles
+  const RoundLeaves* round_leaves;  // of curves and points
+};
+
 // A tree at one step: all steps of a tree have the same nodes and leaves, with the boxes and vertices of their time.
 struct TreeStep {
   const WideNode* nodes;
-  union {
-    const LeafBlock* blocks;  // as in an InstanceView
-    const RoundLeaves* round_leaves;
-  };
+  LeafView leaves;
 };
 
 // Of an instance that moves: itself, its mesh, or both. What rays read of it is one line of the cache.
@@ -54,10 +57,7 @@ struct alignas(64) InstanceView {
   // Columns x, y, z, translation, from the scene's scale to the tree's; the fourth row is 0.
   alignas(32) double world_to_local[4][4];
   const WideNode* nodes;
-  union {
-    const LeafBlock* blocks;          // of triangles
-    const RoundLeaves* round_leaves;  // of curves and points
-  };
+  LeafView leaves;
   TreeExtent extent;
   std::uint32_t root;
   std::uint32_t mask;  // 0 for an instance over nothing

@@ -53,8 +53,8 @@ PERFECT_BVH_INLINE void fetch_next(const Slot& slot, std::uint32_t next) noexcep
   for (int line = 0; line < 4; ++line) __builtin_prefetch(lines + 64 * line);
   if constexpr (kMoves) {  // the next step's, of which three lines are read
     if (slot.later_nodes == nullptr) return;
-    const char* const later =
-        is_block ? reinterpret_cast<const char*>(slot.step[1].blocks) : reinterpret_cast<const char*>(slot.later_nodes);
+    const char* const later = is_block ? reinterpret_cast<const char*>(slot.step[1].leaves.blocks)
+                                       : reinterpret_cast<const char*>(slot.later_nodes);
     const char* const later_lines = later + row * (is_block ? sizeof(LeafBlock) : sizeof(WideNode));
     for (int line = 0; line < 3; ++line) __builtin_prefetch(later_lines + 64 * line);
   }
@@ -164,7 +164,7 @@ __attribute__((noinline)) void fetch_round_leaves(const Stream& stream) noexcept
   for (std::size_t i = 0; i < stream.leaf_count; ++i) {
     Slot& slot = *stream.at_leaf[i];
     if (slot.blocks != nullptr) continue;
-    const RoundLeaves& leaves = *stream.scene.instances[slot.instance].round_leaves;
+    const RoundLeaves& leaves = *stream.scene.instances[slot.instance].leaves.round_leaves;
     const std::uint32_t row = stack_of(slot)[slot.top] - kBlockChild;
     if (leaves.curves != nullptr) {
       __builtin_prefetch(&leaves.curves[row]), __builtin_prefetch(&leaves.curves[row].corner);
@@ -175,7 +175,7 @@ __attribute__((noinline)) void fetch_round_leaves(const Stream& stream) noexcept
   for (std::size_t i = 0; has_points && i < stream.leaf_count; ++i) {
     Slot& slot = *stream.at_leaf[i];
     if (slot.blocks != nullptr) continue;
-    const RoundLeaves& leaves = *stream.scene.instances[slot.instance].round_leaves;
+    const RoundLeaves& leaves = *stream.scene.instances[slot.instance].leaves.round_leaves;
     if (leaves.curves != nullptr) continue;
     const PointLeaf& leaf = leaves.points[stack_of(slot)[slot.top] - kBlockChild];
     for (const std::uint32_t primitive : leaf.primitives) __builtin_prefetch(&leaves.round.balls[primitive]);

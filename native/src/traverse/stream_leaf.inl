@@ -78,7 +78,7 @@ PERFECT_BVH_INLINE void visit_moving_block(Stream& stream, Slot& slot, std::uint
 // Of a tree that moves, any other leaf.
 template <bool kAny, bool kCounts>
 __attribute__((noinline)) void visit_moving_leaf(Stream& stream, Slot& slot, std::uint32_t row) noexcept {
-  if (stream.scene.instances[slot.instance].is_round != 0) {
+  if (slot.blocks == nullptr) {
     return visit_round_leaf<kAny, kCounts>(stream, slot, moving_leaves(slot.step, slot.moment), row);
   }
   visit_leaf<kAny, kCounts>(stream, slot, slot.blocks[row]);
@@ -91,5 +91,5 @@ PERFECT_BVH_INLINE void visit_any_leaf(Stream& stream, Slot& slot, std::uint32_t
     return visit_moving_leaf<kAny, kCounts>(stream, slot, row);
   }
   if (slot.blocks != nullptr) return visit_leaf<kAny, kCounts>(stream, slot, slot.blocks[row]);
-  visit_round_leaf<kAny, kCounts>(stream, slot, *stream.scene.instances[slot.instance].round_leaves, row);
+  visit_round_leaf<kAny, kCounts>(stream, slot, *stream.scene.instances[slot.instance].leaves.round_leaves, row);
 }

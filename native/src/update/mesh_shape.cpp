@@ -12,28 +12,6 @@ namespace perfect_bvh {
 namespace {
 
 constexpr std::size_t kSamples = 4096;
-constexpr double kSolid = 3;  // halves of a box's surface, of triangles that leave no air in it
-
-// Half the surface of a box along a segment, round its larger ball: what is around a ball cannot be cut away.
-double round_area(const Mesh& mesh, std::size_t index) noexcept {
-  const bool is_point = mesh.kind == PrimitiveKind::kPoints;
-  const std::size_t row = is_point ? index : mesh.segments[index] & kSegmentBall;
-  const Ball &first = mesh.balls[row], &last = mesh.balls[is_point ? row : row + 1];
-  const double width = 2 * static_cast<double>(std::max(first.radius, last.radius));
-  return kSolid * width * width + 2 * width * length(to_double(last.centre) - to_double(first.centre));
-}
-
-double triangle_area(const Mesh& mesh, std::size_t index) noexcept {
-  const TriangleIndices t = mesh.triangles[index];
-  const Vec3d a = to_double(mesh.positions[t.x]), b = to_double(mesh.positions[t.y]),
-              c = to_double(mesh.positions[t.z]);
-  return 0.5 * length(cross(b - a, c - a));
-}
-
-// Half the surface of the boxes that are left of a primitive's, however it is cut.
-double solid_area(const Mesh& mesh, std::size_t index) noexcept {
-  return mesh.is_round() ? round_area(mesh, index) : kSolid * triangle_area(mesh, index);
-}
 
 Aabb box_of(const AlignedVector<Vec3f>& positions, CancelToken& cancel) {
   Box4 box = Box4::empty();
@@ -75,10 +53,12 @@ double measure_tree_sample(const Mesh& mesh, ThreadPool& pool) {
 double measure_air(const Mesh& mesh, CancelToken& cancel) {
   const std::size_t step = std::max<std::size_t>(1, mesh.primitive_count() / kSamples);
   double sum = 0;
-  for (std::size_t i = 0; i < mesh.primitive_count(); i += step) {
-    sum += std::max(half_area(mesh.primitive_box(i)) - solid_area(mesh, i), 0.0);
-  }
-  const Aabb whole = mesh.is_round() ? box_of(mesh.balls, cancel) : box_of(mesh.positions, cancel);
+  const Aabb whole = with_kind(mesh.kind, [&](auto kind) {
+    for (std::size_t i = 0; i < kind.count(mesh); i += step) {
+      sum += std::max(half_area(kind.box(mesh, i)) - kind.solid_area(mesh, i), 0.0);
+    }
+    return box_of(kind.vertices(mesh), cancel);
+  });
   const double area = whole.is_empty() ? 0 : half_area(whole);
   return area > 0 ? sum * static_cast<double>(step) / area : 0;
 }

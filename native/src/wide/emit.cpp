@@ -168,10 +168,7 @@ constexpr std::uint32_t kSubtreeSize = 8192;  // binary nodes below what is one 
 class Emitter {
  public:
   Emitter(const Plan& plan, const Mesh* mesh, WideBvh& wide)
-      : plan_(plan),
-        mesh_(mesh),
-        triangles_(mesh != nullptr && !mesh->is_round() ? mesh->triangles.data() : nullptr),
-        wide_(wide) {}
+      : plan_(plan), mesh_(mesh), triangles_(mesh != nullptr ? mesh->triangles.data() : nullptr), wide_(wide) {}
 
   // What a subtree will need.
   [[nodiscard]] Totals count(const Part& part) {
@@ -253,13 +250,9 @@ class Emitter {
     if (mesh_ == nullptr) return instance_of(binary);
     primitive_count_ = 0;
     collect(binary);
-    if (mesh_->kind == PrimitiveKind::kPoints) {
-      wide_.point_leaves[next_leaf_] = make_point_leaf(primitives_.data(), primitive_count_);
-    } else if (mesh_->kind == PrimitiveKind::kCurves) {
-      wide_.curve_leaves[next_leaf_] = make_curve_leaf(primitives_.data(), primitive_count_, *mesh_, wide_.scale);
-    } else {
-      wide_.blocks[next_leaf_] = make_leaf_block(primitives_.data(), primitive_count_, *mesh_, wide_.scale);
-    }
+    with_kind(mesh_->kind, [&](auto kind) {
+      leaves_of(kind, wide_)[next_leaf_] = make_leaf(kind, primitives_.data(), primitive_count_, *mesh_, wide_.scale);
+    });
     return kBlockChild + next_leaf_++;
   }
 

@@ -104,9 +104,10 @@ void cut_runs(const Mesh& mesh, const TriangleOrder& order, Runs& runs, Scratch&
   });
 }
 
-// The blocks of the chunk whose first triangle stands in place `begin`, from row `row` on.
-void fill_blocks(const Mesh& mesh, const TriangleOrder& order, std::size_t begin, std::span<const std::uint8_t> sizes,
-                 const Runs& runs, std::size_t row, MortonLeaves& leaves) noexcept {
+// The leaves of the chunk whose first triangle stands in place `begin`, from row `row` on.
+void fill_leaves(TriangleTraits, const Mesh& mesh, const TriangleOrder& order, std::size_t begin,
+                 std::span<const std::uint8_t> sizes, const Runs& runs, std::size_t row,
+                 MortonLeaves& leaves) noexcept {
   for (const std::uint8_t size : sizes) {
     LeafBlock& block = leaves.tree.blocks[row];
     const RunContents run(mesh, order, begin, size, &runs.corners[3 * begin], &runs.way_back[3 * begin]);
@@ -117,21 +118,19 @@ void fill_blocks(const Mesh& mesh, const TriangleOrder& order, std::size_t begin
   }
 }
 
-// The same for curves and points.
-void fill_round_leaves(const Mesh& mesh, const TriangleOrder& order, std::size_t begin,
-                       std::span<const std::uint8_t> sizes, std::size_t row, MortonLeaves& leaves) noexcept {
+// The same for kinds whose leaves hold no vertices.
+template <class Kind>
+void fill_leaves(Kind kind, const Mesh& mesh, const TriangleOrder& order, std::size_t begin,
+                 std::span<const std::uint8_t> sizes, const Runs& /*runs*/, std::size_t row,
+                 MortonLeaves& leaves) noexcept {
   for (const std::uint8_t size : sizes) {
     std::array<std::uint32_t, kLeafSize> numbers;
     Aabb box;
     for (std::size_t i = 0; i < size; ++i) {
       numbers[i] = order.triangle(begin + i);
-      box.grow(mesh.primitive_box(numbers[i]));
+      box.grow(Kind::box(mesh, numbers[i]));
     }
-    if (mesh.kind == PrimitiveKind::kPoints) {
-      leaves.tree.point_leaves[row] = make_point_leaf(numbers.data(), size);
-    } else {
-      leaves.tree.curve_leaves[row] = make_curve_leaf(numbers.data(), size, mesh, leaves.tree.scale);
-    }
+    leaves_of(kind, leaves.tree)[row] = make_leaf(kind, numbers.data(), size, mesh, leaves.tree.scale);
     const Float4 scale(leaves.tree.scale);
     const Box4 scaled{load_xyz(&box.lower) * scale, load_xyz(&box.upper) * scale};
     leaves.boxes[row++] = make_cluster(with_positive_zeros(scaled), order.code(begin), order.code(begin + size - 1));
@@ -139,9 +138,9 @@ void fill_round_leaves(const Mesh& mesh, const TriangleOrder& order, std::size_t
   }
 }
 
-void check_count(std::size_t count, bool is_round) {
+void check_count(std::size_t count, bool has_corners) {
   constexpr std::size_t kMostNumbers = std::numeric_limits<std::int32_t>::max();
-  const std::size_t most = is_round ? kMostNumbers : std::min(kMostNumbers, kMostCutTriangles);
+  const std::size_t most = has_corners ? std::min(kMostNumbers, kMostCutTriangles) : kMostNumbers;
   if (count <= most) return;
   throw EngineError("the fast builder takes at most " + std::to_string(most) + " primitives of this kind, got " +
                     std::to_string(count) + "; choose another builder, or divide the mesh");
@@ -151,10 +150,10 @@ void check_count(std::size_t count, bool is_round) {
 
 MortonLeaves make_morton_leaves(const Mesh& mesh, Scratch& tree_memory, ThreadPool& pool, CancelToken& cancel) {
   const std::size_t count = mesh.primitive_count();
-  check_count(count, mesh.is_round());
+  check_count(count, !mesh.triangles.empty());
   const std::size_t vertex_memory = mesh.positions.size() * sizeof(std::uint32_t);  // of a thread
   Scratch scratch;
-  scratch.expect(order_byte_count(count) + (mesh.is_round() ? count : 16 * count + vertex_memory));
+  scratch.expect(order_byte_count(count) + count + 15 * mesh.triangles.size() + vertex_memory);
   const TriangleOrder order = order_triangles(mesh, scratch, pool, cancel);
   MortonLeaves leaves;
   leaves.bounds = to_aabb(order.bounds);
@@ -170,11 +169,7 @@ MortonLeaves make_morton_leaves(const Mesh& mesh, Scratch& tree_memory, ThreadPo
   for_chunks(pool, count, kRunChunk, cancel, [&](std::size_t begin, std::size_t end) {
     const std::size_t chunk = begin / kRunChunk, row = first_leaves[chunk];
     const auto sizes = runs.sizes.subspan(begin, runs.counts[chunk]);
-    if (mesh.is_round()) {
-      fill_round_leaves(mesh, order, begin, sizes, row, leaves);
-    } else {
-      fill_blocks(mesh, order, begin, sizes, runs, row, leaves);
-    }
+    with_kind(mesh.kind, [&](auto kind) { fill_leaves(kind, mesh, order, begin, sizes, runs, row, leaves); });
     cancel.advance(2 * (end - begin));  // what is left takes little: there is no binary tree
   });
   return leaves;

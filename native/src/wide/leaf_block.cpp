@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <bit>
+#include <type_traits>
 
 #include "math/float4.h"
 #include "math/sorting_network.h"
@@ -51,8 +52,8 @@ Box4 write_vertices(LeafBlock& block, const std::uint32_t* vertices, const Mesh&
   return box;
 }
 
-LeafBlock make_leaf_block(const std::uint32_t* primitives, std::uint32_t count, const Mesh& mesh,
-                          float scale) noexcept {
+LeafBlock make_leaf(TriangleTraits, const std::uint32_t* primitives, std::uint32_t count, const Mesh& mesh,
+                    float scale) noexcept {
   LeafBlock block;
   write_sorted(primitives, count, block.primitives);
   const TriangleIndices* const triangles = mesh.triangles.data();
@@ -69,16 +70,11 @@ LeafBlock make_leaf_block(const std::uint32_t* primitives, std::uint32_t count, 
   return block;
 }
 
-PointLeaf make_point_leaf(const std::uint32_t* primitives, std::uint32_t count) noexcept {
-  PointLeaf leaf;
-  write_sorted(primitives, count, leaf.primitives);
-  return leaf;
-}
-
 // Curve leaf ----------------------------------------------------------------------------------------------------------
-// How exact it is, in steps. A coordinate is subtracted, multiplied and rounded to a whole number: with u = 2^-24 that
-// moves it by less than .5 + 3 * 1024 u < .5002 on each axis, so a centre by less than .8664. A radius grows by more:
-// by .8671, the products' roundings, and to the next whole number.
+// Leaves over curves: each segment's capsule in whole steps, eight side by side. How exact it is, in steps. A
+// coordinate is subtracted, multiplied and rounded to a whole number: with u = 2^-24 that moves it by less than .5 + 3
+// * 1024 u < .5002 on each axis, so a centre by less than .8664. A radius grows by more: by .8671, the products'
+// roundings, and to the next whole number.
 
 namespace {
 
@@ -108,13 +104,13 @@ void write_words(const Float4* rows, const CurveLeaf& leaf, std::uint32_t* words
   (rounded(0) | rounded(1) << 10 | rounded(2) << 20).store(words);
 }
 
-}  // namespace
-
-void write_axes(CurveLeaf& leaf, const Mesh& mesh, float scale) noexcept {
+// Where what a leaf holds is now.
+void move_leaf(PointLeaf& /*leaf*/, const Mesh& /*mesh*/, float /*scale*/) noexcept {}
+void move_leaf(CurveLeaf& leaf, const Mesh& mesh, float scale) noexcept {
   std::array<Float4, 8> first, last;
   Box4 box = Box4::empty();  // of the centres; the fourth: of the radii
   for (std::size_t lane = 0; lane < 8; ++lane) {
-    const Ball* const ball = &mesh.balls[mesh.segments[leaf.primitives[lane]] & kSegmentBall];
+    const Ball* const ball = &CurveTraits::first(mesh, leaf.primitives[lane]);
     first[lane] = Float4::load(ball) * Float4(scale), last[lane] = Float4::load(ball + 1) * Float4(scale);
     box.grow(first[lane]), box.grow(last[lane]);
   }
@@ -137,12 +133,14 @@ void write_axes(CurveLeaf& leaf, const Mesh& mesh, float scale) noexcept {
   }
 }
 
-CurveLeaf make_curve_leaf(const std::uint32_t* primitives, std::uint32_t count, const Mesh& mesh,
-                          float scale) noexcept {
+}  // namespace
+
+CurveLeaf make_leaf(CurveTraits, const std::uint32_t* primitives, std::uint32_t count, const Mesh& mesh,
+                    float scale) noexcept {
   CurveLeaf leaf{};
   write_sorted(primitives, count, leaf.primitives);
   leaf.lanes = (1u << count) - 1;
-  write_axes(leaf, mesh, scale);
+  move_leaf(leaf, mesh, scale);
   return leaf;
 }
 
@@ -182,8 +180,8 @@ Box4 write_vertices(const VertexNumbers& numbers, const Vec3f* positions, Float4
   return {box.lower + zero, box.upper + zero};
 }
 
-void refit_blocks(const WideBvh& from, const LeafVertices& vertices, const Mesh& mesh,
-                  std::span<const std::uint32_t> rows, WideBvh& to, Box4* boxes) noexcept {
+void refit(TriangleTraits, const WideBvh& from, const LeafVertices& vertices, const Mesh& mesh,
+           std::span<const std::uint32_t> rows, WideBvh& to, Box4* boxes) noexcept {
   const Vec3f* const positions = mesh.positions.data();
   const Float4 scale(to.scale);
   const bool is_copy = &from != &to;
@@ -205,11 +203,12 @@ void refit_blocks(const WideBvh& from, const LeafVertices& vertices, const Mesh&
 
 // Leaves of curves and points --------------------------------------------------------------------------------------
 
-// Of curves and points, eight of them.
+// Of eight of them.
+template <class Kind>
 Box4 round_box_of(const std::uint32_t* primitives, const Mesh& mesh, Float4 scale) noexcept {
   Box4 box = Box4::empty();
   for (std::size_t lane = 0; lane < 8; ++lane) {
-    const Aabb one = mesh.primitive_box(primitives[lane]);
+    const Aabb one = Kind::box(mesh, primitives[lane]);
     box.grow({load_xyz(&one.lower), load_xyz(&one.upper)});
   }
   const Float4 zero(0.0f);
@@ -217,41 +216,28 @@ Box4 round_box_of(const std::uint32_t* primitives, const Mesh& mesh, Float4 scal
 }
 
 // From a leaf to its balls there are two steps through memory for points, three for curves, each of which knows where
-// the next one goes. `move(row)` writes the leaf.
+// the next one goes.
 constexpr std::size_t kLeafAhead = 24, kSegmentsAhead = 16, kBallsAhead = 8;
 
-template <class Leaf, class Move>
-void refit_round_leaves(const AlignedVector<Leaf>& leaves, const Mesh& mesh, std::span<const std::uint32_t> rows,
-                        float scale, Box4* boxes, const Move& move) noexcept {
-  const bool is_curves = mesh.kind == PrimitiveKind::kCurves;
+template <class Kind>
+void refit(Kind kind, const WideBvh& from, const LeafVertices& /*vertices*/, const Mesh& mesh,
+           std::span<const std::uint32_t> rows, WideBvh& to, Box4* boxes) noexcept {
+  const auto* const leaves = leaves_of(kind, from).data();
+  auto* const moved = leaves_of(kind, to).data();
+  const bool is_copy = &from != &to;
+  const Float4 scale(to.scale);
   const auto numbers_at = [&](std::size_t i) { return std::span(leaves[rows[i]].primitives); };
   for (std::size_t i = 0; i < rows.size(); ++i) {
     if (i + kLeafAhead < rows.size()) fetch(numbers_at(i + kLeafAhead).data());
-    if (is_curves && i + kSegmentsAhead < rows.size()) {
+    if (std::is_same_v<Kind, CurveTraits> && i + kSegmentsAhead < rows.size()) {
       for (const std::uint32_t primitive : numbers_at(i + kSegmentsAhead)) fetch(&mesh.segments[primitive]);
     }
     if (i + kBallsAhead < rows.size()) {
-      for (const std::uint32_t primitive : numbers_at(i + kBallsAhead)) {
-        fetch(&mesh.balls[is_curves ? mesh.segments[primitive] & kSegmentBall : primitive]);
-      }
+      for (const std::uint32_t primitive : numbers_at(i + kBallsAhead)) fetch(&Kind::first(mesh, primitive));
     }
-    boxes[i] = round_box_of(numbers_at(i).data(), mesh, Float4(scale));
-    move(rows[i]);
-  }
-}
-
-void refit_round_leaves(const WideBvh& from, const Mesh& mesh, std::span<const std::uint32_t> rows, WideBvh& to,
-                        Box4* boxes) noexcept {
-  const bool is_copy = &from != &to;
-  if (!from.curve_leaves.empty()) {
-    refit_round_leaves(from.curve_leaves, mesh, rows, to.scale, boxes, [&](std::uint32_t row) {
-      if (is_copy) to.curve_leaves[row] = from.curve_leaves[row];
-      write_axes(to.curve_leaves[row], mesh, to.scale);
-    });
-  } else {
-    refit_round_leaves(from.point_leaves, mesh, rows, to.scale, boxes, [&](std::uint32_t row) {
-      if (is_copy) to.point_leaves[row] = from.point_leaves[row];
-    });
+    boxes[i] = round_box_of<Kind>(numbers_at(i).data(), mesh, scale);
+    if (is_copy) moved[rows[i]] = leaves[rows[i]];
+    move_leaf(moved[rows[i]], mesh, to.scale);
   }
 }
 
@@ -259,11 +245,7 @@ void refit_round_leaves(const WideBvh& from, const Mesh& mesh, std::span<const s
 
 void refit_leaves(const WideBvh& from, const LeafVertices& vertices, const Mesh& mesh,
                   std::span<const std::uint32_t> rows, WideBvh& to, Box4* boxes) noexcept {
-  if (mesh.is_round()) {
-    refit_round_leaves(from, mesh, rows, to, boxes);
-  } else {
-    refit_blocks(from, vertices, mesh, rows, to, boxes);
-  }
+  with_kind(mesh.kind, [&](auto kind) { refit(kind, from, vertices, mesh, rows, to, boxes); });
 }
 
 }  // namespace perfect_bvh

@@ -19,8 +19,7 @@ struct LeafRoom {
   const TriangleIndices* triangles = nullptr;  // null: vertices do not count
 
   LeafRoom() noexcept = default;
-  explicit LeafRoom(const Mesh& mesh) noexcept
-      : most(SmallSet::kMost), triangles(mesh.is_round() ? nullptr : mesh.triangles.data()) {}
+  explicit LeafRoom(const Mesh& mesh) noexcept : most(SmallSet::kMost), triangles(mesh.triangles.data()) {}
 
   [[nodiscard]] bool holds(std::span<const std::uint32_t> numbers) const noexcept {
     if (numbers.size() > most) return false;
@@ -36,14 +35,15 @@ struct LeafRoom {
 
 // So many leaves of the mesh's kind.
 inline void make_room_for_leaves(const Mesh& mesh, std::size_t count, WideBvh& tree) {
-  tree.blocks.resize(mesh.kind == PrimitiveKind::kTriangles ? count : 0);
-  tree.curve_leaves.resize(mesh.kind == PrimitiveKind::kCurves ? count : 0);
-  tree.point_leaves.resize(mesh.kind == PrimitiveKind::kPoints ? count : 0);
+  for_each_kind([&](auto kind) { leaves_of(kind, tree).clear(); });
+  with_kind(mesh.kind, [&](auto kind) { leaves_of(kind, tree).resize(count); });
 }
 
-// From 1 to 8 different triangles over at most 8 vertices, in any order. Positions are taken times `scale`.
-[[nodiscard]] LeafBlock make_leaf_block(const std::uint32_t* primitives, std::uint32_t count, const Mesh& mesh,
-                                        float scale) noexcept;
+// From 1 to 8 different primitives, triangles over at most 8 vertices, in any order. Positions are taken times `scale`.
+[[nodiscard]] LeafBlock make_leaf(TriangleTraits, const std::uint32_t* primitives, std::uint32_t count,
+                                  const Mesh& mesh, float scale) noexcept;
+[[nodiscard]] CurveLeaf make_leaf(CurveTraits, const std::uint32_t* primitives, std::uint32_t count, const Mesh& mesh,
+                                  float scale) noexcept;
 
 // One of a mesh's positions in a register; what stands behind it is in the fourth lane.
 [[nodiscard]] inline Float4 load_position(const Vec3f* position) noexcept {
@@ -62,21 +62,16 @@ Box4 write_vertices(LeafBlock& block, const std::uint32_t* vertices, const Mesh&
 // places past count repeat the last number.
 void write_sorted(const std::uint32_t* numbers, std::uint32_t count, std::uint32_t* sorted) noexcept;
 
-// From 1 to 8 different points, in any order.
-[[nodiscard]] PointLeaf make_point_leaf(const std::uint32_t* primitives, std::uint32_t count) noexcept;
-
-// Curve leaf ----------------------------------------------------------------------------------------------------------
-// Leaves over curves: each segment's capsule in whole steps, eight side by side.
-
-// From 1 to 8 different segments, in any order. Balls are taken times `scale`.
-[[nodiscard]] CurveLeaf make_curve_leaf(const std::uint32_t* primitives, std::uint32_t count, const Mesh& mesh,
-                                        float scale) noexcept;
-
-// Where the segments of a leaf whose primitives are known are now.
-void write_axes(CurveLeaf& leaf, const Mesh& mesh, float scale) noexcept;
+template <class Kind>
+[[nodiscard]] PointLeaf make_leaf(Kind, const std::uint32_t* primitives, std::uint32_t count, const Mesh& /*mesh*/,
+                                  float /*scale*/) noexcept {
+  PointLeaf leaf;
+  write_sorted(primitives, count, leaf.primitives);
+  return leaf;
+}
 
 // Leaf refit ----------------------------------------------------------------------------------------------------------
-// The leaves of a wide tree, moved to where their triangles are now.
+// The leaves of a wide tree, moved to where their primitives are now.
 
 // Writes to `to` what the leaves in these rows of `from` (it may be the same tree) become over the mesh's positions, in
 // the scale of `to`, and to `boxes` the box of each: with positive zeros, and fourth lanes that mean nothing.

@@ -39,7 +39,7 @@ Runs make_room_for_runs(const Mesh& mesh, Scratch& scratch) {
   const std::size_t count = mesh.primitive_count();
   runs.sizes = scratch.take<std::uint8_t>(count);
   runs.counts = scratch.take<std::uint32_t>((count + kRunChunk - 1) / kRunChunk);
-  const std::size_t corner_count = mesh.is_round() ? 0 : 3 * count;
+  const std::size_t corner_count = 3 * mesh.triangles.size();
   runs.corners = scratch.take<std::uint32_t>(corner_count + kCornersAhead);
   std::fill(runs.corners.end() - kCornersAhead, runs.corners.end(), 0u);
   runs.way_back = scratch.take<std::uint8_t>(corner_count);
@@ -138,7 +138,7 @@ using Key = std::uint64_t;
 }
 
 // With fourth lanes that mean nothing.
-[[nodiscard]] Box4 box_of_triangle(const Mesh& mesh, std::size_t i) noexcept {
+[[nodiscard]] Box4 box_of(TriangleTraits, const Mesh& mesh, std::size_t i) noexcept {
   const TriangleIndices corners = mesh.triangles[i];
   const Vec3f* const positions = mesh.positions.data();
   const Float4 first = load_position(positions + corners.x);
@@ -148,43 +148,44 @@ using Key = std::uint64_t;
   return box;
 }
 
-[[nodiscard]] Box4 box_of_round(const Mesh& mesh, std::size_t i) noexcept {
-  const Aabb box = mesh.primitive_box(i);
+template <class Kind>
+[[nodiscard]] Box4 box_of(Kind, const Mesh& mesh, std::size_t i) noexcept {
+  const Aabb box = Kind::box(mesh, i);
   return {load_xyz(&box.lower), load_xyz(&box.upper)};
 }
 
-// Of all balls.
-[[nodiscard]] Box4 measure_round_space(const Mesh& mesh, ThreadPool& pool, CancelToken& cancel) {
-  AlignedVector<Box4> chunks(chunk_count_of(mesh.balls.size()));
-  for_chunks(pool, mesh.balls.size(), kItemsBetweenAsking, cancel, [&](std::size_t begin, std::size_t end) {
-    Aabb all;
-    for (std::size_t i = begin; i < end; ++i) all.grow(box_of(mesh.balls[i]));
-    chunks[begin / kItemsBetweenAsking] = {load_xyz(&all.lower), load_xyz(&all.upper)};
+[[nodiscard]] Box4 box_around(std::span<const Ball> balls) noexcept {
+  Aabb box;
+  for (const Ball& ball : balls) box.grow(box_of(ball));
+  return {load_xyz(&box.lower), load_xyz(&box.upper)};
+}
+
+[[nodiscard]] Box4 box_around(std::span<const Vec3f> positions) noexcept {
+  Box4 box = Box4::empty();
+  for (const Vec3f& position : positions) box.grow(load_position(&position));
+  return box;
+}
+
+// Of all vertices, or balls.
+template <class Vertex>
+[[nodiscard]] Box4 measure_space(const AlignedVector<Vertex>& all, ThreadPool& pool, CancelToken& cancel) {
+  AlignedVector<Box4> chunks(chunk_count_of(all.size()));
+  for_chunks(pool, all.size(), kItemsBetweenAsking, cancel, [&](std::size_t begin, std::size_t end) {
+    chunks[begin / kItemsBetweenAsking] = box_around(std::span(all).subspan(begin, end - begin));
   });
   return join(chunks);
 }
 
-// Of all vertices.
-[[nodiscard]] Box4 measure_space(const Mesh& mesh, ThreadPool& pool, CancelToken& cancel) {
-  AlignedVector<Box4> chunks(chunk_count_of(mesh.positions.size()));
-  for_chunks(pool, mesh.positions.size(), kItemsBetweenAsking, cancel, [&](std::size_t begin, std::size_t end) {
-    Box4 box = Box4::empty();
-    for (std::size_t i = begin; i < end; ++i) box.grow(load_position(&mesh.positions[i]));
-    chunks[begin / kItemsBetweenAsking] = box;
-  });
-  return join(chunks);
-}
-
-// Writes a key for every primitive, with cells that divide `space`; returns the box of all. box_at: of a primitive.
-template <Box4 (*box_at)(const Mesh&, std::size_t) noexcept>
-[[nodiscard]] Box4 write_keys(const Mesh& mesh, const Box4& space, std::span<Key> keys, ThreadPool& pool,
+// Writes a key for every primitive, with cells that divide `space`; returns the box of all.
+template <class Kind>
+[[nodiscard]] Box4 write_keys(Kind kind, const Mesh& mesh, const Box4& space, std::span<Key> keys, ThreadPool& pool,
                               CancelToken& cancel) {
   const MortonGrid grid(space);
   AlignedVector<Box4> chunks(chunk_count_of(keys.size()));
   for_chunks(pool, keys.size(), kItemsBetweenAsking, cancel, [&](std::size_t begin, std::size_t end) {
     Box4 all = Box4::empty();
     for (std::size_t i = begin; i < end; ++i) {
-      const Box4 box = box_at(mesh, i);
+      const Box4 box = box_of(kind, mesh, i);
       all.grow(box);
       keys[i] = Key{grid.code(MortonGrid::center(box))} << 32 | i;
     }
@@ -197,14 +198,15 @@ template <Box4 (*box_at)(const Mesh&, std::size_t) noexcept>
 
 TriangleOrder order_triangles(const Mesh& mesh, Scratch& scratch, ThreadPool& pool, CancelToken& cancel) {
   TriangleOrder order;
-  const Box4 space = mesh.is_round() ? measure_round_space(mesh, pool, cancel) : measure_space(mesh, pool, cancel);
-  const auto write = mesh.is_round() ? write_keys<box_of_round> : write_keys<box_of_triangle>;
   const auto keys = scratch.take<Key>(mesh.primitive_count()), second = scratch.take<Key>(mesh.primitive_count());
-  order.bounds = write(mesh, space, keys, pool, cancel);
-  // Loose vertices far away would leave all triangles in a few cells.
-  if (longest_side(order.bounds) < 0.5f * longest_side(space)) {
-    static_cast<void>(write(mesh, order.bounds, keys, pool, cancel));
-  }
+  with_kind(mesh.kind, [&](auto kind) {
+    const Box4 space = measure_space(kind.vertices(mesh), pool, cancel);
+    order.bounds = write_keys(kind, mesh, space, keys, pool, cancel);
+    // Loose vertices far away would leave all triangles in a few cells.
+    if (longest_side(order.bounds) < 0.5f * longest_side(space)) {
+      static_cast<void>(write_keys(kind, mesh, order.bounds, keys, pool, cancel));
+    }
+  });
   order.sorted = radix_sort(keys, second, 32, kMortonBits, pool, cancel);
   return order;
 }

@@ -16,7 +16,7 @@
 #include "math/aabb.h"
 #include "math/float4.h"
 #include "math/slab.h"
-#include "mesh/mesh.h"
+#include "mesh/primitive_traits.h"
 
 namespace perfect_bvh {
 
@@ -71,11 +71,16 @@ struct alignas(64) CurveLeaf {
 };
 static_assert(sizeof(CurveLeaf) == 128 && std::is_trivially_copyable_v<CurveLeaf>);
 
-// Of points, which are read from the mesh.
+// Of what is read from the mesh, as points are.
 struct alignas(32) PointLeaf {
   std::uint32_t primitives[8];  // as in a block
 };
 static_assert(sizeof(PointLeaf) == 32 && std::is_trivially_copyable_v<PointLeaf>);
+
+// Which of a tree's leaves are of a kind: numbers alone, if it has none of its own.
+constexpr auto& leaves_of(auto /*kind*/, auto& tree) noexcept { return tree.point_leaves; }
+constexpr auto& leaves_of(TriangleTraits, auto& tree) noexcept { return tree.blocks; }
+constexpr auto& leaves_of(CurveTraits, auto& tree) noexcept { return tree.curve_leaves; }
 
 struct WideBvh {
   AlignedVector<WideNode> nodes;

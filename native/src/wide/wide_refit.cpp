@@ -195,9 +195,7 @@ WideCosts refit_wide(const WideBvh& from, const RefitPlan& plan, const Mesh& mes
   }
   cancel.throw_if_stopped();
   to.nodes.resize(from.nodes.size());
-  to.blocks.resize(from.blocks.size());
-  to.curve_leaves.resize(from.curve_leaves.size());
-  to.point_leaves.resize(from.point_leaves.size());
+  for_each_kind([&](auto kind) { leaves_of(kind, to).resize(leaves_of(kind, from).size()); });
   to.root = from.root, to.depth = from.depth, to.is_empty = from.is_empty, to.repeats_triangles = false;
   to.scale = scale.value_or(from.scale), to.extent = from.extent;
   if (from.is_empty) return {};

@@ -280,37 +280,24 @@ void Appearance::check_materials() const {
 }
 
 void Appearance::check_fits(const Instance& instance, const MeshAttributes& attributes) const {
-  if (instance.blas->mesh.is_round()) return check_fits_round(instance, attributes);
-  const std::size_t count = instance.blas->mesh.primitive_count();
-  const auto check = [&](std::size_t rows, const char* name) {
-    if (rows == 0 || rows == count) return;
-    const std::string mesh = "meshes[" + std::to_string(instance.mesh_id) + "].";
-    require(false, mesh + name + " has " + std::to_string(rows) + " rows but the mesh has " + std::to_string(count) +
-                       " triangles; read the mesh's attributes again after it changes");
-  };
-  check(attributes.material_slots.size(), "material_slots");
-  check(attributes.corner_normals.size() / 3, "corner_normals");
-  for (const auto& map : attributes.uv_maps) check(map.size() / 3, "corner_uvs");
-  for (const auto& colors : attributes.corner_colors) check(colors.size() / 3, "corner_colors");
-}
-
-void Appearance::check_fits_round(const Instance& instance, const MeshAttributes& attributes) {
   const Mesh& mesh = instance.blas->mesh;
-  const std::size_t count = given_part_count(mesh);
-  const bool is_curves = mesh.kind == PrimitiveKind::kCurves;
+  const std::size_t count = part_count_of(mesh);
+  const std::size_t corners = with_kind(mesh.kind, [](auto kind) { return kind.kCorners; });
   const auto check = [&](std::size_t rows, const char* name, std::size_t other) {
     if (rows == 0 || rows == count || rows == other) return;
-    std::string expected = std::to_string(count) + (is_curves ? " curves" : " points");
+    std::string expected = std::to_string(count) + " " + names_of(mesh.kind).kind;
     if (other != count) expected += " and " + std::to_string(other) + " control points";
     require(false, "meshes[" + std::to_string(instance.mesh_id) + "]." + name + " has " + std::to_string(rows) +
                        " rows but the mesh has " + expected + "; read the mesh's attributes again after it changes");
   };
   const auto offsets = attributes.curve_offsets;
-  if (!offsets.empty()) check(offsets.size() - 1, "curve_offsets", count);
-  const std::size_t points = offsets.empty() || !is_curves ? count : static_cast<std::size_t>(offsets.back());
+  if (!offsets.empty() && corners == 1) check(offsets.size() - 1, "curve_offsets", count);
+  const bool has_points = !offsets.empty() && mesh.kind == PrimitiveKind::kCurves;
+  const std::size_t points = has_points ? static_cast<std::size_t>(offsets.back()) : count;
   check(attributes.material_slots.size(), "material_slots", count);
-  for (const auto& map : attributes.uv_maps) check(map.size(), "corner_uvs", points);
-  for (const auto& colors : attributes.corner_colors) check(colors.size(), "corner_colors", points);
+  if (corners > 1) check(attributes.corner_normals.size() / corners, "corner_normals", count);
+  for (const auto& map : attributes.uv_maps) check(map.size() / corners, "corner_uvs", points);
+  for (const auto& colors : attributes.corner_colors) check(colors.size() / corners, "corner_colors", points);
 }
 
 std::int32_t Appearance::material_of(const Instance& instance, std::uint32_t primitive) const {
@@ -323,7 +310,7 @@ std::int32_t Appearance::material_of(const Instance& instance, std::uint32_t pri
   if (const auto* attributes = attributes_of(instance); attributes && !attributes->material_slots.empty()) {
     check_fits(instance, *attributes);
     const Mesh& mesh = instance.blas->mesh;
-    slot = attributes->material_slots[mesh.is_round() ? caller_number(mesh, primitive) : primitive];
+    slot = attributes->material_slots[caller_number(mesh, primitive)];
   }
   // A triangle may name a slot that its object lacks: as in Blender, the last one then counts.
   return slot_materials[static_cast<std::size_t>(first + std::clamp(slot, 0, count - 1))];

@@ -198,7 +198,6 @@ struct Appearance {
     return index < rows.size() ? rows[index] : -1;
   }
   [[nodiscard]] bool is_hole(std::int32_t material) const noexcept;
-  static void check_fits_round(const Instance& instance, const MeshAttributes& attributes);
   void check_tables() const;
   void check_materials() const;
 

@@ -8,7 +8,6 @@
 #include <vector>
 
 #include "math/elementary.h"
-#include "mesh/round_mesh.h"
 #include "query/round_surface.h"
 
 namespace perfect_bvh {
@@ -28,10 +27,10 @@ template <class T>
 T round_layer_at(const Mesh& mesh, const MeshAttributes& attributes, std::span<const T> layer,
                  const Hit& hit) noexcept {
   const std::size_t part = caller_number(mesh, hit.primitive_index);
-  if (layer.size() == given_part_count(mesh)) return layer[part];
+  if (layer.size() == part_count_of(mesh)) return layer[part];
   const auto first = static_cast<std::size_t>(attributes.curve_offsets[part]);
   const std::size_t spans = static_cast<std::size_t>(attributes.curve_offsets[part + 1]) - first - 1;
-  const float along = u_along_curve(mesh, hit.primitive_index, hit.u) * static_cast<float>(spans);
+  const float along = u_of_part(mesh, hit.primitive_index, hit.u) * static_cast<float>(spans);
   const std::size_t span = std::min(static_cast<std::size_t>(std::max(along, 0.0f)), spans - 1);
   const float u = along - static_cast<float>(span);
   return mixed(layer[first + span], 1.0f - u, layer[first + span + 1], u);
