@@ -52,6 +52,8 @@ def paint_older_sky(model: str, elevation: float, turbidity: float, albedo: floa
     latitudes = ((np.arange(_HEIGHT)[:, None] + 0.5) / _HEIGHT - 0.5) * math.pi
     # Left and right of the sun it is the same: one half is worked out, away from the sun.
     beside = (np.arange(_WIDTH // 2) + 0.5) / _WIDTH * 2.0 * math.pi
+    if model == "HOSEK_WILKIE":
+        elevation = max(elevation, 0.0)
     cosine = np.cos(latitudes) * np.cos(beside) * math.cos(elevation) + np.sin(latitudes) * math.sin(elevation)
     up = np.sin(np.maximum(latitudes, _LOWEST))
     shown = _preetham if model == "PREETHAM" else _hosek_wilkie
@@ -85,7 +87,7 @@ def _hosek_wilkie(up: Floats, cosine: Floats, elevation: float, turbidity: float
     low = min(int(turbidity), len(table) - 1)
     by_albedo = table[low - 1] + (table[low] - table[low - 1]) * (turbidity - low)
     points = by_albedo[0] + (by_albedo[1] - by_albedo[0]) * albedo
-    place = (max(elevation, 0.0) / (math.pi / 2.0)) ** (1.0 / 3.0)
+    place = (elevation / (math.pi / 2.0)) ** (1.0 / 3.0)
     weights = [math.comb(5, i) * place**i * (1.0 - place) ** (5 - i) for i in range(6)]
     sums = np.einsum("i,cik->ck", weights, points)
     return np.stack([_radiance(up, cosine, one[:2], one[2:9], 0.01) * one[9] for one in sums], axis=-1)
