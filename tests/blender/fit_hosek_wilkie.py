@@ -1,16 +1,17 @@
-"""Finds the coefficients of Hosek and Wilkie's sky in images of Cycles, and writes addon/extract/looks/hosek_wilkie.npy.
+"""Finds Hosek and Wilkie's coefficients in images of Cycles, and writes addon/extract/looks/hosek_wilkie.npy.
 
 PYTHONPATH=tests python tests/blender/fit_hosek_wilkie.py, with `bpy`. Takes some minutes.
 
 The formula holds for X, Y and Z; its coefficients are Bezier curves of the sun's elevation, and linear in turbidity and
-albedo. So the points of one turbidity and albedo are fitted to twelve elevations at once, by the method of Levenberg and
-Marquardt, beginning with those of a neighbour. Many sets of points give nearly the same images: images at turbidities
+albedo. So the points of one turbidity and albedo are fitted to twelve elevations at once, by Levenberg and Marquardt's
+method, beginning with those of a neighbour. Many sets of points give nearly the same images: images at turbidities
 and albedos half way between choose among them.
 """
 
 from __future__ import annotations
 
 import math
+import sys
 from itertools import product
 from pathlib import Path
 from typing import Any
@@ -156,7 +157,7 @@ def fit_alone(seen: dict[tuple[float, float], np.ndarray], random: np.random.Gen
                 if error < GOOD:
                     found[node] = points
                     break
-        print(f"turn {turn}: {len(found)} of {len(nodes)}", flush=True)
+        sys.stderr.write(f"turn {turn}: {len(found)} of {len(nodes)}\n")
         if len(found) == len(nodes):
             break
     table = np.zeros((10, 2, 3, 6, 10))
@@ -186,7 +187,7 @@ def fit_between(table: np.ndarray, seen: dict[tuple[float, float], np.ndarray]) 
             blocks.append((seen[turbidity + 1, 0.5], channel, 0.5, rest))
             table[turbidity, albedo, channel], error = fit(table[turbidity, albedo, channel], blocks, 20)
             worst = max(worst, error)
-        print(f"between, turn {turn}: {worst:.1e}", flush=True)
+        sys.stderr.write(f"between, turn {turn}: {worst:.1e}\n")
 
 
 def main() -> None:

@@ -103,5 +103,5 @@ def _radiance(up: Floats, cosine: Floats, spread: Floats, glow: Floats, lift: fl
 
 @lru_cache(maxsize=1)
 def _read_table() -> Floats:
-    """(10, 2, 3, 6, 10): by turbidity, albedo 0 and 1, and X, Y, Z: Bezier's points of nine coefficients and a factor."""
+    """(10, 2, 3, 6, 10): by turbidity, albedo 0 and 1, and X, Y, Z: Bezier's points of nine coefficients, a factor."""
     return np.load(Path(__file__).with_name("hosek_wilkie.npy")).astype(np.float64)
