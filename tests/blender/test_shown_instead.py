@@ -232,18 +232,3 @@ def test_the_hair_bsdf_is_a_surface_of_its_colour(component: str, translucency: 
 def test_modes_that_show_no_materials_name_none(material: Any) -> None:
     into_color(material)
     assert read_scene(evaluated()).not_shown == ()
-
-
-@pytest.mark.parametrize("model", ["PREETHAM", "HOSEK_WILKIE"])
-def test_older_skies_are_named(model: str) -> None:
-    bpy.ops.wm.read_factory_settings(use_empty=True)
-    world = bpy.context.scene.world = bpy.data.worlds.new("World")
-    world.use_nodes = True
-    sky = world.node_tree.nodes.new("ShaderNodeTexSky")
-    world.node_tree.links.new(sky.outputs[0], world.node_tree.nodes["Background"].inputs[0])
-    for kind, is_named in (("", False), (model, True)):
-        sky.sky_type = kind or sky.sky_type
-        name = sky.bl_rna.properties["sky_type"].enum_items[sky.sky_type].name
-        expected = f"the model {name} of Sky Texture is not shown; Single Scattering is, and not as bright everywhere"
-        texts = [row.text for row in rows() if row.kind == "world"]
-        assert texts == ([expected] if is_named else [])

@@ -9,4 +9,5 @@ lobes        shares of a surface that mirror, refract, or let light through
 images       pixels, read once
 lights       lights and the world
 sky          Sky Texture
+older_skies  its two oldest models
 """

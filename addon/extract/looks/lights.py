@@ -15,9 +15,9 @@ from ...sync.look_records import ImageRecord, LightRecords, WorldRecord
 from ...sync.not_shown import NotShown
 from ..visibility import VisibilityReader
 from .images import ImageReader
-from .node_graph import GROUPS, Omissions, Scope, find_output, name_of, trace_back
+from .node_graph import GROUPS, Omissions, Scope, find_output, trace_back
 from .node_values import HALF, ValueReader
-from .sky import name_of_older_model, read_sky
+from .sky import read_sky
 from .values import BLENDS, Value, constant
 
 _KINDS = {"POINT": "point", "SUN": "sun", "SPOT": "spot"}
@@ -91,11 +91,6 @@ def _read_world(world: Any, images: ImageReader, omissions: Omissions) -> WorldR
     if sky is not None:
         node, strength = sky
         shown, rotation = read_sky(node)
-        older = name_of_older_model(node)
-        if older is not None:
-            omissions.note(
-                f"the model {older} of {name_of(node)}", "Single Scattering is, and not as bright everywhere"
-            )
         images.records.append(ImageRecord(node.name, 0, shown.pixels, "repeat"))
         return WorldRecord((strength,) * 3, len(images.records) - 1, rotation)
     lit, seen = (ValueReader(images, constant(*plain.color), omissions, is_camera) for is_camera in (False, True))

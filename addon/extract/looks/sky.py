@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from .older_skies import paint_older_sky
 from .values import tristimulus_curves, xyz_to_rgb
 
 Floats = npt.NDArray[np.float64]
@@ -46,9 +47,6 @@ _OF_SUN, _OF_SKY, _LESS_DUST = np.array([0.034, 0.0465, 0.031]), np.array([0.076
 _DISC = {False: (0.805, np.array([0.95, 1.0, 0.1])), True: (0.9125, np.array([1.1, 0.32, 1.1]))}
 # How much brighter than that the air before the ground is, which lights it from nearby.
 _ABOVE_GROUND = 1.35
-# How bright Blender's older models are beside this one, by channels.
-_OLDER_MODELS = {"PREETHAM": (0.148, 0.16, 0.189), "HOSEK_WILKIE": (0.0185, 0.0245, 0.029)}
-_NEWER = (1.0, 1.0, 1.0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,23 +68,20 @@ class Sky:
 
 def read_sky(node: Any) -> tuple[Sky, float]:
     """Of a Sky Texture node of any Blender and model; and how far it is turned, from +Y to +X, in radians."""
-    older = _OLDER_MODELS.get(node.sky_type)
-    if older is not None:
+    if node.sky_type in {"PREETHAM", "HOSEK_WILKIE"}:
         x, y, z = node.sun_direction
-        elevation, rotation = math.atan2(z, math.hypot(x, y)), math.atan2(x, y)
-        return _make(elevation, 0.0, 1.0, node.turbidity / 2.2, 1.0, older, None, False), rotation
+        elevation = math.atan2(z, math.hypot(x, y))
+        return _make_older(node.sky_type, elevation, node.turbidity, node.ground_albedo), math.atan2(x, y)
     dust = node.aerosol_density if hasattr(node, "aerosol_density") else node.dust_density
     disc = (node.sun_size, node.sun_intensity) if node.sun_disc else None
     densities = (node.air_density, dust, node.ozone_density)
     is_multiple = node.sky_type == "MULTIPLE_SCATTERING"
-    return _make(node.sun_elevation, node.altitude, *densities, _NEWER, disc, is_multiple), node.sun_rotation
+    return _make(node.sun_elevation, node.altitude, *densities, disc, is_multiple), node.sun_rotation
 
 
-def name_of_older_model(node: Any) -> str | None:
-    """Blender's name of the node's model if it is one of those that are shown as another one."""
-    if node.sky_type not in _OLDER_MODELS:
-        return None
-    return str(node.bl_rna.properties["sky_type"].enum_items[node.sky_type].name)
+@lru_cache(maxsize=2)
+def _make_older(model: str, elevation: float, turbidity: float, albedo: float) -> Sky:
+    return Sky(paint_older_sky(model, elevation, turbidity, albedo), None)
 
 
 @lru_cache(maxsize=8)
@@ -96,7 +91,6 @@ def _make(
     air: float,
     dust: float,
     ozone: float,
-    scale: tuple[float, float, float],
     disc: tuple[float, float] | None,
     is_multiple: bool,
 ) -> Sky:
@@ -109,9 +103,9 @@ def _make(
     if is_multiple:  # below the horizon is the air before a dark ground
         pixels[:, :, :3] = _light_along(eye, latitudes, towards_sun, densities, is_multiple)
         pixels[: _HEIGHT // 2, :, :3] *= _ABOVE_GROUND
-    else:  # the sky fades away; the oldest go on
-        rows = _light_along(eye, np.array([0.0, *above]), towards_sun, densities, is_multiple) * np.array(scale)
-        fading = np.clip(1.0 + np.sin(below) * 2.5, 0.0, 1.0) ** 3 if scale == _NEWER else np.ones_like(below)
+    else:  # the sky fades away
+        rows = _light_along(eye, np.array([0.0, *above]), towards_sun, densities, is_multiple)
+        fading = np.clip(1.0 + np.sin(below) * 2.5, 0.0, 1.0) ** 3
         pixels[_HEIGHT // 2 :, :, :3] = rows[1:]
         pixels[: _HEIGHT // 2, :, :3] = fading[:, None, None] * rows[0]
     if disc is None or elevation <= -disc[0]:

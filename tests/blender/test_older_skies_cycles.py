@@ -1,0 +1,85 @@
+"""The Sky Texture's models Preetham and Hosek / Wilkie, direction by direction, compared with Cycles."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+import pytest
+
+bpy = pytest.importorskip("bpy")
+
+import perfect_bvh_addon  # noqa: E402
+from oracles.cycles import FILTER_WIDTH, preserved, render_noisy  # noqa: E402
+from perfect_bvh_addon.live.sync_cache import clear_syncs  # noqa: E402
+
+WIDTH, HEIGHT = 32, 16
+FINER = 27  # our pixels in each of Cycles', of which it has the middle alone
+# Elevation, azimuth, turbidity, albedo.
+SUNS = [
+    (90.0, 0.0, 2.2, 0.3),
+    (75.0, 10.0, 3.0, 0.0),
+    (60.0, 100.0, 1.5, 0.5),
+    (52.0, -130.0, 10.0, 1.0),
+    (45.0, 45.0, 4.5, 0.8),
+    (33.0, -60.0, 6.3, 0.25),
+    (25.0, 170.0, 2.5, 1.0),
+    (16.0, 20.0, 8.7, 0.1),
+    (9.0, -20.0, 3.4, 0.6),
+    (4.0, 80.0, 5.5, 0.0),
+    (1.0, -100.0, 2.0, 0.9),
+    (-6.0, 30.0, 2.2, 0.5),
+]
+
+
+@pytest.fixture
+def sky() -> Iterator[Any]:
+    """A Sky Texture that is all that a panorama shows."""
+    perfect_bvh_addon.register()
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    scene = bpy.context.scene
+    bpy.ops.object.camera_add(rotation=(math.pi / 2, 0.0, 0.0))
+    scene.camera = bpy.context.object
+    scene.camera.data.type, scene.camera.data.panorama_type = "PANO", "EQUIRECTANGULAR"
+    world = scene.world = bpy.data.worlds.new("World")
+    world.use_nodes = True
+    sky = world.node_tree.nodes.new("ShaderNodeTexSky")
+    world.node_tree.links.new(sky.outputs[0], world.node_tree.nodes["Background"].inputs["Color"])
+    yield sky
+    clear_syncs()
+    perfect_bvh_addon.unregister()
+
+
+def set_up(sky: Any, model: str, degrees: float, azimuth: float, turbidity: float, albedo: float) -> None:
+    elevation, around = math.radians(degrees), math.radians(azimuth)
+    sky.sky_type, sky.turbidity, sky.ground_albedo = model, turbidity, albedo
+    flat = math.cos(elevation)
+    sky.sun_direction = (flat * math.sin(around), flat * math.cos(around), math.sin(elevation))
+
+
+def render_middles(scene: Any, engine: str, finer: int) -> np.ndarray:
+    """(HEIGHT, WIDTH, 3): what comes from the directions of a coarse panorama's pixels."""
+    with preserved(
+        (scene.render, "resolution_x", WIDTH * finer),
+        (scene.render, "resolution_y", HEIGHT * finer),
+        (scene.cycles, "samples", 1),
+        (scene.cycles, "use_adaptive_sampling", False),
+        (scene.cycles, "use_denoising", False),
+        (scene.cycles, "filter_width", FILTER_WIDTH),
+        (scene.perfect_bvh, "samples", 4),
+        (scene.perfect_bvh, "use_noise_threshold", False),
+    ):
+        return render_noisy(scene, engine)[finer // 2 :: finer, finer // 2 :: finer, :3]
+
+
+@pytest.mark.parametrize("sun", SUNS)
+@pytest.mark.parametrize("model", ["PREETHAM", "HOSEK_WILKIE"])
+def test_an_older_sky_is_that_of_cycles_in_each_direction(sky: Any, model: str, sun: tuple[float, ...]) -> None:
+    """Within 2 % in each channel, but for what is no more than a five-hundredth of the brightest."""
+    set_up(sky, model, *sun)
+    theirs = render_middles(bpy.context.scene, "CYCLES", 1)
+    ours = render_middles(bpy.context.scene, "PERFECT_BVH", FINER)
+    assert theirs.max() > 0.0
+    assert ours == pytest.approx(theirs, rel=0.02, abs=0.002 * theirs.max())
