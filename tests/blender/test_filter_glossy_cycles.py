@@ -15,6 +15,7 @@ bpy = pytest.importorskip("bpy")
 
 import perfect_bvh_addon  # noqa: E402
 from blender.node_setups import new_red, shader  # noqa: E402
+from blender.spheres import add_uv_sphere  # noqa: E402
 from oracles.cycles import render_beside  # noqa: E402
 from perfect_bvh_addon.live.sync_cache import clear_syncs  # noqa: E402
 
@@ -28,7 +29,7 @@ def floor() -> Iterator[Any]:
     bpy.ops.wm.read_factory_settings(use_empty=True)
     scene = bpy.context.scene
     bpy.ops.mesh.primitive_plane_add(size=20.0)
-    bpy.ops.mesh.primitive_uv_sphere_add(segments=64, ring_count=32, radius=2.0, location=(0.0, 0.0, 2.2))
+    add_uv_sphere(segments=64, ring_count=32, radius=2.0, location=(0.0, 0.0, 2.2))
     ball = bpy.context.object
     ball.data.shade_smooth()
     glass = new_red("Glass")

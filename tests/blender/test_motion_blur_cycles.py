@@ -14,6 +14,7 @@ import pytest
 bpy = pytest.importorskip("bpy")
 
 from blender.builders import camera_object  # noqa: E402
+from blender.spheres import add_uv_sphere  # noqa: E402
 from oracles.cycles import FILTER_WIDTH, preserved, render_beside, render_image, write_multilayer  # noqa: E402
 from oracles.exr import read_exr  # noqa: E402
 
@@ -234,7 +235,7 @@ def test_vectors_take_the_short_way_over_the_seam_of_a_panorama(scene: Any) -> N
     else:
         data.cycles.panorama_type = "EQUIRECTANGULAR"
     bpy.data.objects["Cube"].hide_render = True
-    bpy.ops.mesh.primitive_uv_sphere_add(radius=50.0, location=scene.camera.location)  # seen all round
+    add_uv_sphere(radius=50.0, location=scene.camera.location)  # seen all round
     turns = {}
     for frame, angle in ((1, -0.2), (9, 0.2)):
         scene.camera.rotation_euler.z = angle

@@ -13,6 +13,7 @@ import pytest
 bpy = pytest.importorskip("bpy")
 
 from blender.builders import SQUARE, instances_on_grid, mesh_data, mesh_object, object_info  # noqa: E402
+from blender.spheres import add_uv_sphere  # noqa: E402
 from bpy_extras.object_utils import world_to_camera_view  # noqa: E402
 from mathutils import Vector  # noqa: E402
 from oracles.cycles import render_beside  # noqa: E402
@@ -186,7 +187,7 @@ def test_what_is_hidden_or_held_out_looks_as_in_cycles(scene, change, film_trans
 )
 def test_shiny_things_shine_as_in_cycles(scene, metallic: float, roughness: float, tolerance: float) -> None:
     """A ball before cubes, under an area light: highlights, and what it mirrors."""
-    bpy.ops.mesh.primitive_uv_sphere_add(radius=1.3, location=(3.2, 0.5, 1.3), segments=48, ring_count=24)
+    add_uv_sphere(radius=1.3, location=(3.2, 0.5, 1.3), segments=48, ring_count=24)
     bpy.ops.object.shade_smooth()
     material = bpy.data.materials.new("Shiny")
     material.use_nodes = True

@@ -16,6 +16,7 @@ import pytest
 
 bpy = pytest.importorskip("bpy")
 
+from blender.spheres import add_uv_sphere  # noqa: E402
 from oracles.cycles import preserved, render_noisy  # noqa: E402
 from perfect_bvh_addon import SceneSync  # noqa: E402
 from perfect_bvh_addon.settings.scene_settings import read_light_paths  # noqa: E402
@@ -37,7 +38,7 @@ def principled(color: tuple[float, float, float], metallic: float, roughness: fl
 
 
 def ball(place: tuple[float, float, float], radius: float, material: bpy.types.Material) -> None:
-    bpy.ops.mesh.primitive_uv_sphere_add(radius=radius, location=place, segments=32, ring_count=16)
+    add_uv_sphere(radius=radius, location=place, segments=32, ring_count=16)
     bpy.ops.object.shade_smooth()
     bpy.context.object.data.materials.append(material)
 
