@@ -111,8 +111,9 @@ def fit(points: np.ndarray, blocks: list[Block], steps: int = 300) -> tuple[np.n
             slopes.append((weights[:, :, None] * slope[:, None, :]).reshape(len(true), -1))
         return np.concatenate(differences), np.concatenate(slopes)
 
+    seen_places = np.linspace(0.0, 1.0, SUNS)
     difference, slope = compare(points)
-    costs, damping = [difference @ difference], 1e-2
+    costs, damping = [difference @ difference], 0.1
     for _ in range(steps):
         lengths = np.linalg.norm(slope, axis=0) + 1e-30
         q, r = np.linalg.qr(slope / lengths)
@@ -123,12 +124,13 @@ def fit(points: np.ndarray, blocks: list[Block], steps: int = 300) -> tuple[np.n
             with np.errstate(all="ignore"):
                 new_difference, new_slope = compare(tried)
                 cost = new_difference @ new_difference
-            if np.isfinite(cost) and cost < costs[-1]:
+            narrow = np.abs(basis(seen_places) @ tried[:, 7]).max() < 0.995  # beyond that the formula has a pole
+            if np.isfinite(cost) and cost < costs[-1] and narrow:
                 break
-            damping *= 4.0
+            damping *= 2.2
         else:
             break
-        points, difference, slope, damping = tried, new_difference, new_slope, max(damping / 4.0, 1e-9)
+        points, difference, slope, damping = tried, new_difference, new_slope, max(damping / 2.2, 1e-9)
         costs.append(cost)
         if len(costs) > 40 and costs[-40] - cost < 1e-3 * cost:
             break
@@ -141,16 +143,16 @@ def fit_alone(seen: dict[tuple[float, float], np.ndarray], random: np.random.Gen
     nodes = list(product(range(10), range(2), range(3)))
     best: dict[Node, tuple[float, np.ndarray]] = {}
     for turn in range(20):
-        for node in [node for node in nodes if node not in found]:
+        for node in sorted(set(nodes) - found.keys(), key=lambda node: (node[1], abs(node[0] - 2), node[2])):
             turbidity, albedo, channel = node
             data = seen[turbidity + 1, albedo]
             near = sorted(found, key=lambda other: sum(abs(a - b) for a, b in zip(other, node, strict=True)))
             begins = [found[other] for other in near[:4]] if turn or near else []
-            begins.append(np.tile(BEGIN * (1.0 + 0.3 * random.standard_normal(10)), (6, 1)))
+            begins += [np.tile(BEGIN * (1.0 + 0.3 * random.standard_normal(10)), (6, 1)) for _ in range(3)]
             for begin in begins:
-                points = begin.copy()
-                shown = formula(basis(data[:, 0]) @ points, data[:, 1], data[:, 2])[0]
-                points[:, 9] *= np.median(data[:, 3 + channel] / shown)
+                points, weights = begin.copy(), basis(data[:, 0])
+                shown = formula(weights @ points, data[:, 1], data[:, 2])[0] / (weights @ points[:, 9])
+                points[:, 9] = np.linalg.lstsq(weights * shown[:, None], data[:, 3 + channel], rcond=None)[0]
                 points, error = fit(points, [(data, channel, 1.0, 0.0)])
                 if error < best.get(node, (1.0,))[0]:
                     best[node] = error, points
