@@ -2,7 +2,8 @@
 
 Preetham, Shirley and Smits, "A practical analytic model for daylight" (1999): luminance and chromaticities, each by
 Perez' formula. Hosek and Wilkie, "An analytic model for full spectral sky-dome radiance" (2012): X, Y and Z, each by a
-longer one, whose coefficients (`hosek_wilkie.npy`) tests/blender/fit_hosek_wilkie.py found in images of Cycles.
+longer one, whose coefficients (`hosek_wilkie.npy`) were fitted to images of Cycles as tests/blender/fit_hosek_wilkie.py
+does it.
 """
 
 from __future__ import annotations
