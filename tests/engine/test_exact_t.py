@@ -282,3 +282,14 @@ def test_beside_the_edge_that_two_grounds_share():
     expected = [met[0] for met in exact_hits(positions, triangles, *rays)]
     assert hits.primitive_ids.tolist() == expected
     assert 0.3 < np.mean(expected) < 0.7
+
+
+def test_far_rays_almost_within_a_plane_meet_the_triangle() -> None:
+    origin = np.array([52.60573063999155, 13.518174709103304, -35.13571323593284])
+    direction = np.array([-52.41005221217611, -13.43765096394648, 34.9400348081174])
+    corners = np.array([(0, 0.1821172, -0.39135686), (0, 0, 0), (0.39135686, -0.021069704, 0)], np.float32)
+    scene = perfect_bvh.Scene()
+    scene.add_instance(scene.add_mesh(corners, [(0, 1, 2)]))
+    scene.commit()
+    assert scene.cast_rays(origin, direction).t_hit == 1.0
+    assert scene.cast_rays(origin, direction, t_min=0.9, t_max=1.1).is_hit

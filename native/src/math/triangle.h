@@ -159,11 +159,23 @@ inline constexpr double kDoubleShare = 0x1p-29, kMovedShare = 0x1p-50;
 // the triangle, t is off by less than half a unit in the last place of a float.
 inline constexpr double kSureShare = 0x1p-27;
 
-static inline bool intersect_exactly(const ExactRay& ray, const float* const corners[3], TriangleHit& hit) noexcept {
+// Whether a ray runs within an angle of some 2^-20 of a triangle's plane. `sum`: of the weights. If it was moved, its
+// origin is not quite on its line, and its plane's t would be off by that over the angle.
+static inline bool is_grazed(float sum, float span) noexcept { return magnitude(sum) <= 0x1p-20f * (span * span); }
+
+static inline bool intersect_exactly(const TriangleRay& sheared, const ExactRay& ray, const float* const corners[3],
+                                     TriangleHit& hit) noexcept {
   const ExactWeights exact = exact_weights(ray.start, ray.direction, corners);
   if (!exact.is_hit) return false;
   const double sum = (exact.w[0] + exact.w[1]) + exact.w[2];
-  hit.t = static_cast<float>(-exact_volume(ray.origin, corners) / sum);
+  if (ray.start == ray.origin) {
+    hit.t = static_cast<float>(-exact_volume(ray.origin, corners) / sum);
+  } else {  // where the weights say, which is within the triangle
+    const int z = sheared.axes[2];
+    const auto depth = [&](int i) { return static_cast<double>(corners[i][z]) - ray.origin[z]; };
+    const double volume = (exact.w[0] * depth(0) + exact.w[1] * depth(1)) + exact.w[2] * depth(2);
+    hit.t = static_cast<float>(volume / (sum * ray.direction[z]));
+  }
   hit.u = static_cast<float>(exact.w[1] / sum);
   hit.v = static_cast<float>(exact.w[2] / sum);
   hit.is_front = sum > 0.0;
@@ -205,7 +217,7 @@ static inline bool intersect_beside_edge(const TriangleRay& sheared, const Exact
   const double depth = larger(larger(z[0], z[1]), z[2]) - smaller(smaller(z[0], z[1]), z[2]);
   const bool tells_t = slack * depth <= kSureShare * __builtin_fabs(volume);
   if (!(least_weight > slack && tells_t)) {
-    return !is_out_of_range(triangle, volume, depth, slack, range) && intersect_exactly(ray, corners, hit);
+    return !is_out_of_range(triangle, volume, depth, slack, range) && intersect_exactly(sheared, ray, corners, hit);
   }
   hit.t = static_cast<float>(volume / (sum * along));
   hit.u = static_cast<float>(w[1] / sum);
@@ -221,12 +233,14 @@ static inline bool intersect_triangle(const TriangleRay& ray, const ExactRay& ex
   const auto at = [&](int corner, int axis) { return corners[corner][ray.axes[axis]]; };
   ShearedTriangle<float> triangle;
   set_sheared(triangle, at, ray.origin, ray.shear_x, ray.shear_y);
-  const float slack = weight_slack(ray.edge_slack, static_cast<float>(span_of(corners[0], corners[1], corners[2])));
+  const auto span = static_cast<float>(span_of(corners[0], corners[1], corners[2]));
+  const float slack = weight_slack(ray.edge_slack, span);
   if (!(larger(triangle.least, -triangle.most) > slack)) {
     constexpr float kAnywhere = __builtin_inff();
     return intersect_beside_edge(ray, exact, corners, {-kAnywhere, kAnywhere}, hit);
   }
   const float sum = triangle.sum;
+  if (exact.start != exact.origin && is_grazed(sum, span)) return intersect_exactly(ray, exact, corners, hit);
   hit.t = static_cast<float>(plane_t(plane_of(corners[0], corners[1], corners[2]), exact.origin, exact.direction));
   hit.u = triangle.weights[1] / sum;
   hit.v = triangle.weights[2] / sum;

@@ -121,18 +121,20 @@ PERFECT_BVH_INLINE bool is_beside_edge(float least_weight, const TriangleRay& ra
   return !(least_weight > weight_slack(ray.edge_slack, span));
 }
 
-// Of a triangle that is not known to be met inside of its edges: intersect_triangle(), from where float has its say.
+// Of a triangle that is not known to be met inside of its edges, or is seen edge-on from afar: intersect_triangle(),
+// from where float has its say.
 template <class Leaf>
-__attribute__((noinline)) bool meet_beside_edge(Meeting& meeting, const LeafCandidates& candidates, int lane,
-                                                const Leaf& leaf, const TriangleState& triangle,
-                                                const ObjectRay& local) noexcept {
+__attribute__((noinline)) bool meet_closely(Meeting& meeting, const LeafCandidates& candidates, int lane,
+                                            const Leaf& leaf, const TriangleState& triangle,
+                                            const ObjectRay& local) noexcept {
   const TriangleRay& ray = triangle.ray;
   const LoneCorners lone(leaf, lane);
   const auto& at = lone.at;
   const auto span = static_cast<float>(span_of(at[0], at[1], at[2]));
   const float least_weight = candidates.least_weights[lane];
   if (least_weight < -weight_slack(ray.edge_slack, span)) return false;
-  if (!is_beside_edge(least_weight, ray, span)) {
+  const bool is_beside = is_beside_edge(least_weight, ray, span);
+  if (!is_beside && (local.time.is_direct || !is_grazed(candidates.sums[lane], span))) {
     const auto t = static_cast<float>(plane_t(plane_of(at[0], at[1], at[2]), local.origin, local.direction));
     meeting = {to_ray_t(local.time, t), candidates.weights_v1[lane], candidates.weights_v2[lane],
                candidates.sums[lane]};
@@ -140,7 +142,11 @@ __attribute__((noinline)) bool meet_beside_edge(Meeting& meeting, const LeafCand
   }
   const float* const corners[3] = {at[0], at[1], at[2]};
   TriangleHit hit;
-  if (!intersect_beside_edge(ray, exact_ray(local), corners, triangle.depths, hit)) return false;
+  const ExactRay exact = exact_ray(local);
+  if (!(is_beside ? intersect_beside_edge(ray, exact, corners, triangle.depths, hit)
+                  : intersect_exactly(ray, exact, corners, hit))) {
+    return false;
+  }
   const float turn = hit.is_front != ray.runs_down ? 1.0f : -1.0f;
   meeting = {to_ray_t(local.time, hit.t), hit.u * turn, hit.v * turn, turn};
   return true;
@@ -151,8 +157,10 @@ __attribute__((noinline)) bool meet_beside_edge(Meeting& meeting, const LeafCand
 template <class Leaf>
 PERFECT_BVH_INLINE bool meet_candidate(Meeting& meeting, const LeafCandidates& candidates, int lane, const Leaf& leaf,
                                        const TriangleState& triangle, const ObjectRay& local) noexcept {
-  if (is_beside_edge(candidates.least_weights[lane], triangle.ray, span_bound(leaf))) [[unlikely]] {
-    return meet_beside_edge(meeting, candidates, lane, leaf, triangle, local);
+  const float span = span_bound(leaf);
+  if (is_beside_edge(candidates.least_weights[lane], triangle.ray, span) ||
+      (!local.time.is_direct && is_grazed(candidates.sums[lane], span))) [[unlikely]] {
+    return meet_closely(meeting, candidates, lane, leaf, triangle, local);
   }
   const auto at = [&](int corner, int axis)
                       __attribute__((always_inline)) { return coordinate(leaf, lane, corner, axis); };

@@ -223,7 +223,9 @@ unsigned test_triangles(Packet& packet, const PacketLevel& level, const LeafBloc
   const unsigned turned = level.key.runs_down != (level.instance->mirrored != 0) ? ~0u : 0u;
   unsigned ambiguous = 0;
   const RayFloat edge_slack = load_rays(triangles.edge_slack + first);
-  const RayFloat slack = mul(edge_slack, add(every_ray(span_bound(block)), edge_slack));
+  const float span = span_bound(block);
+  const RayFloat slack = mul(edge_slack, add(every_ray(span), edge_slack)),
+                 grazed = every_ray(0x1p-20f * (span * span));
   for (unsigned i = 0; i < leaf.triangle_count; ++i) {
     const std::uint32_t corners = block.corners[i];
     const unsigned a = corners & 7, b = corners >> 4 & 7, c = corners >> 8 & 7;
@@ -252,7 +254,9 @@ unsigned test_triangles(Packet& packet, const PacketLevel& level, const LeafBloc
     const unsigned from = bits(less_equal(load_rays(level.boxes->t_min + first), t));
     const unsigned up_to = bits(less_equal(t, limit)), before = bits(less(t, limit));
     if (!level.is_direct) {
-      const unsigned found = inside & from & up_to;
+      const unsigned grazing = inside & bits(less_equal(max(sum, sub(none, sum)), grazed));
+      ambiguous |= grazing;
+      const unsigned found = inside & ~grazing & from & up_to;
       if (found == 0) continue;
       lanes &= ~take_moved_hits<kAny>(packet, level, block.primitives[i], first, found, t, weight1, weight2, sum);
       continue;
