@@ -31,6 +31,9 @@ _TYPE_SWITCHES = {
     "POINTCLOUD": "show_object_viewport_pointcloud",
 }
 
+# A render shows the children of such an object only as its instances, not where they stand themselves.
+_INSTANCES_CHILDREN = {"VERTS", "FACES"}
+
 
 def _ray_mask(obj: Any) -> int:
     """Written out because it is asked for every object at every sync."""
@@ -158,12 +161,13 @@ class RenderFilter:
 
     def is_hidden(self, obj: Any, parent: Any) -> bool:
         if parent is None:
-            return self._is_absent(obj) or (obj.is_instancer and not obj.show_instancer_for_render)
+            is_alone = obj.parent is None or obj.parent.instance_type not in _INSTANCES_CHILDREN
+            return not is_alone or self._is_absent(obj) or (obj.is_instancer and not obj.show_instancer_for_render)
         if self._is_absent(parent):
             return True
         if parent.instance_type == "COLLECTION" and parent.instance_collection is not None:
             return obj.original.session_uid not in self._members(parent.original.instance_collection)
-        return parent.instance_type in {"VERTS", "FACES"} and obj.original != parent.original and self._is_absent(obj)
+        return parent.instance_type in _INSTANCES_CHILDREN and obj.original != parent.original and self._is_absent(obj)
 
     def _is_absent(self, obj: Any) -> bool:
         return obj.original.session_uid not in self._in_scene
