@@ -162,11 +162,12 @@ class RenderFilter:
     def is_hidden(self, obj: Any, parent: Any) -> bool:
         if parent is None:
             is_alone = obj.parent is None or obj.parent.instance_type not in _INSTANCES_CHILDREN
-            return not is_alone or self._is_absent(obj) or (obj.is_instancer and not obj.show_instancer_for_render)
+            return not is_alone or self._is_absent(obj) or _is_own_surface_hidden(obj)
         if self._is_absent(parent):
             return True
         if parent.instance_type == "COLLECTION" and parent.instance_collection is not None:
-            return obj.original.session_uid not in self._members(parent.original.instance_collection)
+            is_member = obj.original.session_uid in self._members(parent.original.instance_collection)
+            return not is_member or _is_own_surface_hidden(obj)
         return parent.instance_type in _INSTANCES_CHILDREN and obj.original != parent.original and self._is_absent(obj)
 
     def _is_absent(self, obj: Any) -> bool:
@@ -178,6 +179,11 @@ class RenderFilter:
             members = self._in_collection[collection.session_uid] = set()
             _collect_instanced(collection, members, set())
         return members
+
+
+def _is_own_surface_hidden(obj: Any) -> bool:
+    """Whether a render shows what an instancer instances, but not the instancer itself."""
+    return bool(obj.is_instancer and not obj.show_instancer_for_render)
 
 
 def _collect_layer(layer: Any, found: set[int]) -> None:

@@ -61,6 +61,14 @@ def instances_of_hidden_members() -> None:
     collection_instance("empty, not in viewports", shown).hide_viewport = True
 
 
+def instanced_instancer() -> None:
+    shown = collection("instancers", linked=False)
+    parent = mesh_object("a", mesh_data("a", *SQUARE), shown)
+    parent.instance_type, parent.show_instancer_for_render = "VERTS", False
+    mesh_object("a child", collection=shown).parent = parent
+    collection_instance("empty", shown)
+
+
 def hidden_root() -> None:
     shown = collection("root", linked=False)
     shown.hide_render = True
@@ -116,6 +124,7 @@ TABLE: dict[str, tuple[Callable[[], Any], set[str], set[str]]] = {
         {"a", "a/a child", "a child"},
         {"a/a child"},
     ),
+    "instanced instancer not rendered": (instanced_instancer, {"empty/a", "empty/a child"}, {"empty/a child"}),
     "instancer not in viewports": (
         lambda: instancer("a", show_instancer_for_viewport=False),
         {"a/a child", "a child"},
