@@ -48,15 +48,44 @@ def plain_keys(record: PlacedInstances) -> Uint64Array:
 
 
 def instance_orders(record: PlacedInstances) -> Int64Array:
-    """(I,) int64: of hits at the same t, that of the instance with the smallest order wins.
+    """(I,) int64, distinct: of hits at the same t, that of the instance with the smallest order wins.
 
-    Sorted by the object's uid, the instancer's uid, then the persistent id. Uids differ from session to session
-    but their order, that of loading and creating, does not; so the same file gives the same image.
+    Sorted by the object's uid, the instancer's uid, then the persistent id, of which a part is kept; instances that
+    this part does not tell apart get numbers next to each other, by all of it, else in the order they come. Uids differ
+    from session to session but their order, that of loading and creating, does not; so the same file gives the same
+    image.
     """
+    packed = _packed_orders(record)
+    if (packed[1:] > packed[:-1]).all():
+        return packed
+    by_order = np.argsort(packed)
+    ordered = packed[by_order]
+    is_repeated = ordered[1:] == ordered[:-1]
+    if not is_repeated.any():
+        return packed
+    is_shared = np.zeros(len(packed), np.bool_)
+    is_shared[1:] = is_repeated
+    is_shared[:-1] |= is_repeated
+    rows = np.sort(by_order[is_shared])
+    objects, parents = _uids(record)
+    columns = [column[rows] for column in (*reversed(record.instances.persistent_ids.T), parents, objects)]
+    varied = [column for column in columns if (column != column[0]).any()]
+    by_order[is_shared] = rows[np.lexsort([*varied, packed[rows]])]
+    # Each at least one more than the one before.
+    steps = np.arange(len(packed))
+    orders = np.empty_like(packed)
+    orders[by_order] = np.maximum.accumulate(ordered - steps) + steps
+    return orders
+
+
+def _packed_orders(record: PlacedInstances) -> Int64Array:
+    """(I,) int64: 22 bits of the object's uid, 20 of the instancer's, 21 of the persistent id's levels, mixed."""
     objects, parents = (column.astype(np.uint64) for column in _uids(record))
     place = np.zeros(len(record.instances), np.uint64)
     for level in reversed(range(_PERSISTENT_ID_LEVELS)):
         column = record.instances.persistent_ids[:, level]
+        if (column == _UNUSED_LEVEL).all() and not place.any():
+            continue
         used = np.where(column == _UNUSED_LEVEL, 0, column)
         place = place * np.uint64(40503) + used.astype(np.uint32)
     packed = ((objects & np.uint64(0x3FFFFF)) << np.uint64(41)) | ((parents & np.uint64(0xFFFFF)) << np.uint64(21))

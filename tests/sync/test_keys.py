@@ -53,6 +53,21 @@ def test_orders_sort_by_object_then_instancer_then_persistent_id() -> None:
     assert (orders >= 0).all()
 
 
+def test_ids_that_differ_in_high_bits_alone_have_orders_of_their_own() -> None:
+    """As the ids of points are, which nodes give 32 bits."""
+    ids = [(5 + 2**21,), (5,), (6,), (5 - 2**21,), (5, 0), (7,), (5 + 2**22,)]
+    shown = [Shown("a", 3, parent=9, persistent_id=item) for item in ids]
+    orders = instance_orders(record([mesh("a")], shown))
+    assert len(np.unique(orders)) == len(ids)
+    reversed_orders = instance_orders(record([mesh("a")], shown[::-1]))
+    np.testing.assert_array_equal(orders, reversed_orders[::-1])
+
+
+def test_orders_of_what_nothing_tells_apart_are_distinct() -> None:
+    made = record([mesh("a")], [Shown("a", 1), *[Shown("a", 2, parent=9, persistent_id=(4,))] * 3, Shown("a", 3)])
+    np.testing.assert_array_equal(np.diff(instance_orders(made)[1:4]), [1, 1])
+
+
 def test_orders_are_relative_to_the_session() -> None:
     """Loading the same file later in a session gives higher uids, and the same picture."""
     shown = [Shown("a", 3), *grid(5), *grid(5, uid=6)]
