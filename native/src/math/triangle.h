@@ -159,9 +159,11 @@ inline constexpr double kDoubleShare = 0x1p-29, kMovedShare = 0x1p-50;
 // the triangle, t is off by less than half a unit in the last place of a float.
 inline constexpr double kSureShare = 0x1p-27;
 
-// Whether a ray runs within an angle of some 2^-20 of a triangle's plane. `sum`: of the weights. If it was moved, its
-// origin is not quite on its line, and its plane's t would be off by that over the angle.
-static inline bool is_grazed(float sum, float span) noexcept { return magnitude(sum) <= 0x1p-20f * (span * span); }
+// Whether a ray runs within an angle of some kGrazingSine of a triangle's plane. `sum`: of the weights. If it was
+// moved, its origin is not quite on its line, and its plane's t would be off by that over the angle.
+inline constexpr float kGrazingSine = 0x1p-20f;
+static inline float grazing_sum(float span) noexcept { return kGrazingSine * (span * span); }
+static inline bool is_grazed(float sum, float span) noexcept { return magnitude(sum) <= grazing_sum(span); }
 
 static inline bool intersect_exactly(const TriangleRay& sheared, const ExactRay& ray, const float* const corners[3],
                                      TriangleHit& hit) noexcept {
