@@ -68,6 +68,20 @@ def test_edits_check_everything_before_they_change_anything(scene, call, message
     assert scene.is_current and (scene.mesh_count, scene.instance_count) == (1, 1)
 
 
+@pytest.mark.skipif(np.finfo(np.longdouble).max == np.finfo(float).max, reason="a long double is a double here")
+def test_what_no_double_holds_is_refused_without_a_warning(scene):
+    """Warnings are errors in these tests."""
+    huge = np.longdouble("1e4000")
+    place = np.eye(4, dtype=np.longdouble)
+    place[0, 3] = huge
+    with pytest.raises(ValueError, match=r"positions\[0\] is not finite"):
+        scene.add_mesh(TRIANGLE[0] + huge, TRIANGLE[1])
+    with pytest.raises(ValueError, match="transforms"):
+        scene.set_transforms([0], place[None])
+    with pytest.raises(ValueError, match="time_range must rise by 1e-6 or more"):
+        scene.set_mesh_motion(0, np.stack([TRIANGLE[0]] * 2), (0.0, huge))
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [

@@ -40,7 +40,7 @@ def as_rows(function: str, name: str, value: npt.ArrayLike) -> npt.NDArray[Any]:
         return np.empty((0, 3), np.float32)
     if array.ndim != 2 or array.shape[1] != 3:
         raise ValueError(f"{function}: {name} must have shape (V, 3), got {array.shape}")
-    return np.ascontiguousarray(array, dtype=vector_dtype(array.dtype))
+    return _as_contiguous(array, vector_dtype(array.dtype))
 
 
 def as_triangles(function: str, value: npt.ArrayLike) -> npt.NDArray[np.int32]:
@@ -86,7 +86,7 @@ def as_transforms(function: str, value: npt.ArrayLike, count: int | None = None)
         raise ValueError(f"{function}: transforms must be affine, with 0 0 0 1 as their last row, got {wrong}")
     if count is not None and len(array) != count:
         raise ValueError(f"{function}: transforms must have {count} rows, one an instance, got {len(array)}")
-    return np.ascontiguousarray(array, dtype=np.float32 if array.dtype == np.float32 else np.float64)
+    return _as_contiguous(array, np.float32 if array.dtype == np.float32 else np.float64)
 
 
 _MOST_STEPS = 255
@@ -114,7 +114,8 @@ def as_steps(function: str, name: str, value: npt.ArrayLike, width: int) -> tupl
 def as_time_range(function: str, value: object) -> tuple[float, float]:
     """When a motion begins and ends, as two floats that float32 tells apart."""
     try:
-        begin, end = (np.float32(number) for number in value)  # type: ignore[attr-defined]
+        with np.errstate(over="ignore"):  # as in _as_contiguous
+            begin, end = (np.float32(number) for number in value)  # type: ignore[attr-defined]
     except (TypeError, ValueError):
         raise ValueError(f"{function}: time_range must be two numbers, begin and end, got {value!r}") from None
     if not (np.isfinite(begin) and np.isfinite(end) and end - begin >= 1e-6 and abs(begin) <= 1e6 and end <= 1e6):
@@ -191,7 +192,7 @@ def _as_contiguous(values: npt.NDArray[Any], dtype: type[np.generic]) -> npt.NDA
     """The values as a C-contiguous, aligned array of that dtype; themselves if they are one."""
     if values.dtype == dtype and values.flags.aligned:
         return np.ascontiguousarray(values)
-    with np.errstate(over="ignore", invalid="ignore"):  # what float32 cannot hold is infinite
+    with np.errstate(over="ignore", invalid="ignore"):  # what it cannot hold is infinite
         return np.array(values, dtype=dtype, order="C")
 
 
