@@ -146,10 +146,10 @@ MovedBalls move_balls(const Mesh& mesh, const BallsGiven<T>& given, const std::s
     if (!is_alike) all_alike = false;
   });
   if (all_alike && !gained_radius(mesh, balls)) return {lend_mesh(std::move(moved), spare), true};
-  Mesh anew = make_again(mesh, balls, function);
+  Mesh remade = make_again(mesh, balls, function);
   const bool is_same =
-      std::ranges::equal(anew.segments, mesh.segments) && std::ranges::equal(anew.numbers, mesh.numbers);
-  return {std::make_shared<const Mesh>(std::move(anew)), is_same};
+      std::ranges::equal(remade.segments, mesh.segments) && std::ranges::equal(remade.numbers, mesh.numbers);
+  return {std::make_shared<const Mesh>(std::move(remade)), is_same};
 }
 template <class T>
 std::shared_ptr<const Mesh> balls_at_step(const Mesh& first, const BallsGiven<T>& given, ThreadPool& pool,
