@@ -1,6 +1,7 @@
 """Finds Hosek and Wilkie's coefficients in images of Cycles, and writes addon/extract/looks/hosek_wilkie.npy.
 
-PYTHONPATH=tests python tests/blender/fit_hosek_wilkie.py, with `bpy`. Takes some minutes.
+PYTHONPATH=tests python tests/blender/fit_hosek_wilkie.py, with `bpy`. May take an hour; the shipped numbers came
+from earlier runs of it.
 
 The formula holds for X, Y and Z; its coefficients are Bezier curves of the sun's elevation, and linear in turbidity and
 albedo. So the points of one turbidity and albedo are fitted to twelve elevations at once, by Levenberg and Marquardt's
@@ -19,7 +20,7 @@ from typing import Any
 import bpy
 import numpy as np
 from oracles.cycles import FILTER_WIDTH, render_image
-from perfect_bvh_addon.extract.looks.older_skies import _LOWEST
+from perfect_bvh_addon.extract.looks.older_skies import LOWEST_LATITUDE
 from perfect_bvh_addon.extract.looks.values import xyz_to_rgb
 
 FILE = Path(__file__).parents[2] / "addon" / "extract" / "looks" / "hosek_wilkie.npy"
@@ -69,7 +70,7 @@ def observe(sky: Any, turbidity: float, albedo: float, random: np.random.Generat
         share = (flat * (1.0 + 30.0 * np.exp(-angle.reshape(flat.shape) * 8.0))).ravel()
         share *= (1.0 + 3.0 * np.exp(-np.abs(latitude.ravel()) * 10.0)) * (rgb > 1e-6).all(axis=1)
         chosen = random.choice(share.size, SAMPLES, replace=False, p=share / share.sum())
-        up = np.sin(np.maximum(latitude.ravel()[chosen], _LOWEST))
+        up = np.sin(np.maximum(latitude.ravel()[chosen], LOWEST_LATITUDE))
         rows.append(np.column_stack([np.full(SAMPLES, place), up, angle[chosen], rgb[chosen] @ FROM_RGB]))
     return np.concatenate(rows)
 

@@ -22,7 +22,7 @@ Floats = npt.NDArray[np.float64]
 # An odd number of rows, so that one lies on the horizon: the models have a kink there.
 _WIDTH, _HEIGHT = 512, 257
 # Below this latitude a formula goes on with what it has there.
-_LOWEST = 0.001
+LOWEST_LATITUDE = 0.001
 # More than half precision holds is where Preetham's formula divides by nearly nothing.
 _BRIGHTEST = 65504.0
 _KILOCANDELA = 0.06  # what Cycles makes of the unit of Preetham's luminance; measured
@@ -52,11 +52,11 @@ def paint_older_sky(model: str, elevation: float, turbidity: float, albedo: floa
     """(H, W, 4): of the model "PREETHAM" or "HOSEK_WILKIE", with the sun at this elevation in radians."""
     latitudes = ((np.arange(_HEIGHT)[:, None] + 0.5) / _HEIGHT - 0.5) * math.pi
     # Left and right of the sun it is the same: one half is worked out, away from the sun.
-    beside = (np.arange(_WIDTH // 2) + 0.5) / _WIDTH * 2.0 * math.pi
+    longitudes = (np.arange(_WIDTH // 2) + 0.5) / _WIDTH * 2.0 * math.pi
     if model == "HOSEK_WILKIE":
         elevation = max(elevation, 0.0)
-    cosine = np.cos(latitudes) * np.cos(beside) * math.cos(elevation) + np.sin(latitudes) * math.sin(elevation)
-    up = np.sin(np.maximum(latitudes, _LOWEST))
+    cosine = np.cos(latitudes) * np.cos(longitudes) * math.cos(elevation) + np.sin(latitudes) * math.sin(elevation)
+    up = np.sin(np.maximum(latitudes, LOWEST_LATITUDE))
     shown = _preetham if model == "PREETHAM" else _hosek_wilkie
     with np.errstate(divide="ignore", invalid="ignore"):
         rgb = xyz_to_rgb(shown(up, np.clip(cosine, -1.0, 1.0), elevation, turbidity, albedo))
