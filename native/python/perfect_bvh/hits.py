@@ -45,7 +45,8 @@ class Hits:
     t_hit (...) float32: in multiples of the direction's length; inf on a miss. Within two units in the last place of
         where the ray meets the triangle's plane, however large the triangle and however nearly the ray runs within that
         plane. Off by about 2^-53 of the largest coordinate, divided by the angle between both, are rays that begin
-        within 2^-28 of that coordinate of the plane. Of curves and points that of where the ray meets the true surface.
+        within 2^-28 of that coordinate of the plane; of a sliver divide the 2^-28 by the sine of the triangle's
+        smallest angle. Of curves and points that of where the ray meets the true surface.
     instance_ids, mesh_ids, primitive_ids (...) int32: -1 on a miss. primitive_ids are rows of the mesh's triangles,
         or numbers of its curves or points.
     primitive_uvs (..., 2) float32: the point (1 - u - v) v0 + u v1 + v v2; zero on a miss. Of a curve u runs from 0 at

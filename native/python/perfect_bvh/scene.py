@@ -203,7 +203,9 @@ class Scene(Queries, CurvesAndPoints):
     ) -> int:
         """Places a mesh and returns the instance's id.
 
-        transform: (4, 4) or (3, 4), object to world, any affine map; None for the identity.
+        transform: (4, 4) or (3, 4), object to world, any affine map; None for the identity. Rays are mapped into the
+            mesh's space in double precision, and whether they hit is exact for the mapped ray. Where the transform's
+            condition number times the ray's distance in mesh sizes exceeds about 2^36, the mapping itself may miss.
         mask: 32 bits, see `Queries`. order: of several hits at exactly the same t, the one with the smallest
             order wins; by default that is the instance added first.
         """
