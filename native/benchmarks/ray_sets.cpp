@@ -6,6 +6,8 @@
 #include <random>
 #include <stdexcept>
 
+#include "mesh/primitive_traits.h"
+
 namespace perfect_bvh::bench {
 namespace {
 
