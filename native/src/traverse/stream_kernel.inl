@@ -39,24 +39,29 @@ struct Stream {
   Slot* at_mark[kMostRaysInFlight + 1];
   std::size_t node_count = 0, between_count = 0, other_count = 0, leaf_count = 0, mark_count = 0;
   std::size_t next_ray = 0;
+
+  [[nodiscard]] std::size_t count_at_nodes() const noexcept { return node_count + between_count; }
 };
 
-// Begins to fetch the node or leaf that a slot will visit next, while others take their steps. Without a branch: which
-// of them it is cannot be predicted. For marks, and leaves of curves and points, it is the root.
+// Bytes of a child's row by its highest two bits, in trees over curves or points and over triangles. 0: not fetched.
+constexpr std::uint32_t kRowBytes[2][4] = {{sizeof(WideNode), sizeof(WideNode), 0, 0},
+                                           {sizeof(WideNode), sizeof(WideNode), sizeof(LeafBlock), 0}};
+
+// Begins to fetch the node or leaf that a slot will visit next, while others take their steps. Which of them it is
+// cannot be predicted. Compilers make a branch of a choice of bases: so the base is read by its offset.
 template <bool kMoves>
 PERFECT_BVH_INLINE void fetch_next(const Slot& slot, std::uint32_t next) noexcept {
-  const bool is_node = next < kBlockChild, is_block = !is_node & (next < kInstanceChild) & (slot.blocks != nullptr);
-  const char* const base =
-      is_block ? reinterpret_cast<const char*>(slot.blocks) : reinterpret_cast<const char*>(slot.nodes);
-  const std::size_t row = (is_node | is_block) ? next & ~kBlockChild : 0;
-  const char* const lines = base + row * (is_block ? sizeof(LeafBlock) : sizeof(WideNode));
-  for (int line = 0; line < 4; ++line) __builtin_prefetch(lines + 64 * line);
+  const std::size_t has_blocks = slot.blocks != nullptr, is_block = next >> 31 & has_blocks;
+  const std::size_t offset = std::size_t{next & (kBlockChild / 2 - 1)} * kRowBytes[has_blocks][next >> 30];
+  const std::size_t base = offsetof(Slot, nodes) + is_block * (offsetof(Slot, blocks) - offsetof(Slot, nodes));
+  const char* lines;
+  __builtin_memcpy(&lines, reinterpret_cast<const char*>(&slot) + base, sizeof(lines));
+  for (int line = 0; line < 4; ++line) __builtin_prefetch(lines + offset + 64 * line);
   if constexpr (kMoves) {  // the next step's, of which three lines are read
     if (slot.later_nodes == nullptr) return;
-    const char* const later = is_block ? reinterpret_cast<const char*>(slot.step[1].leaves.blocks)
-                                       : reinterpret_cast<const char*>(slot.later_nodes);
-    const char* const later_lines = later + row * (is_block ? sizeof(LeafBlock) : sizeof(WideNode));
-    for (int line = 0; line < 3; ++line) __builtin_prefetch(later_lines + 64 * line);
+    const char* const later = is_block != 0 ? reinterpret_cast<const char*>(slot.step[1].leaves.blocks)
+                                            : reinterpret_cast<const char*>(slot.later_nodes);
+    for (int line = 0; line < 3; ++line) __builtin_prefetch(later + offset + 64 * line);
   }
 }
 
@@ -145,11 +150,6 @@ PERFECT_BVH_INLINE void put_at_node(Stream& stream, Slot& slot) noexcept {
   } else {
     stream.at_node[stream.node_count++] = &slot;
   }
-}
-
-template <bool kMoves>
-PERFECT_BVH_INLINE std::size_t count_at_nodes(const Stream& stream) noexcept {
-  return kMoves ? stream.node_count + stream.between_count : stream.node_count;
 }
 
 // After the stream.
@@ -337,9 +337,9 @@ void trace_stream(const SceneView& scene, const RayBatch& batch, void* workspace
     if (stack_of(slot)[slot.top] < kBlockChild) put_at_node<kMoves>(stream, *stream.at_other[--stream.other_count]);
   }
   Pace pace(scene.interruption);
-  while (count_at_nodes<kMoves>(stream) + stream.other_count + stream.leaf_count != 0) {
+  while (stream.count_at_nodes() + stream.other_count + stream.leaf_count != 0) {
     if (pace.should_stop()) return;
-    while (count_at_nodes<kMoves>(stream) != 0 && stream.other_count + stream.leaf_count < kLeafPatience) {
+    while (stream.count_at_nodes() != 0 && stream.other_count + stream.leaf_count < kLeafPatience) {
       if (scene.exceeds_cache) {
         visit_all_nodes<kAny, kCounts, true, kMoves>(stream);
       } else {
