@@ -162,7 +162,7 @@ inline void take_tree_step(Slot& slot, const SceneView& scene, const InstanceVie
 
 // Takes on a new ray. False if it can hit nothing. kMoves: the scene has motions.
 template <bool kMoves>
-PERFECT_BVH_INLINE bool start_ray(Slot& slot, const SceneView& scene, const Ray& ray) noexcept {
+__attribute__((noinline)) bool start_ray(Slot& slot, const SceneView& scene, const Ray& ray) noexcept {
   if (!(ray.t_min <= ray.t_max)) return false;
   if (kMoves && !is_in_shutter(ray.time)) return false;
   if (!load_ray(slot.world, ray, static_cast<double>(scene.scale))) return false;

@@ -227,7 +227,7 @@ inline void write_result(const RayBatch& batch, std::size_t row, const Slot* slo
 
 // The next ray of the batch that can hit anything; false if none is left.
 template <bool kAny, bool kCounts, bool kMoves>
-inline bool take_next_ray(Stream& stream, Slot& slot) noexcept {
+PERFECT_BVH_INLINE bool take_next_ray(Stream& stream, Slot& slot) noexcept {
   while (stream.next_ray < stream.batch.count) {
     const std::size_t row = row_of(stream.batch, stream.next_ray++);
     if constexpr (kCounts) stream.batch.counts[row].nodes_visited = stream.batch.counts[row].primitives_tested = 0;
