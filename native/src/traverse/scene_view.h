@@ -71,8 +71,8 @@ struct alignas(64) InstanceView {
 static_assert(sizeof(InstanceView) == 192);  // every ray that enters an instance reads all of it
 
 // Where rays may visit more bytes than this, what they visit next is fetched ahead. Measured with diffuse rays and a
-// second level cache of 2 MB: through 164 MB they are twice as fast, through 9.5 MB 1.2 times, through 3.4 MB .96.
-inline constexpr std::size_t kCachedBytes = std::size_t{8} << 20;
+// second level cache of 2 MB: through 27 MB they are 1.4 times as fast, through 7.7 MB 1.3, 4.1 MB 1.2, 2.8 MB 1.1.
+inline constexpr std::size_t kCachedBytes = std::size_t{2} << 20;
 
 // How kernels learn that they should stop. Asked at least every kStepsBetweenAsking steps; a step is at most
 // kMostRaysInFlight leaves or instances. After a stop, the answers of the batch mean nothing. `should_stop` may call
