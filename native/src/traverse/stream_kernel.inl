@@ -41,6 +41,8 @@ struct Stream {
   std::size_t next_ray = 0;
 
   [[nodiscard]] std::size_t count_at_nodes() const noexcept { return node_count + between_count; }
+  // Of a lone instance all that is entered is its root, which stays in the cache.
+  [[nodiscard]] bool fetches_instances() const noexcept { return scene.exceeds_cache && lone.view == nullptr; }
 };
 
 // Bytes of a child's row by its highest two bits, in trees over curves or points and over triangles. 0: not fetched.
@@ -215,10 +217,7 @@ inline void write_result(const RayBatch& batch, std::size_t row, const Slot* slo
     batch.occluded[row] = found ? 1 : 0;
   } else {
     Hit& hit = batch.hits[row];
-    if (slot == nullptr) {
-      hit = Hit{};
-      return;
-    }
+    if (slot == nullptr) return static_cast<void>(hit = Hit{});
     hit.t = found ? static_cast<float>(slot->best_t) + 0.0f : kInfiniteDistance;  // no -0
     hit.u = slot->u, hit.v = slot->v;
     hit.instance_index = slot->hit_instance, hit.primitive_index = slot->hit_primitive;
@@ -263,7 +262,7 @@ void follow_marks(Stream& stream) noexcept {
       }
     }
     if (!is_active) continue;
-    if (stream.scene.exceeds_cache) fetch_next<kMoves>(slot, stack[slot.top]);
+    if (stream.fetches_instances()) fetch_next<kMoves>(slot, stack[slot.top]);
     if (stack[slot.top] >= kBlockChild) {
       stream.at_leaf[stream.leaf_count++] = &slot;
     } else {
@@ -347,7 +346,7 @@ void trace_stream(const SceneView& scene, const RayBatch& batch, void* workspace
       }
     }
     sort_others(stream);
-    if (scene.exceeds_cache) fetch_instances<kMoves>(stream);
+    if (stream.fetches_instances()) fetch_instances<kMoves>(stream);
     visit_leaves<kAny, kCounts, kMoves>(stream);
     follow_marks<kAny, kCounts, kMoves>(stream);
   }
