@@ -15,11 +15,12 @@ import numpy.typing as npt
 from perfect_bvh.bulk import place_instances
 
 from ..events.asking import EvaluationLog
-from ..sync.look_records import ImageRecord, MaterialRecord, MaterialVariants, WorldRecord
+from ..sync.look_records import ImageRecord, MaterialRecord, WorldRecord
 from ..sync.not_shown import NotShown
 from ..sync.records import (
     LARGEST_COORDINATE,
     AttributeRequest,
+    Float32Array,
     InstanceRecords,
     Int32Array,
     MeshRecord,
@@ -44,7 +45,7 @@ class SceneParts:
     images: tuple[ImageRecord, ...]
     instances: InstanceRecords
     world: WorldRecord | None
-    variants: MaterialVariants | None
+    instance_values: Float32Array | None
     unseen: tuple[UnseenMesh, ...]
     instances_lights: bool
     warnings: tuple[str, ...]
@@ -83,7 +84,7 @@ def remember(
     look = visibility.look
     if shown is None or log is None or look is None:
         return None
-    if parts.variants is not None:  # which objects' properties they depend on is not kept
+    if parts.instance_values is not None:  # which objects' properties they depend on is not kept
         return None
     originals = [obj.original for obj in depsgraph.objects]
     # What is edited or sculpted may change without a notice from Blender: it is read every time.

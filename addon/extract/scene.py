@@ -21,7 +21,7 @@ from .ignored_settings import find_ignored_settings
 from .label_values import find_missing_libraries
 from .looks.images import ImageCache, ImageReader
 from .looks.lights import read_lights, read_world
-from .looks.materials import PLAIN_REFLECTANCE, MaterialReader, read_variants
+from .looks.materials import PLAIN_REFLECTANCE, MaterialReader, instance_values
 from .pointer_views import ArrayReader
 from .read_again import PlainReading, SceneParts, read_again, remember
 from .visibility import VisibilityReader, outside_viewports
@@ -120,7 +120,7 @@ def _record_of(
         images=parts.images,
         lights=lights,
         world=parts.world,
-        variants=parts.variants,
+        instance_values=parts.instance_values,
         unseen=parts.unseen,
         warnings=(*parts.warnings, *([complaint] if complaint else [])),
     )
@@ -143,7 +143,6 @@ def _read_parts(
     of_world: list[NotShown] = []
     world = read_world(depsgraph.scene_eval, images, of_world) if attributes.shading else None
     columns = InstanceColumns(depsgraph, groups.objects, instances, cache.instances.random_ids)
-    variants = read_variants(materials.records, materials.asking, groups.objects.records, instances, columns.of, images)
     cache.meshes, cache.images = meshes.cache, images.cache
     return SceneParts(
         meshes=tuple(meshes.records),
@@ -152,7 +151,7 @@ def _read_parts(
         images=tuple(images.records),
         instances=instances,
         world=world,
-        variants=variants,
+        instance_values=instance_values(materials.sources, columns.of),
         unseen=groups.unseen,
         instances_lights=groups.instances_lights,
         warnings=(*meshes.warnings, *groups.warnings, *map(str, images.not_shown)),

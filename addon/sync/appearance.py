@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import asdict
 
 import numpy as np
-import numpy.typing as npt
 from perfect_bvh import Camera, Lens
 from perfect_bvh.appearance import (
     LIGHT_KINDS,
@@ -51,7 +50,7 @@ def make_appearance(record: SceneRecord, instance_ids: Int32Array, mesh_ids: Int
     meshes = {
         int(mesh_id): MeshAppearance(
             *(mesh.material_slots, mesh.corner_normals, mesh.corner_uvs, mesh.corner_colors),
-            *(mesh.named_uvs, mesh.named_colors, mesh.curve_offsets),
+            *(mesh.named_uvs, mesh.named_colors, mesh.tangents, mesh.texture_space, mesh.curve_offsets),
         )
         for mesh_id, mesh in zip(mesh_ids, record.meshes, strict=True)
     }
@@ -69,10 +68,7 @@ def make_appearance(record: SceneRecord, instance_ids: Int32Array, mesh_ids: Int
         plain_reflectance=record.plain_reflectance,
         pass_alpha_threshold=record.pass_alpha_threshold,
         images=tuple(
-            [
-                ImageTexture(image.pixels, image.extension, image.uv_transform, image.uv_map, image.tiles)
-                for image in record.images
-            ]
+            [ImageTexture(image.pixels, image.extension, image.interpolation, image.tiles) for image in record.images]
         ),
         hair=_hair_table(record),
         lights=_light_table(record),
@@ -82,32 +78,21 @@ def make_appearance(record: SceneRecord, instance_ids: Int32Array, mesh_ids: Int
 
 
 def _material_table(record: SceneRecord) -> MaterialTable:
-    """A row a material, then one a variant of materials.
+    """A row a material.
 
     Without a world the materials were not asked what they are made of: then only the viewport colours are there.
     """
     materials = record.materials
-    variants = record.variants
-    rows_of = np.arange(len(materials))
-    if variants is not None:
-        rows_of = np.concatenate([rows_of, variants.materials])
-    colors = np.array([material.color for material in materials], np.float32).reshape(-1, 4)[rows_of]
-    indices = np.array([material.pass_index for material in materials], np.int32)[rows_of]
+    colors = np.array([material.color for material in materials], np.float32).reshape(-1, 4)
+    indices = np.array([material.pass_index for material in materials], np.int32)
     if record.world is None:
         return MaterialTable(colors, indices)
 
     def numbers(name: str) -> Float32Array:
-        own = np.array([getattr(material, name) for material in materials], np.float32)
-        if variants is None:
-            return own
-        varying = variants.columns.get(name)
-        return np.concatenate([own, own[variants.materials] if varying is None else varying])
+        return np.array([getattr(material, name) for material in materials], np.float32)
 
     def rows(name: str) -> Float32Array:
         return numbers(name).reshape(-1, 3)
-
-    def images(name: str) -> Int32Array:
-        return np.array([getattr(material, name) for material in materials], np.int32)[rows_of]
 
     return MaterialTable(
         colors,
@@ -133,12 +118,8 @@ def _material_table(record: SceneRecord) -> MaterialTable:
         translucent_colors=rows("translucent_color"),
         translucent_powers=numbers("translucent_power"),
         holdouts=numbers("holdout"),
-        color_scales=rows("color_scale"),
-        color_images=images("color_image"),
-        alpha_images=images("alpha_image"),
-        emission_images=images("emission_image"),
-        tints=tuple([materials[row].tint for row in rows_of.tolist()]),
-        hairs=_hair_rows(record)[rows_of],
+        programs=tuple([material.program for material in materials]),
+        hairs=_hair_rows(record),
     )
 
 
@@ -164,21 +145,6 @@ def _hair_table(record: SceneRecord) -> HairTable:
         tilts=numbers("tilt"),
         iors=numbers("ior"),
     )
-
-
-def _with_variants(record: SceneRecord, slot_materials: Int32Array, counts: npt.NDArray[np.int64]) -> Int32Array:
-    """(S,) int32: rows of the material table. counts: (I,), the slots of each instance."""
-    variants = record.variants
-    if variants is None:
-        return slot_materials
-    changed = slot_materials.copy()
-    owners = np.repeat(np.arange(len(counts)), counts)
-    for material in np.unique(variants.materials):
-        first, last = np.searchsorted(variants.materials, [material, material + 1])
-        slots = np.flatnonzero(slot_materials == material)
-        places = first + np.searchsorted(variants.instances[first:last], owners[slots])
-        changed[slots] = len(record.materials) + places
-    return changed
 
 
 def _world(record: SceneRecord) -> World | None:
@@ -225,7 +191,8 @@ def _instance_table(record: SceneRecord, instance_ids: Int32Array) -> InstanceTa
     return InstanceTable(
         ids=instance_ids,
         slot_offsets=offsets.astype(np.int32),
-        slot_materials=_with_variants(record, flat[places].astype(np.int32), instance_counts),
+        slot_materials=flat[places].astype(np.int32),
         object_indices=np.array([obj.pass_index for obj in record.objects], np.int32)[instances.object_indices],
         holdout=np.array([obj.holdout for obj in record.objects], np.bool_)[instances.object_indices],
+        values=record.instance_values,
     )

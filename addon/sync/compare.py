@@ -14,7 +14,7 @@ import numpy.typing as npt
 from perfect_bvh.bulk import are_equal, find_moved
 
 from .keys import Int64Array, PlacedInstances, Uint64Array, match_keys
-from .look_records import ImageRecord, MaterialVariants
+from .look_records import ImageRecord
 from .records import (
     MESH_COLUMNS,
     MESH_LAYERS,
@@ -138,8 +138,6 @@ def topology_change(old: MeshRecord, new: MeshRecord) -> str | None:
 
 def have_same_layers(old: MeshRecord, new: MeshRecord) -> bool:
     """Whether the arrays that have names are equal."""
-    if not (old.named_uvs or old.named_colors or new.named_uvs or new.named_colors):  # as nearly always
-        return True
     return all(_have_equal_items(getattr(old, name), getattr(new, name)) for name in MESH_LAYERS)
 
 
@@ -230,26 +228,18 @@ def uids_of(objects: tuple[ObjectRecord, ...]) -> list[int]:
 def find_look_differences(old: SceneRecord, new: SceneRecord) -> tuple[str, ...]:
     """Find where two records look different although their geometry may be the same.
 
-    In words: "materials", "objects", "film", "world", "lights", "variants", "images".
+    In words: "materials", "objects", "film", "world", "lights", "instance values", "images".
     """
     found = [name for name in ("materials", "objects", "world") if getattr(old, name) != getattr(new, name)]
     if any(getattr(old, name) != getattr(new, name) for name in _OF_THE_FILM):
         found.append("film")
     if _differ(old.lights, new.lights):
         found.append("lights")
-    if _are_other_variants(old.variants, new.variants):
-        found.append("variants")
+    if not _are_equal(old.instance_values, new.instance_values):
+        found.append("instance values")
     if len(old.images) != len(new.images) or any(map(_are_unlike, old.images, new.images)):
         found.append("images")
     return tuple(found)
-
-
-def _are_other_variants(old: MaterialVariants | None, new: MaterialVariants | None) -> bool:
-    if old is None or new is None:
-        return old is not new
-    if [*old.columns] != [*new.columns] or _differ(old, new, "columns"):
-        return True
-    return any(not np.array_equal(column, new.columns[name]) for name, column in old.columns.items())
 
 
 def _are_unlike(old: ImageRecord, new: ImageRecord) -> bool:

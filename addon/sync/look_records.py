@@ -8,10 +8,10 @@ from typing import Literal
 
 import numpy as np
 import numpy.typing as npt
+from perfect_bvh.nodes import NodeProgram
 
-Extension = Literal["repeat", "extend", "clip"]
-UvTransform = tuple[tuple[float, float, float], tuple[float, float, float]]
-UNMAPPED: UvTransform = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0))
+Extension = Literal["repeat", "extend", "clip", "mirror"]
+Interpolation = Literal["linear", "closest"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,8 +32,8 @@ class HairRecord:
 class MaterialRecord:
     """color: viewport colour, scene-linear RGBA. pass_index: for the material index pass.
 
-    The rest is what `AttributeRequest.shading` asks for, see `perfect_bvh.MaterialTable`; images are rows of the
-    scene's, -1 for none.
+    The rest is what `AttributeRequest.shading` asks for, see `perfect_bvh.MaterialTable`. program: what is not the same
+    all over the surface, for which the fields have about the mean; None for nothing.
     """
 
     name: str
@@ -61,38 +61,16 @@ class MaterialRecord:
     translucent_color: tuple[float, float, float] = (0.0, 0.0, 0.0)
     translucent_power: float = 0.0
     holdout: float = 0.0
-    color_scale: tuple[float, float, float] = (1.0, 1.0, 1.0)
-    color_image: int = -1
-    alpha_image: int = -1
-    emission_image: int = -1
-    tint: str | None = None
     hair: HairRecord | None = None
-
-    @property
-    def images(self) -> tuple[int, int, int]:
-        """Rows of all that it shows."""
-        return self.color_image, self.alpha_image, self.emission_image
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class MaterialVariants:
-    """What materials are on single instances, whose object, place or number their nodes ask for.
-
-    materials, instances: (V,) int32, a row of the scene's materials and one of its instances, sorted by both. columns:
-    by the names of `MaterialRecord`'s fields, (V,) or (V, 3) float32; fields without a column are the material's own.
-    """
-
-    materials: npt.NDArray[np.int32]
-    instances: npt.NDArray[np.int32]
-    columns: Mapping[str, npt.NDArray[np.float32]]
+    program: NodeProgram | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ImageRecord:
     """pixels: (H, W, 4), row 0 at the bottom: uint8 sRGB or float32 scene-linear.
 
-    extension: what lies beyond its border; uv_transform, uv_map: where it is looked up; tiles: of a UDIM image, by
-    their numbers, the first one being `pixels`, too; see `perfect_bvh.ImageTexture`.
+    extension: what lies beyond its border; interpolation: what lies between pixels; tiles: of a UDIM image, by their
+    numbers, the first one being `pixels`, too; see `perfect_bvh.ImageTexture`.
     An image that is known to be unchanged since the record before has the very same array. From here on it is
     read-only: the renderer keeps what it works out of it.
     """
@@ -101,8 +79,7 @@ class ImageRecord:
     session_uid: int
     pixels: npt.NDArray[np.uint8] | npt.NDArray[np.float32]
     extension: Extension
-    uv_transform: UvTransform = UNMAPPED
-    uv_map: str = ""
+    interpolation: Interpolation = "linear"
     tiles: Mapping[int, npt.NDArray[np.uint8] | npt.NDArray[np.float32]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:

@@ -12,7 +12,7 @@ from typing import Any, Literal
 import numpy as np
 import numpy.typing as npt
 
-from .look_records import ImageRecord, LightRecords, MaterialRecord, MaterialVariants, WorldRecord
+from .look_records import ImageRecord, LightRecords, MaterialRecord, WorldRecord
 from .not_shown import NotShown
 
 BoolArray = npt.NDArray[np.bool_]
@@ -47,19 +47,30 @@ Layers = Mapping[str, Float32Array]
 
 @dataclass(frozen=True, slots=True)
 class LayerRequest:
-    """Names of a mesh's uv maps and colours; "" is the one that is active for renders."""
+    """Names of a mesh's uv maps and colours, and of uv maps along which tangents are needed; "" is the active one.
+
+    generated: whether materials ask for places in the mesh's texture space.
+    """
 
     uvs: frozenset[str] = frozenset()
     colors: frozenset[str] = frozenset()
+    tangents: frozenset[str] = frozenset()
+    generated: bool = False
 
     def __or__(self, other: LayerRequest) -> LayerRequest:
         if self.covers(other):
             return self
-        return other if self is NO_LAYERS else LayerRequest(self.uvs | other.uvs, self.colors | other.colors)
+        if self is NO_LAYERS:
+            return other
+        names = (self.uvs | other.uvs, self.colors | other.colors, self.tangents | other.tangents)
+        return LayerRequest(*names, self.generated or other.generated)
 
     def covers(self, other: LayerRequest) -> bool:
         """Whether it asks for all that the other asks for."""
-        return self is other or other is NO_LAYERS or (other.uvs <= self.uvs and other.colors <= self.colors)
+        if self is other or other is NO_LAYERS:
+            return True
+        has_names = other.uvs <= self.uvs and other.colors <= self.colors and other.tangents <= self.tangents
+        return has_names and other.generated <= self.generated
 
 
 NO_LAYERS = LayerRequest()
@@ -76,6 +87,7 @@ class MeshRecord:
     material_slots, corner_normals: only if they were asked for, see `AttributeRequest`.
     corner_uvs, corner_colors: (T, 3, 2) and (T, 3, 3) float32, the uv map and the colours that are active for renders.
         named_uvs, named_colors: others by their names. layers: which of them were asked for; the mesh may lack them.
+    tangents, texture_space: see `perfect_bvh.MeshAppearance`; only if they were asked for.
     dropped_triangles: how many triangles were left out because a vertex was not finite; `triangle_ids`
         then holds the original index of each kept triangle, and is None when all were kept.
     was_read: False if Blender is known not to have evaluated the mesh since the record before, whose arrays these are.
@@ -104,6 +116,8 @@ class MeshRecord:
     corner_colors: Float32Array | None = None
     named_uvs: Layers = field(default_factory=dict)
     named_colors: Layers = field(default_factory=dict)
+    tangents: Layers = field(default_factory=dict)
+    texture_space: Float32Array | None = None
     layers: LayerRequest = NO_LAYERS
     dropped_triangles: int = 0
     triangle_ids: Int32Array | None = None
@@ -143,6 +157,8 @@ class MeshRecord:
             corner_colors=self.corner_colors if "" in layers.colors else None,
             named_uvs={name: array for name, array in self.named_uvs.items() if name in layers.uvs},
             named_colors={name: array for name, array in self.named_colors.items() if name in layers.colors},
+            tangents={name: array for name, array in self.tangents.items() if name in layers.tangents},
+            texture_space=self.texture_space if layers.generated else None,
         )
 
 
@@ -155,11 +171,12 @@ MESH_COLUMNS = (
     "corner_normals",
     "corner_uvs",
     "corner_colors",
+    "texture_space",
     "triangle_ids",
     "radii",
     "curve_offsets",
 )
-MESH_LAYERS = ("named_uvs", "named_colors")
+MESH_LAYERS = ("named_uvs", "named_colors", "tangents")
 INSTANCE_COLUMNS = ("mesh_indices", "object_indices", "parent_indices", "transforms", "masks", "persistent_ids")
 
 
@@ -314,7 +331,7 @@ class SceneRecord:
     images: tuple[ImageRecord, ...] = ()
     lights: LightRecords = field(default_factory=LightRecords)
     world: WorldRecord | None = None
-    variants: MaterialVariants | None = None
+    instance_values: Float32Array | None = None
     unseen: tuple[UnseenMesh, ...] = ()
     warnings: tuple[str, ...] = ()
     not_shown: tuple[NotShown, ...] = ()

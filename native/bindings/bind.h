@@ -20,6 +20,7 @@
 #include "core/errors.h"
 #include "math/turning.h"
 #include "math/vec3.h"
+#include "render/appearance/appearance.h"
 #include "render/sampling/camera.h"
 #include "scene/scene.h"
 
@@ -74,6 +75,10 @@ template <class T, class Scalar>
 // Bind ----------------------------------------------------------------------------------------------------------------
 // The parts that the module is bound in.
 
+// A view of the pixels that the Python face has checked and keeps alive.
+[[nodiscard]] Texture read_image(const py::handle& value);
+void read_appearance(const py::dict& values, Appearance& appearance);
+
 // Takes from a class the way to be made in Python. pybind11 lets `__new__` alone return an object without a C++ value,
 // and the first method of such an object then works on memory that was never initialised.
 void make_only_natively(const pybind11::handle& native_class);
@@ -84,6 +89,7 @@ void bind_isa(pybind11::module_& module);
 void bind_scene(pybind11::module_& module);
 void bind_queries(pybind11::module_& module);
 void bind_render(pybind11::module_& module);
+void bind_nodes(pybind11::module_& module);
 void bind_filter(pybind11::module_& module);
 void bind_statistics(pybind11::module_& module);
 void bind_bulk(pybind11::module_& module);

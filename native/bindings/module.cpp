@@ -126,6 +126,7 @@ PYBIND11_MODULE(_core, module) {
   bind_curve_chains(module);
   bind_scene(module);
   bind_render(module);
+  bind_nodes(module);
   bind_filter(module);
   bind_statistics(module);
   bind_bulk(module);

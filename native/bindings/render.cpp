@@ -24,7 +24,7 @@ const std::map<std::string, Mode> kModes{
 };
 
 const std::map<std::string, Extension> kExtensions{
-    {"repeat", Extension::kRepeat}, {"extend", Extension::kExtend}, {"clip", Extension::kClip}};
+    {"repeat", Extension::kRepeat}, {"extend", Extension::kExtend}, {"clip", Extension::kClip}, {"mirror", Extension::kMirror}};
 
 Vec3f as_color(const py::handle& value) {
   const auto [r, g, b] = value.cast<std::tuple<float, float, float>>();
@@ -81,7 +81,7 @@ void read_pixels(const py::dict& values, const char* name, Texture& texture) {
 }
 
 // Numbered square by square from 0.
-std::shared_ptr<const TextureTiles> read_tiles(const py::handle& value, Extension extension) {
+std::shared_ptr<const TextureTiles> read_tiles(const py::handle& value, const Texture& whole) {
   const auto tiles = value.cast<std::vector<py::dict>>();
   if (tiles.empty()) return nullptr;
   auto made = std::make_shared<TextureTiles>();
@@ -91,23 +91,25 @@ std::shared_ptr<const TextureTiles> read_tiles(const py::handle& value, Extensio
     if (row_end > made->rows.size()) made->rows.resize(row_end, -1);
     made->rows[square] = static_cast<std::int32_t>(made->images.size());
     Texture& texture = made->images.emplace_back();
-    texture.extension = extension;
+    texture.extension = whole.extension, texture.is_closest = whole.is_closest;
     read_pixels(tile, "pixels", texture);
   }
   return made;
 }
 
+}  // namespace
+
 Texture read_image(const py::handle& value) {
   const auto values = value.cast<py::dict>();
   Texture texture;
   texture.extension = kExtensions.at(get<std::string>(values, "extension"));
-  const auto rows = rows_of<Vec3f>(view<float>(values, "uv_transform"));
-  texture.across = rows[0], texture.up = rows[1];
-  texture.uv_map = get<std::int32_t>(values, "uv_map");
+  texture.is_closest = get<std::string>(values, "interpolation") == "closest";
   read_pixels(values, "pixels", texture);
-  texture.tiles = read_tiles(values["tiles"], texture.extension);
+  texture.tiles = read_tiles(values["tiles"], texture);
   return texture;
 }
+
+namespace {
 
 // Columns of equal length, as the Python face has checked.
 void read_lights(const py::dict& values, std::vector<Light>& lights) {
@@ -175,6 +177,21 @@ void read_layers(const py::dict& mesh, const char* name, std::vector<std::span<c
   }
 }
 
+// Of each program its instructions, as Python wrote them.
+void read_programs(const py::dict& values, Appearance& appearance) {
+  const auto instance_values = get<std::size_t>(values, "instance_value_count");
+  for (const py::handle value : values["programs"]) {
+    const auto program = value.cast<py::dict>();
+    appearance.programs.push_back(std::make_shared<NodeProgram>(view<std::int32_t>(program, "codes"),
+                                                                view<float>(program, "numbers"),
+                                                                appearance.images.size(), instance_values));
+  }
+  appearance.material_programs = view<std::int32_t>(values, "material_programs");
+  appearance.instance_values = rows_of<Rgba>(view<float>(values, "instance_values"));
+}
+
+}  // namespace
+
 void read_appearance(const py::dict& values, Appearance& appearance) {
   appearance.base_colors = rows_of<Vec3f>(view<float>(values, "base_colors"));
   appearance.emissions = rows_of<Vec3f>(view<float>(values, "emissions"));
@@ -197,14 +214,10 @@ void read_appearance(const py::dict& values, Appearance& appearance) {
   appearance.transmission_tints = read_tints("transmission_colors", "transmission_powers");
   appearance.translucent_tints = read_tints("translucent_colors", "translucent_powers");
   appearance.material_holdouts = view<float>(values, "holdouts");
-  appearance.color_scales = rows_of<Vec3f>(view<float>(values, "color_scales"));
-  appearance.color_images = view<std::int32_t>(values, "color_images");
-  appearance.alpha_images = view<std::int32_t>(values, "alpha_images");
-  appearance.emission_images = view<std::int32_t>(values, "emission_images");
-  appearance.tints = view<std::int32_t>(values, "tints");
   appearance.hairs = view<std::int32_t>(values, "hairs");
   read_hair(values["hair"].cast<py::dict>(), appearance.hair_rows);
   read_scene_light(values, appearance);
+  read_programs(values, appearance);
   appearance.material_colors = rows_of<Rgba>(view<float>(values, "material_colors"));
   appearance.material_pass_indices = view<std::int32_t>(values, "material_indices");
   appearance.instance_ids = view<std::int32_t>(values, "instance_ids");
@@ -229,11 +242,18 @@ void read_appearance(const py::dict& values, Appearance& appearance) {
       attributes.corner_normals = rows_of<Vec3f>(view<float>(mesh, "corner_normals"));
     read_layers(mesh, "uv_maps", attributes.uv_maps);
     read_layers(mesh, "corner_colors", attributes.corner_colors);
+    read_layers(mesh, "corner_tangents", attributes.corner_tangents);
+    if (mesh.contains("texture_space")) {
+      const auto rows = rows_of<Vec3f>(view<float>(mesh, "texture_space"));
+      attributes.generated_scale = rows[0], attributes.generated_offset = rows[1];
+    }
     if (mesh.contains("curve_offsets")) attributes.curve_offsets = view<std::int64_t>(mesh, "curve_offsets");
     appearance.set_mesh(key.cast<std::int32_t>(), attributes);
   }
   appearance.finish();
 }
+
+namespace {
 
 // The memory of a pass, a row a pixel; empty if the pass is not wanted.
 template <class T, class Scalar>

@@ -58,7 +58,7 @@ def list_instances(depsgraph: Any, groups: GroupTable) -> Listing:
     bad_rows = place_instances(None, matrices, transforms, LARGEST_COORDINATE)
     is_plain = finder.saw_only_objects
     random_ids = None
-    if not is_plain and RANDOM in groups.materials.asked:
+    if not is_plain and RANDOM in groups.materials.sources:
         read = np.empty(count, np.int32)
         instances.foreach_get("random_id", read)
         random_ids = read.view(np.uint32).astype(np.int64)

@@ -29,6 +29,7 @@ from ..pointer_views import (
     TRIANGLE_POLYGONS,
     ArrayReader,
 )
+from .tangents import corner_tangents
 
 # The uv maps and colours that materials name: of meshes a row a triangle, of hair and points one a curve or a point.
 #
@@ -209,9 +210,10 @@ def read_mesh(
         triangles, corner_triangles, polygon_ids = triangles[kept], corner_triangles[kept], polygon_ids[kept]
     uv_maps: dict[str, Float32Array] = {}
     colors: dict[str, Float32Array] = {}
+    corners = Corners(corner_triangles, triangles, polygon_ids)
     if layers is not NO_LAYERS:
-        corners = Corners(corner_triangles, triangles, polygon_ids)
         uv_maps, colors = read_uv_maps(mesh, layers, corners, reader), read_colors(mesh, layers, corners)
+    normals = read_corner_normals(mesh, corner_triangles, reader) if attributes.corner_normals else None
     return MeshRecord(
         key=key,
         name=name,
@@ -219,15 +221,39 @@ def read_mesh(
         triangles=triangles,
         polygon_ids=_held(polygon_ids, last and last.polygon_ids),
         material_slots=_read_slots(mesh, polygon_ids, reader, last) if attributes.material_slots else None,
-        corner_normals=read_corner_normals(mesh, corner_triangles, reader) if attributes.corner_normals else None,
+        corner_normals=normals,
         corner_uvs=uv_maps.pop("", None),
         corner_colors=colors.pop("", None),
         named_uvs=uv_maps,
         named_colors=colors,
+        tangents=_read_tangents(mesh, layers, corners, positions[triangles], normals, reader)
+        if layers.tangents
+        else {},
+        texture_space=_read_texture_space(mesh) if layers.generated else None,
         layers=layers,
         dropped_triangles=0 if kept is None else triangle_count - len(kept),
         triangle_ids=kept,
     )
+
+
+def _read_tangents(
+    mesh: Any,
+    layers: LayerRequest,
+    corners: Corners,
+    places: Float32Array,
+    normals: Float32Array | None,
+    reader: ArrayReader,
+) -> dict[str, Float32Array]:
+    """(T, 3, 4) by the names of the uv maps that the mesh has."""
+    maps = read_uv_maps(mesh, LayerRequest(uvs=layers.tangents), corners, reader)
+    return {name: corner_tangents(places, normals, uvs) for name, uvs in maps.items()}
+
+
+def _read_texture_space(mesh: Any) -> Float32Array:
+    """(2, 3): what a place is multiplied with, and what is added, for places of 0 to 1 in the mesh's texture space."""
+    size = np.array(mesh.texspace_size, np.float64)
+    scale = np.divide(0.5, size, out=np.zeros(3), where=size != 0.0)
+    return np.array([scale, 0.5 - np.array(mesh.texspace_location) * scale], np.float32)
 
 
 def _read_slots(mesh: Any, polygon_ids: Int32Array, reader: ArrayReader, last: MeshRecord | None) -> Int32Array:

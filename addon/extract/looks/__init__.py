@@ -4,7 +4,9 @@ materials    rows of the table of materials, and objects' slots
 node_graph   from a socket to what feeds it; which nodes are shown, roughly shown, or named
 node_colors  a surface: what its shader nodes come to
 node_values  a value: what the nodes before a socket come to
-values       what nodes do to colours and numbers, as tables
+node_maths   ... of colours, vectors and numbers
+node_places  ... of places, images, attributes and normals
+values       numbers and instructions of a material's program
 lobes        shares of a surface that mirror, refract, or let light through
 images       pixels, read once
 lights       lights and the world

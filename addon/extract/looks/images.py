@@ -2,7 +2,7 @@
 
 An image is taken as unchanged if its file, its size and its settings are as before and it was not painted on. One
 with unsaved strokes is read at every sync, as are movies and sequences: nothing tells when the next stroke came, or the
-next frame. What nodes make of an image's pixels is worked out once, too.
+next frame.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ import ctypes
 import os
 import tempfile
 import threading
-from collections.abc import Callable, Hashable, Iterator
+from collections.abc import Callable, Collection, Hashable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -21,9 +21,9 @@ import bpy
 import numpy as np
 import numpy.typing as npt
 
-from ...sync.look_records import ImageRecord
+from ...sync.look_records import Extension, ImageRecord, Interpolation
 from ...sync.not_shown import NotShown
-from .values import OWN_ALPHA, Value
+from .values import Nodes, Source, Value
 
 # The tiles of a UDIM image: one image for each unit square of a uv map.
 #
@@ -158,8 +158,6 @@ Read = TypeVar("Read", Pixels, Tiles)
 _MISSING = np.array([[(255, 0, 255, 255)]], np.uint8)
 _MOVING = {"MOVIE", "SEQUENCE"}
 _LINEAR_SPACES = {"Non-Color", "Linear", "Linear Rec.709", "scene_linear", "Raw"}
-# What nodes change is worked out for no more pixels a side, some rows at a time; a mean is taken of fewer.
-_MOST_CHANGED, _ROWS, _SAMPLED = 2048, 64, 64
 # Previews have fewer pixels than that.
 _MOST_PREVIEWED = 1024
 
@@ -191,60 +189,42 @@ class ImageReader:
         self._before, self._for_preview = cache.held, for_preview
         self.cache = ImageCache()
         self._rows: dict[tuple[Hashable, ...], int] = {}
+        self.sources: Collection[Source] = ()  # what nodes ask of instances
         self.records: list[ImageRecord] = []
         self.not_shown: dict[NotShown, None] = {}  # in the order in which they are met
 
-    def row(self, color: Value | None, alpha: Value | None = None) -> int:
-        """The row of an image with the colour of one value and the alpha of another; None for what is not looked at.
-
-        Both have the same texture. Alpha may be the texture's own, which is what it is without a value.
-        """
-        given = [value for value in (color, alpha) if value is not None]
-        texture = next(value.texture for value in given if value.texture is not None)
-        uid = texture.image.original.session_uid
-        key = (None if color is None else color.key, None if alpha is None or alpha.key == OWN_ALPHA else alpha.key)
-        look_up = (texture.extension, texture.uv_transform, texture.uv_map)
-        place = (uid, key, *look_up)
+    def row(self, image: Any, extension: Extension = "repeat", interpolation: Interpolation = "linear") -> int:
+        """The row of an image as it is laid over surfaces."""
+        uid = image.original.session_uid
+        place = (uid, extension, interpolation)
         row = self._rows.get(place)
         if row is None:
             row = self._rows[place] = len(self.records)
-            image, tiles = texture.image, {}
+            tiles: Tiles = {}
             if self._shows_tiles(image):
-                tiles = self._changed_tiles(image, uid, key, color, alpha)
+                tiles = self._held(image, uid, "tiles", lambda: self._tiles(image, uid))
                 pixels = next(iter(tiles.values()), _MISSING)
-            elif key == (None, None):
-                pixels = self._held(image, uid, None, lambda: self._original(image, uid))
             else:
-                pixels = self._held(image, uid, key, lambda: _change(self._original(image, uid), color, alpha))
-            self.records.append(ImageRecord(image.name, uid, pixels, *look_up, tiles))
+                pixels = self._held(image, uid, None, lambda: self._original(image, uid))
+            self.records.append(ImageRecord(image.name, uid, pixels, extension, interpolation, tiles))
         return row
+
+    def mean(self, nodes: Nodes, value: Value) -> tuple[float, ...]:
+        """About the mean of a value over the surfaces that show it."""
+        if value.is_even:
+            operand = value.operand
+            return operand if isinstance(operand, tuple) else (float(operand),)  # type: ignore[arg-type]
+        return nodes.mean(value.operand, self.arguments(), [source.stand_in for source in self.sources])
+
+    def arguments(self) -> list[dict[str, Any]]:
+        """The images as nodes take them; of a UDIM image its first tile."""
+        return [
+            {"pixels": record.pixels, "extension": record.extension, "interpolation": record.interpolation, "tiles": []}
+            for record in self.records
+        ]
 
     def _shows_tiles(self, image: Any) -> bool:
         return is_tiled(image) and not self._for_preview
-
-    def _changed_tiles(self, image: Any, uid: int, key: Hashable, color: Value | None, alpha: Value | None) -> Tiles:
-        if key == (None, None):
-            return self._held(image, uid, "tiles", lambda: self._tiles(image, uid))
-
-        def change() -> Tiles:
-            return {number: _change(pixels, color, alpha) for number, pixels in self._tiles(image, uid).items()}
-
-        return self._held(image, uid, ("tiles", key), change)
-
-    def mean(self, value: Value) -> Floats:
-        """(4,): the mean of a value that has a texture."""
-        assert value.texture is not None
-        image = value.texture.image
-        uid = image.original.session_uid
-
-        def sample() -> Pixels:
-            if not self._shows_tiles(image):
-                return _sampled(self._original(image, uid))
-            samples = [_sampled(pixels).reshape(-1, 1, 4) for pixels in self._tiles(image, uid).values()]
-            return np.concatenate([_as_floats(pixels) for pixels in samples or [_MISSING]])
-
-        sampled = _as_floats(self._held(image, uid, "sample", sample))
-        return np.asarray(value.of(sampled).reshape(-1, 4).mean(axis=0), np.float32)
 
     def _original(self, image: Any, uid: int) -> Pixels:
         """As Blender has it, without a place in the cache."""
@@ -277,46 +257,6 @@ class ImageReader:
             held = _look_of(image), pixels
         self.cache.held[uid, key] = held
         return held[1]  # type: ignore[no-any-return]
-
-
-def _sampled(pixels: Pixels) -> Pixels:
-    height, width = pixels.shape[:2]
-    return pixels[:: -(-height // _SAMPLED), :: -(-width // _SAMPLED)].copy()
-
-
-def _change(pixels: Pixels, color: Value | None, alpha: Value | None) -> Pixels:
-    """What values make of an image; bytes of sRGB again if it was of such and nothing is too bright for them."""
-    step = max(1, -(-max(pixels.shape[:2]) // _MOST_CHANGED))
-    pixels = pixels[::step, ::step]
-    made = np.empty(pixels.shape, np.float32)
-    for first in range(0, len(pixels), _ROWS):
-        part = _as_floats(pixels[first : first + _ROWS])
-        target = made[first : first + _ROWS]
-        target[...] = part
-        if color is not None:
-            target[..., :3] = color.of(part)[..., :3]
-        if alpha is not None:
-            target[..., 3] = alpha.of(part)[..., 0]
-    np.nan_to_num(made, copy=False, nan=0.0, posinf=65504.0, neginf=0.0)
-    np.maximum(made, 0.0, out=made)
-    if pixels.dtype != np.uint8 or made.max() > 1.0:
-        return made
-    rgb = made[..., :3]
-    rgb[...] = np.where(rgb <= 0.0031308, rgb * 12.92, 1.055 * rgb ** (1 / 2.4) - 0.055)
-    return np.rint(made * 255.0).astype(np.uint8)
-
-
-def _as_floats(pixels: Pixels) -> Floats:
-    """Scene-linear."""
-    if pixels.dtype != np.uint8:
-        return pixels  # type: ignore[return-value]
-    floats = np.empty(pixels.shape, np.float32)
-    floats[..., :3], floats[..., 3] = _LINEAR[pixels[..., :3]], pixels[..., 3] / 255.0
-    return floats
-
-
-_STEPS = np.arange(256) / 255.0
-_LINEAR = np.where(_STEPS <= 0.04045, _STEPS / 12.92, ((_STEPS + 0.055) / 1.055) ** 2.4).astype(np.float32)
 
 
 def _has_look(image: Any, look: tuple[Any, ...]) -> bool:

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 from mathutils import Euler
+from perfect_bvh.nodes import Operand, Output
 
 from ...sync.look_records import ImageRecord, LightRecords, WorldRecord
 from ...sync.not_shown import NotShown
@@ -18,7 +19,7 @@ from .images import ImageReader
 from .node_graph import GROUPS, Omissions, Scope, find_output, trace_back
 from .node_values import HALF, ValueReader
 from .sky import read_sky
-from .values import BLENDS, Value, constant
+from .values import Value, constant, is_number
 
 _KINDS = {"POINT": "point", "SUN": "sun", "SPOT": "spot"}
 _DEEPEST = 64
@@ -94,10 +95,10 @@ def _read_world(world: Any, images: ImageReader, omissions: Omissions) -> WorldR
         images.records.append(ImageRecord(node.name, 0, shown.pixels, "repeat"))
         return WorldRecord((strength,) * 3, len(images.records) - 1, rotation)
     lit, seen = (ValueReader(images, constant(*plain.color), omissions, is_camera) for is_camera in (False, True))
-    record = _record(_follow_shader(surface, scope, lit, 0), images, omissions)
+    record = _record(_follow_shader(surface, scope, lit, 0), lit, images)
     if not lit.was_asked_for_rays:
         return record
-    return replace(record, backdrop=_record(_follow_shader(surface, scope, seen, 0), images, omissions))
+    return replace(record, backdrop=_record(_follow_shader(surface, scope, seen, 0), seen, images))
 
 
 def _note_world(world: Any, output: Any, scope: Scope | None, omissions: Omissions) -> None:
@@ -117,7 +118,7 @@ def _find_sky(world: Any, images: ImageReader, omissions: Omissions | None = Non
     source, scope = (None, None) if found is None else trace_back(found[0].inputs["Surface"], found[1])
     if source is None or not source.is_output or source.node.type != "BACKGROUND":
         return None
-    strength = ValueReader(images, constant(1.0), omissions).number(source.node.inputs["Strength"], 1.0, scope)
+    strength = ValueReader(images, constant(1.0), omissions).even_number(source.node.inputs["Strength"], 1.0, scope)
     color, _ = trace_back(source.node.inputs["Color"], scope)
     return (color.node, max(strength, 0.0)) if color.is_output and color.node.type == "TEX_SKY" else None
 
@@ -146,32 +147,82 @@ def _follow_shader(socket: Any, scope: Scope | None, reader: ValueReader, depth:
     if node.type in {"BACKGROUND", "EMISSION"}:
         color = reader.read(node.inputs["Color"], scope)
         strength = reader.read_or(constant(1.0), "Strength 1 is", node.inputs["Strength"], scope)
-        return reader.combine(lambda one, other: one * other, [color, strength], "strength")
+        return Value(reader.nodes.times(color.operand, strength.operand))
     if node.type in {"MIX_SHADER", "ADD_SHADER"}:
         shaders = [socket for socket in node.inputs if socket.type == "SHADER"]
         if node.type == "ADD_SHADER":
-            both = [_follow_shader(socket, scope, reader, depth + 1) for socket in shaders]
-            return reader.combine(lambda one, other: one + other, both, "add")
-        factor = reader.read_or(constant(0.5), HALF, node.inputs[0], scope)
-        if factor.texture is None and factor.color[0] in (0.0, 1.0):
-            return _follow_shader(shaders[int(factor.color[0])], scope, reader, depth + 1)
-        first, second = (_follow_shader(socket, scope, reader, depth + 1) for socket in shaders)
-        return reader.combine(BLENDS["MIX"], [factor, first, second], "mix")
+            both = [_follow_shader(socket, scope, reader, depth + 1).operand for socket in shaders]
+            return Value(reader.nodes.plus(*both))
+        factor = reader.nodes.clamp(reader.read_or(constant(0.5), HALF, node.inputs[0], scope).operand)
+        for side in (0, 1):
+            if is_number(factor, float(side)):
+                return _follow_shader(shaders[side], scope, reader, depth + 1)
+        first, second = (_follow_shader(socket, scope, reader, depth + 1).operand for socket in shaders)
+        return Value(reader.nodes.mix(factor, first, second))
     if node.type.startswith("BSDF"):
         return constant(0.0, 0.0, 0.0)  # in Cycles, too
     reader.omissions.note_node(node)
     return reader.fallback
 
 
-def _record(value: Value, images: ImageReader, omissions: Omissions) -> WorldRecord:
-    texture = value.texture
-    if texture is None:
-        red, green, blue, _ = value.color.tolist()
+def _record(value: Value, reader: ValueReader, images: ImageReader) -> WorldRecord:
+    """An image that stands round the scene as it is, or one of what the nodes show in each direction."""
+    if value.is_even:
+        red, green, blue = (max(channel, 0.0) for channel in reader.overall(value))
         return WorldRecord((red, green, blue))
-    (across, other, aside), (up, along, away) = texture.uv_transform
-    if not np.allclose((across, other, aside, away), (along, -up, 0.0, 0.0), atol=1e-4):
-        omissions.note(f"the Mapping of {texture.image.name}", "its turn about the vertical is")
-    return WorldRecord((1.0, 1.0, 1.0), images.row(value), math.atan2(up, across))
+    found = _match_image(value.operand, reader)
+    if found is not None:
+        row, color, rotation = found
+        return WorldRecord(color, row, rotation)
+    values = reader.nodes.evaluate(value.operand, images.arguments(), [_directions()], _WIDTH * _HEIGHT)
+    pixels = np.ones((_HEIGHT, _WIDTH, 4), np.float32)
+    pixels[..., :3] = values[:, : values.shape[1]].reshape(_HEIGHT, _WIDTH, -1)[..., :3]
+    np.nan_to_num(pixels, copy=False, nan=0.0, posinf=65504.0, neginf=0.0)
+    images.records.append(ImageRecord("World", 0, np.maximum(pixels, 0.0), "repeat"))
+    return WorldRecord((1.0, 1.0, 1.0), len(images.records) - 1)
+
+
+# Of what nodes show around a scene: an image of so many pixels.
+_WIDTH, _HEIGHT = 2048, 1024
+
+
+def _directions() -> npt.NDArray[np.float32]:
+    """(H * W, 4): where the middles of an equirectangular image's pixels lie."""
+    around = np.pi * (1.0 - 2.0 * (np.arange(_WIDTH) + 0.5) / _WIDTH)
+    above = np.pi * ((np.arange(_HEIGHT) + 0.5) / _HEIGHT - 0.5)
+    ways = np.zeros((_HEIGHT, _WIDTH, 4), np.float32)
+    ways[..., 0] = np.cos(above)[:, None] * np.cos(around)
+    ways[..., 1] = np.cos(above)[:, None] * np.sin(around)
+    ways[..., 2] = np.sin(above)[:, None]
+    return ways.reshape(-1, 4)
+
+
+def _match_image(operand: Operand, reader: ValueReader) -> tuple[int, Color, float] | None:
+    """The row, the colour that multiplies it, and the turn about the vertical of an equirectangular image alone."""
+    color: Color = (1.0, 1.0, 1.0)
+    instruction = reader.nodes.instruction(operand)
+    if instruction is not None and instruction.kind == "vector_math" and instruction.mode == "MULTIPLY":
+        image, factor = instruction.operands[:2]
+        if isinstance(factor, Output) or isinstance(image, float):
+            return None
+        color = tuple(factor) if isinstance(factor, tuple) else (factor,) * 3  # type: ignore[assignment]
+        operand, instruction = image, reader.nodes.instruction(image)
+    if instruction is None or instruction.kind != "image" or instruction.mode != "EQUIRECTANGULAR":
+        return None
+    if operand[1:] != (0, 3) or min(color) < 0.0:  # type: ignore[index]
+        return None
+    way = instruction.operands[0]
+    turn = reader.nodes.instruction(way)
+    if way == reader.way().operand:
+        return int(instruction.numbers[0]), color, 0.0
+    if turn is None or turn.kind != "mapping" or turn.mode not in {"POINT", "VECTOR", "TEXTURE"}:
+        return None
+    vector, place, angles, scale = turn.operands
+    if vector != reader.way().operand or not is_number(place, 0.0) or not is_number(scale, 1.0):
+        return None
+    if not isinstance(angles, tuple) or angles[0] or angles[1]:
+        return None
+    return int(instruction.numbers[0]), color, -angles[2] if turn.mode == "TEXTURE" else angles[2]
 
 
 def _list_lights(
@@ -247,9 +298,7 @@ def _power_of(light: Any, images: ImageReader, omissions: Omissions) -> Color:
         return BLACK
     reader = ValueReader(images, constant(1.0, 1.0, 1.0), omissions)
     shade = _follow_shader(found[0].inputs["Surface"], found[1], reader, 0)
-    if shade.texture is not None:
-        omissions.note(f"{shade.texture.image.name} as Color", "its mean is")
-    return _by(color, reader.mean(shade).tolist())
+    return _by(color, reader.overall(shade))
 
 
 def _times(color: Any, factor: float) -> Color:

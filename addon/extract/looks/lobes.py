@@ -1,7 +1,8 @@
 """What of a surface mirrors, refracts, or lets light through diffuse: shares of it, which mixes of shaders combine.
 
 A surface is split into shares that add up to one: metal, then of the rest what is clear, then of the rest what is
-translucent; what remains is diffuse under a dielectric reflection, as in Blender's Principled BSDF.
+translucent; what remains is diffuse under a dielectric reflection, as in Blender's Principled BSDF. Each share, colour
+and roughness may be another one from place to place.
 """
 
 from __future__ import annotations
@@ -12,36 +13,17 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
+from perfect_bvh.nodes import Operand
 
 from ...sync.look_records import HairRecord
 from .node_graph import Scope, inputs_of, is_fed
 from .node_values import ValueReader
-from .values import Value, constant
+from .values import Nodes, Value, constant, is_number
 
 Color = tuple[float, float, float]
 
 WHITE_COLOR: Color = (1.0, 1.0, 1.0)
-
-
-@dataclass(frozen=True, slots=True)
-class Tint:
-    """The colour of a lobe: `color` times the base colour to the power of `power`, channel by channel."""
-
-    color: Color = WHITE_COLOR
-    power: float = 0.0
-
-    def over(self, base: npt.NDArray[Any]) -> npt.NDArray[np.float64]:
-        """(3,): what it comes to over a base colour."""
-        return np.asarray(self.color) * np.clip(np.float64(base[:3]), 0.0, None) ** self.power
-
-
-class Shares(NamedTuple):
-    """Of a whole surface."""
-
-    metal: float
-    clear: float
-    translucent: float
-    rest: float
+NO_COLOR: Color = (0.0, 0.0, 0.0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,145 +31,139 @@ class Lobes:
     """See `perfect_bvh.MaterialTable`, whose columns these are.
 
     even_metal: of the metal, how much mirrors alike at all angles. tinted_glass, plain_refraction: of what is clear,
-    how much has its own tint on what it mirrors, too, and how much mirrors nothing.
+    how much has its own tint on what it mirrors, too, and how much mirrors nothing. metal, tint, translucent: colours
+    of what is metal, clear, translucent; None for what follows from the base colour: the colour itself, its square
+    root, none.
     """
 
-    metallic: float = 0.0
-    roughness: float = 1.0
-    reflectance: float = 0.0
-    transmission: float = 0.0
-    translucency: float = 0.0
-    ior: float = 1.5
+    metallic: Operand = 0.0
+    roughness: Operand = 1.0
+    reflectance: Operand = 0.0
+    transmission: Operand = 0.0
+    translucency: Operand = 0.0
+    ior: Operand = 1.5
     even_metal: float = 0.0
     tinted_glass: float = 0.0
     plain_refraction: float = 0.0
     lossy_facets: float = 0.0
-    specular_tint: Color = WHITE_COLOR
-    metal_tint: Tint = Tint(power=1.0)
-    clear_tint: Tint = Tint(power=0.5)
-    translucent_tint: Tint = Tint((0.0, 0.0, 0.0))
-
-    @property
-    def shares(self) -> Shares:
-        below_metal = 1.0 - self.metallic
-        below_clear = below_metal * (1.0 - self.transmission)
-        return Shares(
-            metal=self.metallic,
-            clear=below_metal * self.transmission,
-            translucent=below_clear * self.translucency,
-            rest=below_clear * (1.0 - self.translucency),
-        )
+    specular_tint: Operand = WHITE_COLOR
+    metal: Operand | None = None
+    tint: Operand | None = None
+    translucent: Operand = NO_COLOR
 
 
 DIFFUSE = Lobes()
-# What may be another number for each instance.
-LOBE_NUMBERS = ("metallic", "roughness", "reflectance", "transmission", "ior")
 
 
-def averaged(lobes: Lobes) -> Lobes:
-    """With one number each instead of one for each instance."""
-    arrays = {name: getattr(lobes, name) for name in LOBE_NUMBERS if np.ndim(getattr(lobes, name))}
-    return replace(lobes, **{name: float(np.mean(array)) for name, array in arrays.items()}) if arrays else lobes
+class Shares(NamedTuple):
+    """Of a whole surface."""
 
-
-def plain_number(value: Any) -> Any:
-    """A float if it is a single number; arrays as they are."""
-    return value if np.ndim(value) else float(value)
+    metal: Operand
+    clear: Operand
+    translucent: Operand
+    rest: Operand
 
 
 class Part(NamedTuple):
-    """One of those that are mixed. weight: all weights add up to one. base: (4,), the mean of its base colour."""
+    """One of those that are mixed. weight: both weights add up to one. base: its base colour."""
 
     lobes: Lobes
-    weight: float
-    base: npt.NDArray[Any]
-    varies: bool  # whether the base colour is not the same all over
+    weight: Operand
+    base: Operand
+
+    def shares(self, nodes: Nodes) -> Shares:
+        """How much of the mix each of its own shares is."""
+        lobes = self.lobes
+        below_metal = nodes.times(self.weight, nodes.less(1.0, lobes.metallic))
+        below_clear = nodes.times(below_metal, nodes.less(1.0, lobes.transmission))
+        return Shares(
+            nodes.times(self.weight, lobes.metallic),
+            nodes.times(below_metal, lobes.transmission),
+            nodes.times(below_clear, lobes.translucency),
+            nodes.times(below_clear, nodes.less(1.0, lobes.translucency)),
+        )
+
+    def metal(self) -> Operand:
+        return self.base if self.lobes.metal is None else self.lobes.metal
+
+    def tint(self, nodes: Nodes) -> Operand:
+        return (
+            nodes.add("vector_math", self.base, 0.5, 0.0, 0.0, mode="POWER")
+            if self.lobes.tint is None
+            else self.lobes.tint
+        )
 
 
-def base_share(first: Part, second: Part) -> float | None:
-    """How much the second's base colour counts in a mix, None for as much as the mix's own factor says.
+def mix_parts(nodes: Nodes, first: Part, second: Part, constant_share: float) -> tuple[Operand, Lobes]:
+    """The base colour and the lobes of a mix.
 
-    What is diffuse has the base colour alone, where anything is; metal and glass keep theirs in their tints.
+    constant_share: of the second part on average, for what a material has one number of.
     """
-    one, other = first.lobes.shares, second.lobes.shares
-    if one == other:
-        return None
-    for kind in ("rest", "metal", "clear"):
-        weights = first.weight * getattr(one, kind), second.weight * getattr(other, kind)
-        if any(weights):
-            return _ratio(weights[1], weights[0])
-    return second.weight
-
-
-def mix_lobes(first: Part, second: Part, base: npt.NDArray[Any]) -> Lobes:
-    """The lobes of a mix whose base colour has the mean `base`."""
     parts = first, second
-    shares = [Shares(*(part.weight * share for share in part.lobes.shares)) for part in parts]
-    metals, clears, thins, rests = (tuple(column) for column in zip(*shares, strict=True))
-    metal, clear, thin, rest = sum(metals), sum(clears), sum(thins), sum(rests)
-    reflecting = [rests[row] * part.lobes.reflectance for row, part in enumerate(parts)]
-    dielectric = [clears[row] + reflecting[row] for row in range(2)]
-    shiny = [metals[row] + dielectric[row] for row in range(2)]
-    # Without plain refractions, whose facets always lose it.
-    bouncing = [shiny[row] - clears[row] * part.lobes.plain_refraction for row, part in enumerate(parts)]
+    metals, clears, thins, rests = zip(*(part.shares(nodes) for part in parts), strict=True)
+    weight = second.weight
+    shiny = tuple(
+        nodes.plus(nodes.plus(metals[row], clears[row]), nodes.times(rests[row], part.lobes.reflectance))
+        for row, part in enumerate(parts)
+    )
+    dielectric = tuple(
+        nodes.plus(clears[row], nodes.times(rests[row], part.lobes.reflectance)) for row, part in enumerate(parts)
+    )
+    clear, thin, rest = (nodes.plus(*both) for both in (clears, thins, rests))
 
-    def mean(name: str, *weights: Any) -> Any:
-        """Of what all of the parts have, by the first of the weights that are not all zero."""
-        counted = next((each for each in weights if sum(each) > 0.0), [part.weight for part in parts])
-        values = np.array([getattr(part.lobes, name) for part in parts], np.float64)
-        return np.tensordot(np.float64(counted) / sum(counted), values, 1)
+    def mean(weights: Any, name: str, otherwise: Operand = weight) -> Operand:
+        return nodes.weighted(weights, (getattr(first.lobes, name), getattr(second.lobes, name)), otherwise)
 
-    return Lobes(
-        metallic=metal,
-        roughness=float(mean("roughness", shiny)),
-        reflectance=float(mean("reflectance", rests, clears)),
-        transmission=_ratio(clear, thin + rest),
-        translucency=_ratio(thin, rest),
-        ior=float(mean("ior", dielectric)),
-        even_metal=float(mean("even_metal", metals)),
-        tinted_glass=float(mean("tinted_glass", clears)),
-        plain_refraction=float(mean("plain_refraction", clears)),
-        lossy_facets=float(mean("lossy_facets", bouncing)),
-        specular_tint=_color(mean("specular_tint", shiny)),
-        metal_tint=_mix_tints(parts, "metal_tint", metals, base),
-        clear_tint=_mix_tints(parts, "clear_tint", clears, base),
+    def fixed(kind: str, name: str) -> float:
+        """Of what there is one number of: by how much of each part is of that kind, on average."""
+        amounts = [
+            _amount(part, kind) * share
+            for part, share in zip(parts, (1.0 - constant_share, constant_share), strict=True)
+        ]
+        share = amounts[1] / sum(amounts) if sum(amounts) > 0.0 else constant_share
+        return (1.0 - share) * getattr(first.lobes, name) + share * getattr(second.lobes, name)
+
+    base = nodes.weighted(rests, (first.base, second.base), weight)
+    if is_number(rest, 0.0):  # nothing is diffuse: it is the metal's, or what is clear
+        base = nodes.weighted(
+            metals if not is_number(nodes.plus(*metals), 0.0) else clears, (first.base, second.base), weight
+        )
+    return base, Lobes(
+        metallic=nodes.plus(*metals),
+        roughness=mean(shiny, "roughness"),
+        reflectance=mean(rests, "reflectance", mean(clears, "reflectance")),
+        transmission=nodes.over(clear, nodes.plus(clear, nodes.plus(thin, rest))),
+        translucency=nodes.over(thin, nodes.plus(thin, rest)),
+        ior=mean(dielectric, "ior"),
+        even_metal=fixed("metal", "even_metal"),
+        tinted_glass=fixed("clear", "tinted_glass"),
+        plain_refraction=fixed("clear", "plain_refraction"),
+        lossy_facets=fixed("bouncing", "lossy_facets"),
+        specular_tint=mean(shiny, "specular_tint"),
+        metal=nodes.weighted(metals, (first.metal(), second.metal()), weight),
+        tint=nodes.weighted(clears, (first.tint(nodes), second.tint(nodes)), weight),
         # This one is no colour of a share, but of all of the surface.
-        translucent_tint=_mix_tints(parts, "translucent_tint", [part.weight for part in parts], base),
+        translucent=nodes.mix(weight, first.lobes.translucent, second.lobes.translucent),
     )
 
 
-def add_translucent(lobes: Lobes, base: npt.NDArray[Any], more: Part) -> Lobes:
-    """Lobes with what another surface lets through beside them, on a base colour of the mean `base`."""
-    color = lobes.translucent_tint.over(base) + more.lobes.translucent_tint.over(more.base)
-    return replace(lobes, translucent_tint=Tint(_color(color)))
-
-
-def _mix_tints(parts: tuple[Part, Part], name: str, weights: Any, base: npt.NDArray[Any]) -> Tint:
-    """One tint for the shares of both parts: their mean over their own base colours, in terms of the new one."""
-    tints: list[Tint] = [getattr(part.lobes, name) for part in parts]
-    total = sum(weights)
-    if total <= 0.0 or tints[0] == tints[1]:
-        same_base = np.allclose(parts[0].base[:3], parts[1].base[:3]) or total <= 0.0
-        if same_base or not tints[0].power or parts[0].lobes.shares == parts[1].lobes.shares:
-            return tints[0]
-    color = sum(weight / total * tint.over(part.base) for weight, tint, part in zip(weights, tints, parts, strict=True))
-    power = max(
-        (tint.power for tint, part, weight in zip(tints, parts, weights, strict=True) if part.varies and weight),
-        default=0.0,
+def _amount(part: Part, kind: str) -> float:
+    """About how much of a part is metal, clear, or has facets between which light may be lost."""
+    metallic, transmission, reflectance = (
+        operand if isinstance(operand, float) else 0.5
+        for operand in (part.lobes.metallic, part.lobes.transmission, part.lobes.reflectance)
     )
-    if not power:
-        return Tint(_color(color))
-    return Tint(_color(color / np.maximum(np.float64(base[:3]) ** power, 1e-3)), power)
+    clear = (1.0 - metallic) * transmission
+    if kind == "metal":
+        return metallic
+    # Without plain refractions, whose facets always lose light.
+    bouncing = metallic + clear * (1.0 - part.lobes.plain_refraction) + (1.0 - metallic - clear) * reflectance
+    return clear if kind == "clear" else bouncing
 
 
-def _ratio(part: float, others: float) -> float:
-    """What share of the whole a part is."""
-    return part / (part + others) if part > 0.0 else 0.0
-
-
-def _color(values: Any) -> Color:
-    red, green, blue = (float(value) for value in values)
-    return red, green, blue
+def add_translucent(nodes: Nodes, lobes: Lobes, more: Lobes) -> Lobes:
+    """Lobes with what another surface lets through beside them."""
+    return replace(lobes, translucent=nodes.plus(lobes.translucent, more.translucent))
 
 
 # Hair ----------------------------------------------------------------------------------------------------------------
@@ -270,23 +246,19 @@ class HairReader:
                 self._omissions.note("Random Color of hair", "one for all strands is")
         if not base.is_even:
             return base, pigments
-        absorption = pigments + absorption_of(base.color, radial)
+        absorption = pigments + absorption_of(self._values.overall(base), radial)
         return constant(*color_of(absorption, radial).tolist()), absorption
 
     def _number(self, socket: Any, unknown: float, scope: Scope | None) -> float:
         """One for all strands."""
-        number = np.mean(self._values.number(socket, unknown, scope))
-        if self._values.read(socket, scope).varies:
-            self._omissions.note(f"{socket.name} of each instance", "one for all of them is")
-        return float(number) if np.isfinite(number) else unknown
+        number = self._values.even_number(socket, unknown, scope)
+        return number if np.isfinite(number) else unknown
 
     def _even(self, socket: Any, scope: Scope | None) -> npt.NDArray[Any]:
-        value = self._values.without_tint(self._values.read(socket, scope))
-        if value.texture is not None:
-            self._omissions.note(f"{value.texture.image.name} as {socket.name}", "its mean is")
-        elif value.varies:
-            self._omissions.note(f"{socket.name} of each instance", "one for all of them is")
-        return self._values.overall(value)
+        value = self._values.read(socket, scope)
+        if not value.is_even:
+            self._omissions.note(f"{socket.name} from place to place", "its mean is")
+        return np.array(self._values.overall(value))
 
 
 SURFACE_ALONE = HairRecord(surface=1.0)

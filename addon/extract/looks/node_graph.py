@@ -4,12 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 import bpy
-import numpy as np
 
-from ...sync.look_records import UNMAPPED, UvTransform
 from ...sync.not_shown import Kind, NotShown
 
 # Whether all materials and worlds have nodes: to ask each of them takes long where it is out of date to ask.
@@ -155,9 +153,11 @@ SHADERS += (
     "ADD_SHADER",
 )
 TEXTURES = ("TEX_IMAGE", "TEX_ENVIRONMENT", "TEX_SKY", "MAPPING", "UVMAP", "TEX_COORD", "ATTRIBUTE", "VERTEX_COLOR")
-TEXTURES += ("OBJECT_INFO",)
-VALUES = ("RGB", "VALUE", "BLACKBODY", "MIX", "MIX_RGB", "VALTORGB", "CURVE_RGB", "HUE_SAT", "MATH", "GAMMA", "INVERT")
-VALUES += ("BRIGHTCONTRAST", "RGBTOBW", "SEPARATE_COLOR", "SEPRGB", "COMBINE_COLOR", "COMBRGB", "LIGHT_FALLOFF")
+TEXTURES += ("OBJECT_INFO", "NEW_GEOMETRY", "NORMAL_MAP", "BUMP", "FRESNEL", "LAYER_WEIGHT")
+VALUES = ("RGB", "VALUE", "BLACKBODY", "MIX", "MIX_RGB", "VALTORGB", "CURVE_RGB", "CURVE_VEC", "CURVE_FLOAT", "HUE_SAT")
+VALUES += ("MATH", "VECT_MATH", "VECTOR_ROTATE", "MAP_RANGE", "CLAMP", "GAMMA", "INVERT", "BRIGHTCONTRAST", "RGBTOBW")
+VALUES += ("SEPARATE_COLOR", "SEPRGB", "SEPHSV", "SEPXYZ", "COMBINE_COLOR", "COMBRGB", "COMBHSV", "COMBXYZ")
+VALUES += ("LIGHT_FALLOFF",)
 TREES = ("GROUP", "GROUP_INPUT", "GROUP_OUTPUT", "REROUTE", "FRAME", "OUTPUT_MATERIAL", "OUTPUT_WORLD", "OUTPUT_LIGHT")
 SHOWN_NODES = frozenset({*SHADERS, *TEXTURES, *VALUES, *TREES})
 
@@ -166,9 +166,6 @@ SIMPLIFIED_NODES: dict[str, str] = {
     "TEX_CHECKER": "the middle of its colours is",
     "TEX_BRICK": "the middle of its colours is",
     "LIGHT_PATH": "what the camera sees is, for all rays",
-    "NEW_GEOMETRY": "its front is, on both sides",
-    "FRESNEL": "one share is, at all angles",
-    "LAYER_WEIGHT": "one share is, at all angles",
     "BSDF_HAIR": "a diffuse surface is, or a translucent one",
     "BSDF_TOON": DIFFUSE,
     "BSDF_SHEEN": DIFFUSE,
@@ -192,11 +189,8 @@ class IgnoredInput(NamedTuple):
     instead: str
 
 
-NORMAL_INPUT = IgnoredInput("Normal", None, "", "the mesh's own normals are")
-
 IGNORED_INPUTS: dict[str, tuple[IgnoredInput, ...]] = {
     "BSDF_PRINCIPLED": (
-        NORMAL_INPUT,
         IgnoredInput("Diffuse Roughness", 0.0, "Diffuse Roughness", "a smooth one is"),
         IgnoredInput("Subsurface Weight", 0.0, "Subsurface", "a diffuse surface is"),
         IgnoredInput("Anisotropic", 0.0, "Anisotropic", "an even reflection is"),
@@ -204,16 +198,13 @@ IGNORED_INPUTS: dict[str, tuple[IgnoredInput, ...]] = {
         IgnoredInput("Sheen Weight", 0.0, "Sheen", "what it covers is"),
         IgnoredInput("Thin Film Thickness", 0.0, "Thin Film", "what it covers is"),
     ),
-    "BSDF_DIFFUSE": (NORMAL_INPUT, IgnoredInput("Roughness", 0.0, "Roughness of the Diffuse BSDF", "a smooth one is")),
-    "BSDF_GLOSSY": (NORMAL_INPUT, IgnoredInput("Anisotropy", 0.0, "Anisotropy", "an even reflection is")),
+    "BSDF_DIFFUSE": (IgnoredInput("Roughness", 0.0, "Roughness of the Diffuse BSDF", "a smooth one is"),),
+    "BSDF_GLOSSY": (IgnoredInput("Anisotropy", 0.0, "Anisotropy", "an even reflection is"),),
     "BSDF_METALLIC": (
-        NORMAL_INPUT,
         IgnoredInput("Anisotropy", 0.0, "Anisotropy", "an even reflection is"),
         IgnoredInput("Thin Film Thickness", 0.0, "Thin Film", "what it covers is"),
     ),
-    "BSDF_GLASS": (NORMAL_INPUT, IgnoredInput("Thin Film Thickness", 0.0, "Thin Film", "what it covers is")),
-    "BSDF_REFRACTION": (NORMAL_INPUT,),
-    "BSDF_TRANSLUCENT": (NORMAL_INPUT,),
+    "BSDF_GLASS": (IgnoredInput("Thin Film Thickness", 0.0, "Thin Film", "what it covers is"),),
     "BSDF_TRANSPARENT": (IgnoredInput("Color", 1.0, "Color of the Transparent BSDF", "white is"),),
 }
 
@@ -302,86 +293,3 @@ def _is_neutral(socket: Any, wanted: IgnoredInput) -> bool:
     value = getattr(socket, "default_value", wanted.neutral)
     channels = value[:3] if hasattr(value, "__len__") else (value,)
     return all(channel == wanted.neutral for channel in channels)
-
-
-# Uv mapping ----------------------------------------------------------------------------------------------------------
-# Where an image texture looks things up: which uv map, and the Mapping nodes before it as one transform of it.
-
-
-_MOST_MAPPINGS = 16
-
-
-class SocketReader(Protocol):
-    """Knows what an input socket gets: a value with `color`, `texture` and `is_guess`; and takes what is not shown."""
-
-    omissions: Omissions
-
-    def read(self, socket: Any, scope: Scope | None) -> Any: ...
-
-
-def find_coordinates(socket: Any, scope: Scope | None, reader: SocketReader) -> tuple[UvTransform, str]:
-    """Of an image's Vector input: the transform, and the name of the uv map, "" for the one that is active for renders.
-
-    Other coordinates than a uv map are taken for that one, unless Mapping nodes move them.
-    """
-    from mathutils import Matrix
-
-    whole = Matrix()
-    for _ in range(_MOST_MAPPINGS):
-        output, scope = trace_back(socket, scope)
-        if not output.is_output or output.node.type != "MAPPING":
-            break
-        matrix = _matrix_of(output.node, scope, reader)
-        if matrix is None:
-            reader.omissions.note_node(output.node, instead="the UV map as it is, is")
-        else:
-            whole = whole @ matrix
-        socket = output.node.inputs["Vector"]
-    _note_other_coordinates(output, reader.omissions)
-    rows = tuple([(row[0], row[1], row[3]) for row in (whole[0], whole[1])])
-    return (rows if np.isfinite(rows).all() else UNMAPPED), _uv_map_of(output)  # type: ignore[return-value]
-
-
-def _note_other_coordinates(output: Any, omissions: Omissions) -> None:
-    """output: where the coordinates come from."""
-    node = output.node
-    if not output.is_output:
-        return
-    if omissions.kind == "world":
-        if node.type != "TEX_COORD" or output.identifier not in {"Generated", "Object"}:
-            omissions.note_node(node, output, "the direction is")
-    elif not (_uv_map_of(output) or (node.type in {"TEX_COORD", "UVMAP"} and output.identifier == "UV")):
-        omissions.note_node(node, output, "the UV map is")
-
-
-def _uv_map_of(output: Any) -> str:
-    node = output.node
-    if not output.is_output:
-        return ""
-    if node.type == "UVMAP" and not node.from_instancer:
-        return str(node.uv_map)
-    if node.type != "ATTRIBUTE" or node.attribute_type != "GEOMETRY":
-        return ""
-    return str(node.attribute_name) if output.identifier in {"Color", "Vector"} else ""
-
-
-def _matrix_of(node: Any, scope: Scope | None, reader: SocketReader) -> Any:
-    """What a Mapping node multiplies coordinates with; None if that is not the same everywhere."""
-    from mathutils import Euler, Matrix
-
-    parts = []
-    for name in ("Location", "Rotation", "Scale"):
-        if name not in node.inputs:
-            parts.append((0.0, 0.0, 0.0))
-            continue
-        value = reader.read(node.inputs[name], scope)
-        if value.is_guess or not value.is_even:
-            return None
-        parts.append(tuple(value.color[:3].tolist()))
-    place, angles, scale = parts
-    turn, scaling = Euler(angles).to_matrix().to_4x4(), Matrix.Diagonal((*scale, 1.0))
-    if node.vector_type == "TEXTURE":  # the texture is moved, not the coordinates
-        return (Matrix.Translation(place) @ turn @ scaling).inverted_safe()
-    if node.vector_type == "POINT":
-        return Matrix.Translation(place) @ turn @ scaling
-    return turn @ scaling if node.vector_type == "VECTOR" else None

@@ -1,121 +1,123 @@
-"""What a socket may come to: one colour, the pixels of one image, or another value for each instance that is seen."""
+"""What a socket may come to: one value everywhere, or what a program of nodes gives from place to place."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any, Literal, NamedTuple, Protocol
 
 import numpy as np
 import numpy.typing as npt
-
-from ...sync.look_records import Extension, UvTransform
-
-# What nodes do to colours and numbers, on arrays whose last axis holds the channels; scene-linear throughout.
-
+from perfect_bvh.nodes import NodeBuilder, Operand, Output, channels_of, width_of
 
 Pixels = npt.NDArray[np.float32]
 
-_LUMINANCE = np.array([0.2126, 0.7152, 0.0722], np.float32)
 _XYZ_TO_REC709 = np.array([(3.2406, -1.5372, -0.4986), (-0.9689, 1.8758, 0.0415), (0.0557, -0.2040, 1.0570)])
 
 
-def clamp(values: Pixels) -> Pixels:
-    return np.clip(values, 0.0, 1.0)
+@dataclass(frozen=True, slots=True)
+class Value:
+    """operand: a number, or three channels. is_guess: whether it only stands for what cannot be known."""
+
+    operand: Operand
+    is_guess: bool = False
+
+    @property
+    def is_even(self) -> bool:
+        """Whether it is the same everywhere."""
+        return not isinstance(self.operand, Output)
 
 
-def grey(color: Pixels) -> Pixels:
-    """The luminance, in each channel."""
-    return (color[..., :3] @ _LUMINANCE)[..., None].repeat(4, axis=-1)
+def constant(*channels: float) -> Value:
+    """Of one number, or of three or more channels, the first three of which count."""
+    return Value(float(channels[0]) if len(channels) == 1 else tuple([float(channel) for channel in channels[:3]]))
 
 
-def average(vector: Pixels) -> Pixels:
-    """The mean of three channels, in each: what a vector is as a number."""
-    return vector[..., :3].mean(axis=-1, keepdims=True).repeat(4, axis=-1)
+def is_number(operand: Operand, number: float) -> bool:
+    """Whether an operand is this number everywhere, in each channel."""
+    if isinstance(operand, Output):
+        return False
+    return all(channel == number for channel in (operand if isinstance(operand, tuple) else (operand,)))
 
 
-def _by_alpha(blended: Callable[[Pixels, Pixels], Pixels]) -> Callable[[Pixels, Pixels, Pixels], Pixels]:
-    """A blend mode: so much of what `blended` makes of both, the rest is the first."""
+class Nodes(NodeBuilder):
+    """Instructions of one material, with arithmetic that leaves out what changes nothing."""
 
-    def work(share: Pixels, one: Pixels, other: Pixels) -> Pixels:
-        return one + (blended(one, other) - one) * share
+    def plus(self, one: Operand, other: Operand) -> Operand:
+        if is_number(one, 0.0) and width_of(one) <= width_of(other):
+            return other
+        return one if is_number(other, 0.0) and width_of(other) <= width_of(one) else self._work("ADD", one, other)
 
-    return work
+    def minus(self, one: Operand, other: Operand) -> Operand:
+        return one if is_number(other, 0.0) and width_of(other) == 1 else self._work("SUBTRACT", one, other)
+
+    def times(self, one: Operand, other: Operand) -> Operand:
+        if is_number(one, 1.0) and width_of(one) <= width_of(other):
+            return other
+        if is_number(other, 1.0) and width_of(other) <= width_of(one):
+            return one
+        if is_number(one, 0.0) or is_number(other, 0.0):
+            return 0.0 if max(width_of(one), width_of(other)) == 1 else (0.0, 0.0, 0.0)
+        return self._work("MULTIPLY", one, other)
+
+    def over(self, one: Operand, other: Operand) -> Operand:
+        """One by the other; 0 where that is 0."""
+        return one if is_number(other, 1.0) and width_of(other) == 1 else self._work("DIVIDE", one, other)
+
+    def less(self, whole: float, part: Operand) -> Operand:
+        """What is left of a number."""
+        return whole - part if isinstance(part, float) else self.minus(whole, part)
+
+    def clamp(self, operand: Operand, least: float = 0.0, most: float = 1.0) -> Operand:
+        if width_of(operand) == 1:
+            return self.add("math", operand, least, most, mode="CLAMP")
+        above = self.add("vector_math", operand, least, 0.0, 0.0, mode="MAXIMUM")
+        return self.add("vector_math", above, most, 0.0, 0.0, mode="MINIMUM")
+
+    def mix(self, share: Operand, one: Operand, other: Operand, mode: str = "MIX") -> Operand:
+        """`share` is taken as it is; see the instruction "mix"."""
+        if mode == "MIX" and (is_number(share, 0.0) or one == other):
+            return one
+        if mode == "MIX" and is_number(share, 1.0):
+            return other
+        mixed = self.add("mix", share, one, other, mode=mode)
+        return channels_of(mixed, 0) if max(width_of(one), width_of(other), width_of(share)) == 1 else mixed
+
+    def weighted(
+        self, weights: tuple[Operand, Operand], values: tuple[Operand, Operand], otherwise: Operand
+    ) -> Operand:
+        """The mean of two values by weights of 0 or more; by the share `otherwise` of the second where both are 0."""
+        if values[0] == values[1] or is_number(weights[1], 0.0):
+            return (
+                values[0]
+                if not (is_number(weights[0], 0.0) and values[0] != values[1])
+                else self.mix(otherwise, *values)
+            )
+        if is_number(weights[0], 0.0):
+            return values[1]
+        whole = self.plus(*weights)
+        share = self.over(weights[1], whole)
+        if isinstance(whole, Output):
+            is_none = self.add("math", whole, 1e-12, 0.0, mode="LESS_THAN")
+            share = self.mix(is_none, share, otherwise)
+        return self.mix(share, *values)
+
+    def _work(self, mode: str, one: Operand, other: Operand) -> Operand:
+        if width_of(one) == width_of(other) == 1:
+            return self.add("math", one, other, 0.0, mode=mode)
+        return self.add("vector_math", one, other, 0.0, 0.0, mode=mode)
 
 
-def _overlay(one: Pixels, other: Pixels) -> Pixels:
-    return np.where(one < 0.5, 2.0 * one * other, 1.0 - 2.0 * (1.0 - one) * (1.0 - other))
+class ImageRows(Protocol):
+    """Gives images their rows, and tells about what the values of nodes are on average."""
+
+    def row(self, image: Any, extension: str, interpolation: str) -> int: ...
+
+    def mean(self, nodes: Nodes, value: Value) -> tuple[float, ...]: ...
 
 
-def _soft_light(one: Pixels, other: Pixels) -> Pixels:
-    return (1.0 - one) * other * one + one * (1.0 - (1.0 - other) * (1.0 - one))
-
-
-def _divide(one: Pixels, other: Pixels) -> Pixels:
-    return np.divide(one, other, out=np.zeros(np.broadcast(one, other).shape, np.float32), where=other != 0.0)
-
-
-BLENDS: dict[str, Callable[[Pixels, Pixels, Pixels], Pixels]] = {
-    "MIX": _by_alpha(lambda one, other: other),
-    "MULTIPLY": _by_alpha(lambda one, other: one * other),
-    "ADD": _by_alpha(lambda one, other: one + other),
-    "SUBTRACT": _by_alpha(lambda one, other: one - other),
-    "SCREEN": _by_alpha(lambda one, other: 1.0 - (1.0 - one) * (1.0 - other)),
-    "OVERLAY": _by_alpha(_overlay),
-    "SOFT_LIGHT": _by_alpha(_soft_light),
-    "LINEAR_LIGHT": lambda share, one, other: one + share * 2.0 * (other - 0.5),
-    "DARKEN": _by_alpha(np.minimum),
-    "LIGHTEN": _by_alpha(np.maximum),
-    "DIFFERENCE": _by_alpha(lambda one, other: np.abs(one - other)),
-    "DIVIDE": _by_alpha(_divide),
-}
-
-# Nodes that change one colour, with the inputs that they take.
-FILTERS: dict[str, tuple[Any, ...]] = {
-    "RGBTOBW": (grey, "Color"),
-    "GAMMA": (lambda color, power: np.maximum(color, 0.0) ** power, "Color", "Gamma"),
-    "INVERT": (lambda share, color: color + (1.0 - 2.0 * color) * share, "Fac", "Color"),
-    "BRIGHTCONTRAST": (
-        lambda color, bright, contrast: np.maximum((1.0 + contrast) * color + bright - contrast * 0.5, 0.0),
-        *("Color", "Bright", "Contrast"),
-    ),
-}
-
-# Each of two or three inputs; Blender shows a node as many as its operation has, and a script may get more.
-MATHS: dict[str, Callable[..., Pixels]] = {
-    "ADD": lambda a, b, *_: a + b,
-    "SUBTRACT": lambda a, b, *_: a - b,
-    "MULTIPLY": lambda a, b, *_: a * b,
-    "DIVIDE": lambda a, b, *_: _divide(a, b),
-    "MULTIPLY_ADD": lambda a, b, c: a * b + c,
-    "POWER": lambda a, b, *_: np.maximum(a, 0.0) ** b,
-    "MINIMUM": lambda a, b, *_: np.minimum(a, b),
-    "MAXIMUM": lambda a, b, *_: np.maximum(a, b),
-    "GREATER_THAN": lambda a, b, *_: (a > b).astype(np.float32),
-    "LESS_THAN": lambda a, b, *_: (a < b).astype(np.float32),
-    "ABSOLUTE": lambda a, *_: np.abs(a),
-    "SQRT": lambda a, *_: np.sqrt(np.maximum(a, 0.0)),
-    "ROUND": lambda a, *_: np.floor(a + 0.5),
-}
-
-
-def adjust_hsv(hue: Pixels, saturation: Pixels, value: Pixels, share: Pixels, color: Pixels) -> Pixels:
-    """The node Hue/Saturation/Value: hue is turned by `hue` less a half, the others are multiplied."""
-    high, low = color[..., :3].max(axis=-1), color[..., :3].min(axis=-1)
-    spread = high - low
-    red, green, blue = color[..., 0], color[..., 1], color[..., 2]
-    safe = np.where(spread > 0.0, spread, 1.0)
-    sector = np.where(high == red, (green - blue) / safe, np.where(high == green, 2 + (blue - red) / safe, 0.0))
-    sector = np.where((high == blue) & (high != red) & (high != green), 4 + (red - green) / safe, sector)
-    turned = (sector / 6.0 + hue[..., 0] - 0.5) % 1.0 * 6.0
-    new_saturation = clamp(np.where(high > 0.0, spread / np.where(high > 0.0, high, 1.0), 0.0) * saturation[..., 0])
-    bright = high * value[..., 0]
-    changed = np.broadcast_to(color, (*np.broadcast(turned, new_saturation, high * value[..., 0]).shape, 4)).copy()
-    for channel, place in enumerate((0.0, 4.0, 2.0)):  # how full a channel is falls off with its distance in hue
-        fullness = clamp(np.abs((turned + place) % 6.0 - 3.0) - 1.0)
-        changed[..., channel] = bright * (1.0 - new_saturation * (1.0 - fullness))
-    return np.maximum(color + (changed - color) * share, 0.0)
+# Light ---------------------------------------------------------------------------------------------------------------
 
 
 def tristimulus_curves(waves: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
@@ -152,80 +154,9 @@ def blackbody(kelvin: float) -> tuple[float, float, float]:
     return red, green, blue
 
 
-# Values --------------------------------------------------------------------------------------------------------------
+# Instances -----------------------------------------------------------------------------------------------------------
 
-
-OWN_ALPHA = ("alpha", (None,))  # the key of a texture's own alpha
-
-
-@dataclass(frozen=True, slots=True)
-class Texture:
-    """An image as a node shows it."""
-
-    image: Any
-    extension: Extension
-    uv_transform: UvTransform
-    uv_map: str
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Value:
-    """color: (4,), of a number the same in each channel; counts where there is no texture. (N, 4) of N instances.
-
-    change: what becomes of the texture's pixels, None if they stay as they are. key: which change that is.
-    tint: the name of those of the mesh's own colours that multiply it, "" for the active ones, None for none.
-    varies: whether it is another one for each instance, and this what stands for them.
-    """
-
-    color: Pixels
-    texture: Texture | None = None
-    change: Callable[[Pixels], Pixels] | None = None
-    key: Hashable = None
-    is_guess: bool = False
-    tint: str | None = None
-    varies: bool = False
-
-    @property
-    def is_even(self) -> bool:
-        """Whether it is the same all over every surface that shows it."""
-        return self.texture is None and self.tint is None and not self.varies and self.color.ndim == 1
-
-    def of(self, pixels: Pixels) -> Pixels:
-        """(..., 4): the value where the texture has these pixels."""
-        if self.texture is None:
-            return self.color
-        return pixels if self.change is None else self.change(pixels)
-
-
-def same_value(first: Value, second: Value) -> bool:
-    """Whether two values are known to be the same all over every surface."""
-    if first is second:
-        return True
-    kinds = [(value.texture, value.key, value.tint, value.varies) for value in (first, second)]
-    return kinds[0] == kinds[1] and (first.texture is not None or np.array_equal(first.color, second.color))
-
-
-class ImageMeans(Protocol):
-    """What tells the mean of a value with a texture."""
-
-    def mean(self, value: Value) -> Pixels: ...
-
-
-def constant(*channels: float) -> Value:
-    """Of one number, or of three or four channels."""
-    return Value(np.array(channels * 4 if len(channels) == 1 else [*channels, 1.0][:4], np.float32))
-
-
-def guess(color: Pixels) -> Value:
-    return Value(color, is_guess=True)
-
-
-def first_channel(color: Pixels) -> Any:
-    """A number: a float of (4,), (N,) of (N, 4)."""
-    return float(color[0]) if color.ndim == 1 else np.float64(color[:, 0])
-
-
-# What nodes may ask of the instance that is seen, and what stands for the answer as long as there is no instance.
+# What nodes may ask of the instance that is seen.
 Kind = Literal["random", "color", "alpha", "object_index", "location", "object", "instancer"]
 
 
@@ -236,14 +167,14 @@ class Source(NamedTuple):
     name: str = ""
 
     @property
-    def stand_in(self) -> Pixels:
-        """(4,): a value that nothing vanishes by which is multiplied with it."""
-        return np.full(4, 0.5 if self.kind == "random" else 1.0, np.float32)
+    def stand_in(self) -> tuple[float, ...]:
+        """What stands for the answer where no instance is known: nothing vanishes that is multiplied with it."""
+        return (0.5 if self.kind == "random" else 1.0,) * 4
 
 
 RANDOM = Source("random")
 
-# (N, 4): what a source gives for each of the instances in question, and in the last row what stands in for it.
+# (N, 4): what a source gives for each of the instances in question.
 AskInstances = Callable[[Source], Pixels]
 
 # The outputs of the node Object Info.

@@ -30,6 +30,7 @@ from .closest_points import ClosestPoints
 from .denoise import Denoiser, denoise, denoiser_name, restore_detail
 from .errors import Cancelled, EngineError, StaleSceneError
 from .hits import Hits
+from .nodes import NodeBuilder, NodeProgram
 from .queries import Intersections, Queries
 from .ray_walk import RayWalk, TreeBoxes, WalkEvent
 from .render import (
@@ -38,6 +39,7 @@ from .render import (
     RenderOptions,
     cost_to_color,
     depth_to_grey,
+    materials_at,
     render,
     render_passes,
     render_progressively,
@@ -81,6 +83,8 @@ __all__ = [
     "MaterialTable",
     "MeshAppearance",
     "MeshReport",
+    "NodeBuilder",
+    "NodeProgram",
     "Queries",
     "RayWalk",
     "RenderAudit",
@@ -104,6 +108,7 @@ __all__ = [
     "denoiser_name",
     "depth_to_grey",
     "make_stop_flag",
+    "materials_at",
     "render",
     "render_passes",
     "render_progressively",

@@ -45,6 +45,20 @@ def render(
     targets: dict[str, npt.NDArray[Any]],
     progress: _Progress,
 ) -> dict[str, npt.NDArray[Any]]: ...
+
+NODE_SHAPES: list[tuple[str, str, int, int, str]]
+
+def evaluate_nodes(
+    codes: _Int,
+    numbers: _Float,
+    images: list[Any],
+    given: list[_Float],
+    channels: _Int,
+    count: int,
+) -> _Float: ...
+def materials_at(
+    snapshot: Snapshot, appearance: dict[str, Any], instance_ids: _Int, primitive_ids: _Int, uvs: _Float
+) -> _Float: ...
 def joint_filter(
     color: _Float, albedo: _Float | None, normal: _Float | None, out: _Float, threads: int, progress: _Progress
 ) -> None: ...

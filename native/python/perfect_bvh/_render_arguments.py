@@ -15,7 +15,17 @@ import numpy.typing as npt
 
 from . import _core
 from ._checks import check_choice, check_count, check_id, check_kind, check_number
-from .appearance import LIGHT_KINDS, Appearance, HairTable, ImageTexture, LightTable, MeshAppearance, World
+from .appearance import (
+    LIGHT_KINDS,
+    Appearance,
+    HairTable,
+    ImageTexture,
+    InstanceTable,
+    LightTable,
+    MeshAppearance,
+    World,
+)
+from .nodes import NodeProgram
 
 _LARGEST_SIZE = 65536
 _MATERIAL_NUMBERS = (
@@ -24,7 +34,7 @@ _MATERIAL_NUMBERS = (
     *("metal_powers", "transmission_powers", "translucent_powers", "holdouts"),
 )
 _MATERIAL_COLORS = (
-    *("base_colors", "color_scales", "emissions", "specular_tints"),
+    *("base_colors", "emissions", "specular_tints"),
     *("metal_colors", "transmission_colors", "translucent_colors"),
 )
 _LARGEST_MASK = 2**32 - 1
@@ -64,9 +74,8 @@ def appearance_arguments(function: str, appearance: Appearance) -> dict[str, Any
     """An appearance's arrays, C-contiguous and of the dtypes that its records promise."""
     check_kind(function, "appearance", appearance, Appearance)
     table, materials = appearance.instances, appearance.materials
-    tints = materials.tints or ()
-    uv_numbers = _numbers(function, "images[{}].uv_map", [image.uv_map for image in appearance.images])
-    tint_numbers = _numbers(function, "materials.tints[{}]", ["" if tint is None else tint for tint in tints])
+    programs = _programs(function, materials.programs)
+    layers = {kind: _numbers([*programs], kind) for kind in ("uvs", "colors", "tangents")}
 
     def column(name: str, value: npt.ArrayLike, dtype: type[np.generic], *row: int) -> npt.NDArray[Any]:
         return _column(function, f"appearance.{name}", value, dtype, row)
@@ -78,13 +87,14 @@ def appearance_arguments(function: str, appearance: Appearance) -> dict[str, Any
     return {
         **{name: optional(name, np.float32, 3) for name in _MATERIAL_COLORS},
         **{name: optional(name, np.float32) for name in _MATERIAL_NUMBERS},
-        "color_images": optional("color_images", np.int32),
-        "alpha_images": optional("alpha_images", np.int32),
-        "emission_images": optional("emission_images", np.int32),
-        "tints": np.array([-1 if tint is None else tint_numbers[tint] for tint in tints], np.int32),
+        "programs": [_program_arguments(program, layers) for program in programs],
+        "material_programs": np.array(
+            [-1 if program is None else programs[program] for program in materials.programs or ()], np.int32
+        ),
+        **_instance_values(function, table),
         "hairs": optional("hairs", np.int32),
         "hair": _hair_arguments(function, appearance.hair),
-        "images": [_image_arguments(function, row, image, uv_numbers) for row, image in enumerate(appearance.images)],
+        "images": [_image_arguments(function, row, image) for row, image in enumerate(appearance.images)],
         "lights": _light_arguments(function, appearance.lights),
         "world": _world_arguments(function, "world", appearance.world),
         "backdrop": _world_arguments(function, "backdrop", appearance.backdrop),
@@ -113,35 +123,54 @@ def appearance_arguments(function: str, appearance: Appearance) -> dict[str, Any
             for name in ("plain_reflectance", "pass_alpha_threshold")
         },
         "meshes": {
-            check_id(function, "appearance.meshes' keys", mesh): _mesh_arrays(
-                function, mesh, value, uv_numbers, tint_numbers
-            )
+            check_id(function, "appearance.meshes' keys", mesh): _mesh_arrays(function, mesh, value, layers)
             for mesh, value in appearance.meshes.items()
         },
     }
 
 
-def _numbers(function: str, place: str, names: Sequence[str]) -> dict[str, int]:
-    """Of a mesh's layers: 0 for the one without a name, the others in alphabetical order. place: what has the names."""
-    for row, name in enumerate(names):
-        if not isinstance(name, str):
-            raise ValueError(f"{function}: appearance.{place.format(row)} must be a name, got {name!r}")
-    return {name: number for number, name in enumerate(["", *sorted({*names} - {""})])}
+def _programs(function: str, programs: Sequence[NodeProgram | None] | None) -> dict[NodeProgram, int]:
+    """Each program that there is, with its row."""
+    found: dict[NodeProgram, int] = {}
+    for row, program in enumerate(programs or ()):
+        if program is not None:
+            check_kind(function, f"appearance.materials.programs[{row}]", program, NodeProgram)
+            found.setdefault(program, len(found))
+    return found
 
 
-def _image_arguments(function: str, row: int, image: ImageTexture, uv_numbers: Mapping[str, int]) -> dict[str, Any]:
-    name = f"appearance.images[{row}]"
-    extension = check_choice(function, f"{name}.extension", image.extension, ("repeat", "extend", "clip"))
-    transform = np.asarray(image.uv_transform, np.float32)
-    if transform.shape != (2, 3) or not np.isfinite(transform).all():
+def _numbers(programs: Sequence[NodeProgram], kind: str) -> dict[str, int]:
+    """Of a mesh's layers: 0 for the one without a name, the others in alphabetical order."""
+    names = {name for program in programs for name in program.layer_names(kind)}
+    return {name: number for number, name in enumerate(["", *sorted(names - {""})])}
+
+
+def _program_arguments(program: NodeProgram, layers: Mapping[str, Mapping[str, int]]) -> dict[str, Any]:
+    numbers = program.numbers.copy()
+    for place, kind, name in program.layers:
+        numbers[place] = layers[kind][name]
+    return {"codes": program.codes, "numbers": numbers}
+
+
+def _instance_values(function: str, table: InstanceTable) -> dict[str, Any]:
+    values = np.empty((len(table.ids), 0, 4), np.float32) if table.values is None else np.asarray(table.values)
+    if values.ndim != 3 or values.shape[::2] != (len(table.ids), 4):
         raise ValueError(
-            f"{function}: {name}.uv_transform must be two rows of three numbers, got {image.uv_transform!r}"
+            f"{function}: appearance.instances.values must have shape ({len(table.ids)}, K, 4), got {values.shape}"
         )
+    return {
+        "instance_value_count": values.shape[1],
+        "instance_values": np.ascontiguousarray(values, np.float32).reshape(-1),
+    }
+
+
+def _image_arguments(function: str, row: int, image: ImageTexture) -> dict[str, Any]:
+    name = f"appearance.images[{row}]"
+    extension = check_choice(function, f"{name}.extension", image.extension, ("repeat", "extend", "clip", "mirror"))
     return {
         "pixels": _pixels(function, f"{name}.pixels", image.pixels),
         "extension": extension,
-        "uv_transform": transform,
-        "uv_map": uv_numbers[image.uv_map],
+        "interpolation": check_choice(function, f"{name}.interpolation", image.interpolation, ("linear", "closest")),
         "tiles": [_tile_arguments(function, f"{name}.tiles", number, image.tiles[number]) for number in image.tiles],
     }
 
@@ -234,7 +263,7 @@ def _world_arguments(function: str, name: str, world: World | None) -> dict[str,
 
 
 def _mesh_arrays(
-    function: str, mesh: int, value: MeshAppearance, uv_numbers: Mapping[str, int], tint_numbers: Mapping[str, int]
+    function: str, mesh: int, value: MeshAppearance, layers: Mapping[str, Mapping[str, int]]
 ) -> dict[str, Any]:
     name = f"appearance.meshes[{mesh}]"
     arrays: dict[str, Any] = {}
@@ -242,8 +271,13 @@ def _mesh_arrays(
         arrays["material_slots"] = _column(function, f"{name}.material_slots", value.material_slots, np.int32, ())
     if value.corner_normals is not None:
         arrays["corner_normals"] = _column(function, f"{name}.corner_normals", value.corner_normals, np.float32, (3, 3))
-    arrays["uv_maps"] = _layers(function, name, value, "uvs", uv_numbers, 2)
-    arrays["corner_colors"] = _layers(function, name, value, "colors", tint_numbers, 3)
+    arrays["uv_maps"] = _layers(function, name, value, "uvs", layers["uvs"], 2)
+    arrays["corner_colors"] = _layers(function, name, value, "colors", layers["colors"], 3)
+    arrays["corner_tangents"] = _layers(function, name, value, "tangents", layers["tangents"], 4)
+    if value.texture_space is not None:
+        arrays["texture_space"] = _column(function, f"{name}.texture_space", value.texture_space, np.float32, (3,))
+        if len(arrays["texture_space"]) != 2:
+            raise ValueError(f"{function}: {name}.texture_space must have 2 rows, got {len(arrays['texture_space'])}")
     if value.curve_offsets is not None:
         arrays["curve_offsets"] = _column(function, f"{name}.curve_offsets", value.curve_offsets, np.int64, ())
     return arrays
@@ -253,7 +287,10 @@ def _layers(
     function: str, name: str, value: MeshAppearance, what: str, numbers: Mapping[str, int], width: int
 ) -> list[npt.NDArray[Any] | None]:
     """By number, None for those that the mesh lacks; those that nothing refers to are left out."""
-    unnamed, named = getattr(value, f"corner_{what}"), getattr(value, f"named_{what}")
+    if what == "tangents":
+        unnamed, named = value.tangents.get(""), value.tangents
+    else:
+        unnamed, named = getattr(value, f"corner_{what}"), getattr(value, f"named_{what}")
     if unnamed is None and not named:
         return []
     given = [(f"corner_{what}", unnamed), *((f"named_{what}[{key!r}]", named.get(key)) for key in numbers if key)]

@@ -13,11 +13,10 @@ from typing import Literal
 import numpy as np
 import numpy.typing as npt
 
+from .nodes import NodeProgram
+
 Int32Array = npt.NDArray[np.int32]
 Float32Array = npt.NDArray[np.float32]
-UvTransform = tuple[tuple[float, float, float], tuple[float, float, float]]
-
-UNMAPPED: UvTransform = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0))
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,9 +26,12 @@ class MeshAppearance:
     material_slots: (T,) int32, the slot of the instance's object that each triangle uses. None: all slot 0.
     corner_normals: (T, 3, 3) float32, object space. None: flat shading.
     corner_uvs: (T, 3, 2) float32, the uv map without a name. None: no uv map; images then show their place (0, 0).
-    corner_colors: (T, 3, 3) float32, scene-linear, the colours without a name, for materials that `tints` says are
-        multiplied with such. None: black.
-    named_uvs, named_colors: further ones, by the names that `ImageTexture.uv_map` and `MaterialTable.tints` give.
+    corner_colors: (T, 3, 3) float32, scene-linear, the colours without a name. None: black.
+    named_uvs, named_colors: further ones, by the names that programs of `MaterialTable.programs` ask for.
+    tangents: (T, 3, 4) float32 by the names of uv maps, "" for `corner_uvs`: in object space, and the bitangent's sign.
+        Normal maps in tangent space show nothing without.
+    texture_space: (2, 3) float32: a place in object space, times the first row, plus the second, is what programs get
+        as "GENERATED". None: 0 everywhere.
 
     Of a mesh of curves or points, C of them: material_slots (C,); uvs and colours (C, 2) and (C, 3), one for each, or
     of curves (P, 2) and (P, 3), one for each control point, between which hits find theirs by their u: of curves that
@@ -43,6 +45,8 @@ class MeshAppearance:
     corner_colors: Float32Array | None = None
     named_uvs: Mapping[str, Float32Array] = field(default_factory=dict)
     named_colors: Mapping[str, Float32Array] = field(default_factory=dict)
+    tangents: Mapping[str, Float32Array] = field(default_factory=dict)
+    texture_space: Float32Array | None = None
     curve_offsets: npt.NDArray[np.int64] | None = None
 
 
@@ -81,12 +85,8 @@ class MaterialTable:
         all that falls on the whole surface. None: black and 0.
     holdouts: (M,) float32, 0 to 1: how much of it cuts a hole into the image: it hides what is behind without colour or
         alpha of its own. At 1 camera rays find no surface in it, as in an instance that is held out. None: none does.
-    color_images: (M,) int32, rows of the appearance's images, which stand for the base colours; -1 for none.
-    color_scales: (M, 3) float32, what the colours of `color_images` are multiplied with. None: white.
-    alpha_images: (M,) int32, images whose alpha multiplies the material's; -1 for none.
-    emission_images: (M,) int32, images whose colours multiply the emissions; -1 for none.
-    tints: (M,) the names of those of the mesh's own colours that multiply the base colour, "" for `corner_colors`, None
-        for none. None: none is tinted.
+    programs: (M,) a `NodeProgram` of each material, which sets what is not the same all over it; None for none. What it
+        sets counts instead of the columns. None: no material has one.
     hairs: (M,) int32, rows of the appearance's hair, what curves are of instead; -1 for none. None: none is.
     """
 
@@ -113,11 +113,7 @@ class MaterialTable:
     translucent_colors: Float32Array | None = None
     translucent_powers: Float32Array | None = None
     holdouts: Float32Array | None = None
-    color_images: Int32Array | None = None
-    color_scales: Float32Array | None = None
-    alpha_images: Int32Array | None = None
-    emission_images: Int32Array | None = None
-    tints: Sequence[str | None] | None = None
+    programs: Sequence[NodeProgram | None] | None = None
     hairs: Int32Array | None = None
 
 
@@ -129,17 +125,16 @@ class ImageTexture:
         Cycles; float32 is scene-linear.
         What the mode "preview" finds bright in the world's image is kept while the array exists if it is read-only and
         owns its memory; else it is found again for each image that is rendered.
-    extension: what lies outside 0..1: "repeat", "extend" (the border's colour) or "clip" (nothing).
-    uv_transform: two rows, what (u, v, 1) of a surface's uv map is multiplied with to find the place in the image.
-    uv_map: the name of the surface's uv map, "" for `corner_uvs`.
+    extension: what lies outside 0..1: "repeat", "extend" (the border's colour), "clip" (nothing) or "mirror" (the image
+        turned round).
+    interpolation: what lies between the middles of pixels: "linear", or "closest".
     tiles: of a UDIM image, further arrays as `pixels` by their numbers: tile 1001 + column + 10 * row lies over that
         unit square of the uv map. Where there are any, surfaces show them instead of `pixels`, and magenta in between.
     """
 
     pixels: npt.NDArray[np.uint8] | Float32Array
-    extension: Literal["repeat", "extend", "clip"] = "repeat"
-    uv_transform: UvTransform = UNMAPPED
-    uv_map: str = ""
+    extension: Literal["repeat", "extend", "clip", "mirror"] = "repeat"
+    interpolation: Literal["linear", "closest"] = "linear"
     tiles: Mapping[int, npt.NDArray[np.uint8] | Float32Array] = field(default_factory=dict)
 
 
@@ -219,6 +214,7 @@ class InstanceTable:
     slot_materials: (S,) int32, rows of the material table, -1 for an empty slot.
     object_indices: (I,) int32, the object's pass index.
     holdout: (I,) bool: the instance cuts a transparent hole into the image.
+    values: (I, K, 4) float32: what programs get as "INSTANCE", by its row 0 to K - 1.
     """
 
     ids: Int32Array = field(default_factory=lambda: np.empty(0, np.int32))
@@ -226,6 +222,7 @@ class InstanceTable:
     slot_materials: Int32Array = field(default_factory=lambda: np.empty(0, np.int32))
     object_indices: Int32Array = field(default_factory=lambda: np.empty(0, np.int32))
     holdout: npt.NDArray[np.bool_] = field(default_factory=lambda: np.empty(0, np.bool_))
+    values: Float32Array | None = None
 
 
 @dataclass(frozen=True, slots=True)

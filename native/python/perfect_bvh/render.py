@@ -26,6 +26,7 @@ from .adaptive_sampling import TILE_SIZE, AdaptiveSampling
 from .appearance import Appearance
 from .audit import RenderAudit
 from .camera import Camera, Shutter, camera_arguments, shutter_arguments
+from .hits import Hits
 from .scene import Scene, Snapshot
 
 Mode = Literal[
@@ -304,6 +305,42 @@ def cost_to_color(costs: npt.ArrayLike) -> npt.NDArray[np.float32]:
     """
     values = np.asarray(costs, np.float32)
     return _core.cost_colors(np.ascontiguousarray(values.reshape(-1))).reshape(*values.shape, 3)
+
+
+# The columns of `materials_at`, with how wide they are.
+_MATERIAL_COLUMNS = {
+    **dict.fromkeys(("colors", "metals", "tints", "specular_tints"), 3),
+    **dict.fromkeys(("alphas", "metallics", "roughnesses", "reflectances", "transmissions"), 1),
+    **dict.fromkeys(("translucencies", "iors", "even_metals", "plain_refractions"), 1),
+}
+
+
+def materials_at(scene: Scene | Snapshot, appearance: Appearance, hits: Hits) -> dict[str, npt.NDArray[np.float32]]:
+    """Find what materials are where rays hit, as the mode "preview" sees them when they are met straight on.
+
+    Args:
+        scene: What was hit.
+        appearance: Of that scene.
+        hits: (N,), none of them a miss, with instance_ids, primitive_ids and primitive_uvs.
+
+    Returns:
+        (N,) or (N, 3) float32 columns by the names that `MaterialTable` has for them: colors, metals, tints (of what is
+        refracted), specular_tints, alphas, metallics, roughnesses, reflectances, transmissions, translucencies, iors,
+        even_metals and plain_refractions.
+
+    Raises:
+        ValueError: The hits are of another scene.
+    """
+    snapshot = _snapshot_of("materials_at", scene)
+    looks = appearance_arguments("materials_at", check_kind("materials_at", "appearance", appearance, Appearance))
+    found = _core.materials_at(
+        snapshot._snapshot, looks, hits.instance_ids, hits.primitive_ids, np.ascontiguousarray(hits.primitive_uvs)
+    )
+    columns, first = {}, 0
+    for name, width in _MATERIAL_COLUMNS.items():
+        columns[name] = found[:, first] if width == 1 else found[:, first : first + width]
+        first += width
+    return columns
 
 
 def _render(

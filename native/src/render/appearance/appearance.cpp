@@ -34,6 +34,10 @@ int place(int number, int count, Extension extension) noexcept {
   if (number >= 0 && number < count) return number;
   if (extension == Extension::kClip) return -1;
   if (extension == Extension::kExtend) return number < 0 ? 0 : count - 1;
+  if (extension == Extension::kMirror) {
+    const int at = number % (2 * count), turned = at < 0 ? at + 2 * count : at;
+    return turned < count ? turned : 2 * count - 1 - turned;
+  }
   const int rest = number % count;
   return rest < 0 ? rest + count : rest;
 }
@@ -59,6 +63,12 @@ Rgba pixel_of(const Texture& texture, int x, int y) noexcept {
           static_cast<float>(pixel[3])};
 }
 
+// Of what is stored, or lies between.
+Rgba linear_pixel(const Texture& texture, const Rgba& found) noexcept {
+  if (texture.floats != nullptr) return found;
+  return {linear_between(found.r), linear_between(found.g), linear_between(found.b), found.a / 255.0f};
+}
+
 Rgba pixel_at(const Texture& texture, Extension extension, int x, int y) noexcept {
   x = place(x, texture.width, extension), y = place(y, texture.height, extension);
   return x < 0 || y < 0 ? Rgba{} : pixel_of(texture, x, y);
@@ -72,6 +82,7 @@ Rgba mixed(const Rgba& a, const Rgba& b, float share) noexcept {
 float in_pixels(float coordinate, int count, Extension extension) noexcept {
   if (!std::isfinite(coordinate)) return 0.0f;
   if (extension == Extension::kRepeat) coordinate -= std::floor(coordinate);
+  if (extension == Extension::kMirror) coordinate -= 2.0f * std::floor(coordinate * 0.5f);
   return std::clamp(coordinate, -2.0f, 3.0f) * static_cast<float>(count) - 0.5f;
 }
 
@@ -82,11 +93,13 @@ Rgba look_up(const Texture& texture, Extension extension, float u, float v) noex
   const float left = std::floor(x), below = std::floor(y);
   const int column = static_cast<int>(left), row = static_cast<int>(below);
   const auto pixel = [&](int right, int above) { return pixel_at(texture, extension, column + right, row + above); };
+  if (texture.is_closest) {
+    const bool is_right = x - left >= 0.5f, is_above = y - below >= 0.5f;
+    return linear_pixel(texture, pixel(is_right ? 1 : 0, is_above ? 1 : 0));
+  }
   const Rgba lower = mixed(pixel(0, 0), pixel(1, 0), x - left);
   const Rgba upper = mixed(pixel(0, 1), pixel(1, 1), x - left);
-  const Rgba found = mixed(lower, upper, y - below);
-  if (texture.floats != nullptr) return found;
-  return {linear_between(found.r), linear_between(found.g), linear_between(found.b), found.a / 255.0f};
+  return linear_pixel(texture, mixed(lower, upper, y - below));
 }
 
 constexpr Rgba kMissingTile{1.0f, 0.0f, 1.0f, 1.0f};
@@ -119,10 +132,8 @@ std::span<const Rgba> row_of_pixels(const Texture& texture, int y, std::vector<R
 
 Rgba look_up(const Texture& texture, float u, float v) noexcept { return look_up(texture, texture.extension, u, v); }
 
-Rgba look_up_mapped(const Texture& texture, float u, float v) noexcept {
-  const Vec3f place{u, v, 1.0f};
-  const float across = dot(texture.across, place), up = dot(texture.up, place);
-  return texture.tiles ? look_up_tile(*texture.tiles, across, up) : look_up(texture, across, up);
+Rgba look_up_tiled(const Texture& texture, float u, float v) noexcept {
+  return texture.tiles ? look_up_tile(*texture.tiles, u, v) : look_up(texture, u, v);
 }
 
 Point2 place_around(Vec3f direction) noexcept {
@@ -155,6 +166,10 @@ void set_row(std::vector<std::int32_t>& rows, std::int32_t id, std::size_t row) 
   rows[index] = static_cast<std::int32_t>(row);
 }
 
+bool sets_alpha(const NodeProgram* program) noexcept {
+  return program != nullptr && program->output(MaterialSlot::kAlpha) != nullptr;
+}
+
 }  // namespace
 
 void Appearance::set_mesh(std::int32_t mesh_id, const MeshAttributes& attributes) {
@@ -181,17 +196,24 @@ void Appearance::finish() {
   }
   const auto is_below_one = [](float alpha) { return alpha < 1.0f; };
   const auto is_above_zero = [](float share) { return share > 0.0f; };
+  const auto program_sets_alpha = [](const auto& program) { return sets_alpha(program.get()); };
   any_transparent_ = std::any_of(alphas.begin(), alphas.end(), is_below_one) ||
-                     std::any_of(alpha_images.begin(), alpha_images.end(), [](auto image) { return image >= 0; });
+                     std::any_of(programs.begin(), programs.end(), program_sets_alpha);
   any_holdout_ = std::any_of(holdout.begin(), holdout.end(), [](std::uint8_t flag) { return flag != 0; }) ||
                  std::any_of(material_holdouts.begin(), material_holdouts.end(), is_above_zero);
+}
+
+Rgba Appearance::value_of(const Instance& instance, std::size_t number) const noexcept {
+  const std::int32_t row = row_of(instance);
+  if (row < 0) return {};
+  const std::size_t width = instance_values.size() / instance_ids.size();
+  return instance_values[static_cast<std::size_t>(row) * width + number];
 }
 
 bool Appearance::is_hole(std::int32_t material) const noexcept {
   if (material == kNoMaterial) return false;
   const auto row = static_cast<std::size_t>(material);
-  return material_holdouts[row] >= 1.0f && (alphas.empty() || alphas[row] >= 1.0f) &&
-         (alpha_images.empty() || alpha_images[row] == kNoImage);
+  return material_holdouts[row] >= 1.0f && (alphas.empty() || alphas[row] >= 1.0f) && !sets_alpha(program_of(material));
 }
 
 void Appearance::check_tables() const {
@@ -251,25 +273,18 @@ void Appearance::check_materials() const {
   check("translucent_colors", translucent_tints.colors.size());
   check("translucent_powers", translucent_tints.powers.size());
   check("holdouts", material_holdouts.size());
-  check("color_scales", color_scales.size());
-  check("tints", tints.size());
   check("hairs", hairs.size());
   for (const std::int32_t row : hairs) {
     require(
         row >= kNoHair && row < static_cast<std::int32_t>(hair_rows.size()),
         "materials.hairs refers to row " + std::to_string(row) + " but hair has " + std::to_string(hair_rows.size()));
   }
-  const auto check_images = [&](const char* name, std::span<const std::int32_t> rows) {
-    check(name, rows.size());
-    for (const std::int32_t row : rows) {
-      require(row >= kNoImage && row < static_cast<std::int32_t>(images.size()),
-              std::string("materials.") + name + " refers to image " + std::to_string(row) + " but there are " +
-                  std::to_string(images.size()));
-    }
-  };
-  check_images("color_images", color_images);
-  check_images("alpha_images", alpha_images);
-  check_images("emission_images", emission_images);
+  check("programs", material_programs.size());
+  for (const std::int32_t row : material_programs) {
+    require(row >= kNoProgram && row < static_cast<std::int32_t>(programs.size()),
+            "materials.programs refers to program " + std::to_string(row) + " but there are " +
+                std::to_string(programs.size()));
+  }
   const auto check_world = [&](const char* name, const std::optional<World>& shown) {
     require(!shown || (shown->image >= kNoImage && shown->image < static_cast<std::int32_t>(images.size())),
             std::string(name) + ".image is " + std::to_string(shown ? shown->image : 0) + " but there are " +
@@ -297,6 +312,7 @@ void Appearance::check_fits(const Instance& instance, const MeshAttributes& attr
   check(attributes.material_slots.size(), "material_slots", count);
   if (corners > 1) check(attributes.corner_normals.size() / corners, "corner_normals", count);
   for (const auto& map : attributes.uv_maps) check(map.size() / corners, "corner_uvs", points);
+  for (const auto& tangents : attributes.corner_tangents) check(tangents.size() / corners, "corner_tangents", count);
   for (const auto& colors : attributes.corner_colors) check(colors.size() / corners, "corner_colors", points);
 }
 

@@ -10,6 +10,7 @@
 
 #include "math/vec3.h"
 #include "render/appearance/light.h"
+#include "render/appearance/node_program.h"
 #include "render/sampling/sampler.h"
 #include "tlas/assemble.h"
 #include "traverse/ray.h"
@@ -22,8 +23,8 @@ struct Rgba {
 };
 static_assert(sizeof(Rgba) == 16);
 
-// What lies outside 0..1: the image again, its border's colour, nothing.
-enum class Extension : std::uint8_t { kRepeat, kExtend, kClip };
+// What lies outside 0..1: the image again, its border's colour, nothing, the image turned round.
+enum class Extension : std::uint8_t { kRepeat, kExtend, kClip, kMirror };
 
 struct TextureTiles;
 
@@ -33,9 +34,7 @@ struct Texture {
   const float* floats = nullptr;        // four a pixel: scene-linear
   int width = 0, height = 0;
   Extension extension = Extension::kRepeat;
-  // Where a place (u, v, 1) of a uv map lies in the image.
-  Vec3f across{1, 0, 0}, up{0, 1, 0};
-  std::int32_t uv_map = 0;                    // which of a mesh's
+  bool is_closest = false;  // one pixel everywhere, not between four
   std::shared_ptr<const TextureTiles> tiles;  // if there are any, surfaces show those
 };
 
@@ -49,8 +48,8 @@ struct TextureTiles {
 // Alpha is straight: it does not darken the colour. Without colour and alpha where a clipped image ends.
 [[nodiscard]] Rgba look_up(const Texture& texture, float u, float v) noexcept;
 
-// The same, of a surface's place in its uv map. Magenta where a tile is missing, as in Cycles.
-[[nodiscard]] Rgba look_up_mapped(const Texture& texture, float u, float v) noexcept;
+// The same, of a surface's place. Magenta where a tile is missing, as in Cycles.
+[[nodiscard]] Rgba look_up_tiled(const Texture& texture, float u, float v) noexcept;
 
 // The pixels of a row of the image. Lies in `buffer` where they are not kept as such colours.
 [[nodiscard]] std::span<const Rgba> row_of_pixels(const Texture& texture, int y, std::vector<Rgba>& buffer);
@@ -76,13 +75,16 @@ struct MeshAttributes {
   std::span<const std::int32_t> material_slots;
   std::span<const Vec3f> corner_normals;  // three a triangle, object space
   // By the numbers that textures and materials have for a mesh's layers: what lies beyond the end is lacking, too.
-  std::vector<std::span<const Point2>> uv_maps;       // three a triangle; the first is the one that renders use
-  std::vector<std::span<const Vec3f>> corner_colors;  // three a triangle, scene-linear
+  std::vector<std::span<const Point2>> uv_maps;        // three a triangle; the first is the one that renders use
+  std::vector<std::span<const Vec3f>> corner_colors;   // three a triangle, scene-linear
+  std::vector<std::span<const Rgba>> corner_tangents;  // three a triangle, object space, and the bitangent's sign
   std::span<const std::int64_t> curve_offsets;
+  // From a place in object space to one in the mesh's texture space, 0 to 1, which nodes call Generated.
+  Vec3f generated_scale{0, 0, 0}, generated_offset{0, 0, 0};
 };
 
 inline constexpr std::int32_t kNoImage = -1;
-inline constexpr std::int32_t kNoTint = -1;
+inline constexpr std::int32_t kNoProgram = -1;
 
 // What lights a scene from all around.
 struct World {
@@ -114,7 +116,7 @@ struct Appearance {
   // Tables, in the layout of the Python records of the same names.
   std::span<const Rgba> material_colors;
   std::span<const std::int32_t> material_pass_indices;
-  // What they look like in light: a row a material, or empty. Images are rows of `images`, or kNoImage.
+  // What they look like in light: a row a material, or empty.
   std::span<const Vec3f> base_colors;  // empty: as material_colors
   std::span<const Vec3f> emissions;    // radiance
   std::span<const float> alphas;
@@ -123,28 +125,28 @@ struct Appearance {
   std::span<const float> reflectances;            // of what is not metal, seen from straight above; empty: 0
   // A surface is split into shares: metal, of the rest what is clear, of the rest what is translucent; what remains is
   // diffuse under a dielectric reflection.
-  std::span<const float> transmissions;           // empty: 0
-  std::span<const float> translucencies;          // empty: 0
-  std::span<const float> iors;                    // of what is clear; empty: 1.5
-  std::span<const float> even_metals;             // how much of the metal mirrors alike at all angles; empty: 0
-  std::span<const float> tinted_glasses;          // how much of what is clear tints what it mirrors, too; empty: 0
-  std::span<const float> plain_refractions;       // how much of what is clear mirrors nothing; empty: 0
-  std::span<const Vec3f> specular_tints;          // of reflectances; of metals the colour at 82 degrees; empty: white
-  TintTable metal_tints;                          // empty: white and 1
-  TintTable transmission_tints;                   // empty: white and 0.5
-  TintTable translucent_tints;                    // of all light on the whole surface; empty: black and 0
-  std::span<const float> material_holdouts;       // how much of it cuts a hole into the image; empty: 0
-  std::span<const std::int32_t> color_images;     // instead of the base colours
-  std::span<const Vec3f> color_scales;            // of the color_images; empty: white
-  std::span<const std::int32_t> alpha_images;     // their alpha multiplies
-  std::span<const std::int32_t> emission_images;  // their colour multiplies
-  std::span<const std::int32_t> tints;  // which of the mesh's own colours multiply the base colour, or kNoTint
-  std::span<const std::int32_t> hairs;  // rows of `hair_rows`: what strands are of, or kNoHair
+  std::span<const float> transmissions;      // empty: 0
+  std::span<const float> translucencies;     // empty: 0
+  std::span<const float> iors;               // of what is clear; empty: 1.5
+  std::span<const float> even_metals;        // how much of the metal mirrors alike at all angles; empty: 0
+  std::span<const float> tinted_glasses;     // how much of what is clear tints what it mirrors, too; empty: 0
+  std::span<const float> plain_refractions;  // how much of what is clear mirrors nothing; empty: 0
+  std::span<const Vec3f> specular_tints;     // of reflectances; of metals the colour at 82 degrees; empty: white
+  TintTable metal_tints;                     // empty: white and 1
+  TintTable transmission_tints;              // empty: white and 0.5
+  TintTable translucent_tints;               // of all light on the whole surface; empty: black and 0
+  std::span<const float> material_holdouts;  // how much of it cuts a hole into the image; empty: 0
+  std::span<const std::int32_t> hairs;       // rows of `hair_rows`: what strands are of, or kNoHair
   std::span<const std::int32_t> instance_ids;
   std::span<const std::int32_t> slot_offsets;  // one more than instances
   std::span<const std::int32_t> slot_materials;
   std::span<const std::int32_t> object_pass_indices;
   std::span<const std::uint8_t> holdout;
+
+  // Instead of what tables say: programs, and which of them a material has, or kNoProgram.
+  std::vector<std::shared_ptr<const NodeProgram>> programs;
+  std::span<const std::int32_t> material_programs;
+  std::span<const Rgba> instance_values;  // of each instance as many as nodes ask for, one instance after the other
 
   std::vector<Hair> hair_rows;
   std::vector<Texture> images;
@@ -184,6 +186,14 @@ struct Appearance {
     return !material_holdouts.empty() && is_hole(material_of(instance, primitive));
   }
   [[nodiscard]] bool is_catcher(const Instance& instance) const noexcept { return (instance.mask & catcher_mask) != 0; }
+  // Null for a material that tables alone describe.
+  [[nodiscard]] const NodeProgram* program_of(std::int32_t material) const noexcept {
+    if (material_programs.empty() || material == kNoMaterial) return nullptr;
+    const std::int32_t row = material_programs[static_cast<std::size_t>(material)];
+    return row == kNoProgram ? nullptr : programs[static_cast<std::size_t>(row)].get();
+  }
+  // What nodes ask of an instance; zero of those that are not listed.
+  [[nodiscard]] Rgba value_of(const Instance& instance, std::size_t number) const noexcept;
   // Whether some material lets anything through.
   [[nodiscard]] bool any_transparent() const noexcept { return any_transparent_; }
   // The row in the material table.

@@ -95,8 +95,8 @@ EmissivePoint EmissiveTriangles::choose(float pick, Point2 place, float time) co
   hit.u = 1.0f - rest, hit.v = place.y * rest;
   const Instance& instance = snapshot_.instances[triangle.instance];
   const std::int32_t row = appearance_.material_of(instance, triangle.primitive);
-  const Material material = material_at(appearance_, instance, hit, row);
   const Vec3d normal = world_triangle(snapshot_, hit, time).scaled_normal();
+  const Material material = material_at(snapshot_, appearance_, ray_onto(snapshot_, hit, time), hit, row);
   const float growth = instance.motion == 0 ? 1.0f : static_cast<float>(0.5 * length(normal)) / triangle.area;
   return {hit_position(snapshot_, hit, time), to_float(normalized(normal)),
           material.emission * (material.alpha * growth), density(instance, row), instance.mask};

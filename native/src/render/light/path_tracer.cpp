@@ -100,14 +100,17 @@ void PathTracer::see_environment(const Step& step, const Wave& wave) const {
 
 void PathTracer::see_surfaces(const Step& step, Scratch& scratch) const {
   scratch.vertices.clear();
-  for (const SurfacePoint& point : scratch.wave.points) see_surface(step, point, scratch);
+  Wave& wave = scratch.wave;
+  const std::span<Material> materials =
+      scratch.materials.read(snapshot_, appearance_, wave.rays, wave.hits, wave.points);
+  for (std::size_t i = 0; i < materials.size(); ++i) see_surface(step, wave.points[i], materials[i], scratch);
   light_vertices(step, scratch);
   scatter(step, scratch);
 }
 
 // The surface's own light, what passes by it, and the vertex, if anything is scattered there. What the camera sees is
 // split, so that it is exact; elsewhere chance decides.
-void PathTracer::see_surface(const Step& step, const SurfacePoint& point, Scratch& scratch) const {
+void PathTracer::see_surface(const Step& step, const SurfacePoint& point, Material material, Scratch& scratch) const {
   const Wave& wave = scratch.wave;
   Path path = wave.paths[point.ray];
   const Ray& ray = wave.rays[point.ray];
@@ -118,7 +121,6 @@ void PathTracer::see_surface(const Step& step, const SurfacePoint& point, Scratc
   if (path.is_seen() && appearance_.is_catcher(instance)) {
     return scratch.caught.push_back({point, view, path.owner, path.place, path.throughput.x});
   }
-  Material material = material_at(appearance_, instance, hit, point.material);
   const bool is_hair = material.hair != nullptr && !(point.along == Vec3f{0, 0, 0});
   if (is_hair && point.inside) return pass_hair(path, ray, hit, scratch.next);
   if (is_hair) material.surface = material.hair->surface;

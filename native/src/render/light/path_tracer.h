@@ -38,6 +38,7 @@ class PathTracer {
     std::vector<float> guesses;
     ShadowRays shadows;
     AlignedVector<CaughtPoint> caught;
+    MaterialReader materials;
   };
   // All of it outlives this. threads: at most so many, now.
   PathTracer(const Snapshot& snapshot, const Appearance& appearance, const LightPaths& limits, std::uint32_t seed,
@@ -62,7 +63,7 @@ class PathTracer {
   void see_lights(const Step& step, Wave& wave) const;
   void see_environment(const Step& step, const Wave& wave) const;
   void see_surfaces(const Step& step, Scratch& scratch) const;
-  void see_surface(const Step& step, const SurfacePoint& point, Scratch& scratch) const;
+  void see_surface(const Step& step, const SurfacePoint& point, Material material, Scratch& scratch) const;
   [[nodiscard]] Vec3f emitted(const Path& path, const Ray& ray, const Hit& hit, const SurfacePoint& point,
                               const Material& material) const;
   void pass(const Path& path, const Ray& ray, const Hit& hit, float share, Wave& next) const;

@@ -82,12 +82,12 @@ void store_counts(const PassTargets& targets, std::size_t pixel, const RayCounts
 }
 
 // Whether passes show what is behind. A holdout hides that.
-bool is_passed(const Snapshot& snapshot, const Appearance& appearance, const Hit& hit) {
+bool is_passed(const Snapshot& snapshot, const Appearance& appearance, const Ray& ray, const Hit& hit) {
   if (!hit.found()) return false;
   const Instance& instance = snapshot.instances[hit.instance_index];
   if (appearance.is_holdout(instance, hit.primitive_index)) return false;
   const std::int32_t material = appearance.material_of(instance, hit.primitive_index);
-  return material_at(appearance, instance, hit, material).alpha < appearance.pass_alpha_threshold;
+  return material_at(snapshot, appearance, ray, hit, material).alpha < appearance.pass_alpha_threshold;
 }
 
 }  // namespace
@@ -100,7 +100,7 @@ void look_through(const Snapshot& snapshot, const Appearance& appearance, int mo
   for (int layers = 0;; ++layers) {
     rows.clear(), rest.clear();
     for (std::size_t row = 0; row < hits.size(); ++row) {
-      if (!is_passed(snapshot, appearance, hits[row])) continue;
+      if (!is_passed(snapshot, appearance, rays[row], hits[row])) continue;
       rays[row].t_min = std::nextafter(hits[row].t, kInfiniteDistance);
       rows.push_back(row), rest.push_back(rays[row]);
     }

@@ -5,10 +5,12 @@
 #include <cstdint>
 #include <optional>
 #include <span>
+#include <vector>
 
 #include "core/aligned.h"
 #include "query/trace.h"
 #include "render/appearance/appearance.h"
+#include "render/surface/run_nodes.h"
 #include "tlas/assemble.h"
 #include "traverse/ray.h"
 
@@ -47,10 +49,6 @@ struct Material {
 // Where in one of the mesh's uv maps a hit lies; none without that map.
 [[nodiscard]] std::optional<Point2> uv_at(const Appearance& appearance, const Instance& instance, const Hit& hit,
                                           std::int32_t map = 0);
-
-// `row` is the material's in the tables, or kNoMaterial.
-[[nodiscard]] Material material_at(const Appearance& appearance, const Instance& instance, const Hit& hit,
-                                   std::int32_t row);
 
 // Surface -------------------------------------------------------------------------------------------------------------
 // The points that a batch of rays hit, with what shading needs to know of them.
@@ -93,6 +91,27 @@ inline constexpr Vec3f kPlainColor{0.8f, 0.8f, 0.8f};  // where there is no mate
 
 // The colour of a row of the material table, or kPlainColor for kNoMaterial.
 [[nodiscard]] Vec3f material_color(const Appearance& appearance, std::int32_t material) noexcept;
+
+// A ray that meets a hit straight on, for materials that nobody looks at.
+[[nodiscard]] Ray ray_onto(const Snapshot& snapshot, const Hit& hit, float time = kShutterOpens) noexcept;
+
+// Of one hit; `row` is the material's in the tables, or kNoMaterial.
+[[nodiscard]] Material material_at(const Snapshot& snapshot, const Appearance& appearance, const Ray& ray,
+                                   const Hit& hit, std::int32_t row);
+
+// Works out materials, and the normals that their nodes bend; its memory is kept for the next batch.
+class MaterialReader {
+ public:
+  // points: of these rays and hits, with all that SurfaceNeeds knows. In their order, until the next call.
+  [[nodiscard]] std::span<Material> read(const Snapshot& snapshot, const Appearance& appearance,
+                                         std::span<const Ray> rays, std::span<const Hit> hits,
+                                         std::span<SurfacePoint> points);
+
+ private:
+  std::vector<Material> materials_;
+  std::vector<std::uint32_t> order_;  // of points with programs, by material
+  NodeRun run_;
+};
 
 // Appends a point for each hit, on holdouts only if they are needed.
 void find_surfaces(const Snapshot& snapshot, const Appearance& appearance, SurfaceNeeds needs,

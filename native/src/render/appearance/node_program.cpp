@@ -1,0 +1,101 @@
+#include "render/appearance/node_program.h"
+
+#include <algorithm>
+#include <string>
+
+#include "core/errors.h"
+
+namespace perfect_bvh {
+namespace {
+
+constexpr std::size_t kMostChannels = 1 << 16;
+
+void require(bool condition, std::size_t row, const std::string& complaint) {
+  if (!condition) {
+    throw InvalidArgument("render: appearance.materials.programs: instruction " + std::to_string(row) + " " +
+                          complaint);
+  }
+}
+
+int count_words(std::string_view words) noexcept {
+  return 1 + static_cast<int>(std::count(words.begin(), words.end(), ' '));
+}
+
+// Reads integers one after the other; what lies beyond their end is -1.
+class Codes {
+ public:
+  explicit Codes(std::span<const std::int32_t> codes) noexcept : codes_(codes) {}
+  [[nodiscard]] bool at_end() const noexcept { return next_ >= codes_.size(); }
+  [[nodiscard]] std::int32_t next() noexcept { return at_end() ? -1 : codes_[next_++]; }
+
+ private:
+  std::span<const std::int32_t> codes_;
+  std::size_t next_ = 0;
+};
+
+}  // namespace
+
+NodeProgram::NodeProgram(std::span<const std::int32_t> codes, std::span<const float> numbers, std::size_t images,
+                         std::size_t instance_rows)
+    : operands_(codes.size()), numbers_(numbers.begin(), numbers.end()) {
+  Codes read(codes);
+  std::size_t operand = 0, number = 0;
+  while (!read.at_end()) {
+    const std::size_t row = instructions_.size();
+    const std::int32_t kind = read.next();
+    require(kind >= 0 && static_cast<std::size_t>(kind) < std::size(kNodeShapes), row, "is of no known kind");
+    NodeInstruction& made = instructions_.emplace_back();
+    made.kind = static_cast<NodeKind>(kind);
+    const NodeShape& shape = shape_of(made.kind);
+    const std::int32_t mode = read.next(), count = read.next();
+    const auto first = static_cast<std::int32_t>(channels_);
+    require(mode >= 0 && mode < count_words(shape.modes), row, "is of no known mode");
+    require(count >= 0 && static_cast<std::size_t>(count) <= numbers_.size() - number, row, "lacks numbers");
+    require(shape.numbers < 0 || shape.numbers == count, row, "has another number of numbers than its kind");
+    made.mode = static_cast<std::uint8_t>(mode), made.first = first;
+    made.numbers = std::span(numbers_).subspan(number, static_cast<std::size_t>(count));
+    made.operands = std::span(operands_).subspan(operand, shape.operands.size());
+    for (const char width : shape.operands) {
+      NodeOperand& to = operands_[operand++];
+      to.channel = read.next(), to.step = read.next();
+      const std::int32_t last = to.channel + to.step * (width - '1');
+      require(to.channel >= 0 && (to.step == 0 || to.step == 1) && last < first, row, "reads what is not written yet");
+    }
+    if (made.kind == NodeKind::kTable) require(count >= 8 && count % 4 == 0, row, "has a table without two whole rows");
+    if (made.kind == NodeKind::kCurves) require(count >= 8 && count % 3 == 2, row, "has curves without two whole rows");
+    const auto is_row_of = [&](std::size_t rows) {
+      const float value = made.numbers[0];
+      return value >= 0.0f && value < static_cast<float>(rows) && value == static_cast<float>(static_cast<int>(value));
+    };
+    if (made.kind == NodeKind::kImage) require(is_row_of(images), row, "refers to no image");
+    if (made.kind == NodeKind::kInput) {
+      const bool is_instance = static_cast<NodeInput>(mode) == NodeInput::kInstance;
+      require(is_row_of(is_instance ? instance_rows : 1 << 16), row, "asks for no row that there is");
+      require(made.numbers[1] == 0.0f || made.numbers[1] == 1.0f || made.numbers[1] == 2.0f, row,
+              "has no side of 0 to 2");
+    }
+    number += made.numbers.size();
+    channels_ += static_cast<std::size_t>(shape.channels);
+    require(channels_ <= kMostChannels, row, "is one too many: the program has more than 65,536 channels");
+    note_needs(made);
+  }
+}
+
+void NodeProgram::note_needs(const NodeInstruction& instruction) {
+  switch (instruction.kind) {
+    case NodeKind::kInput: {
+      const auto input = static_cast<NodeInput>(instruction.mode);
+      const bool is_layer = input == NodeInput::kUv || input == NodeInput::kColor || input == NodeInput::kInstance;
+      needs_.points = needs_.points || !(is_layer || input == NodeInput::kGiven);
+      needs_.sides = needs_.sides || instruction.numbers[1] != 0.0f || input == NodeInput::kSide;
+      break;
+    }
+    case NodeKind::kSet:
+      outputs_[instruction.mode] = instruction.operands.data();
+      break;
+    default:
+      break;
+  }
+}
+
+}  // namespace perfect_bvh

@@ -1,0 +1,269 @@
+#include "render/surface/run_nodes.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "math/elementary.h"
+#include "render/surface/node_maths.h"
+
+namespace perfect_bvh {
+namespace {
+
+// What one instruction reads and writes.
+struct Step {
+  const NodeInstruction& instruction;
+  float* channels;
+  std::size_t count;
+
+  [[nodiscard]] const float* operand(std::size_t row) const noexcept {
+    return channels + static_cast<std::size_t>(instruction.operands[row].channel) * kNodeLanes;
+  }
+  [[nodiscard]] float number(std::size_t row, std::size_t lane) const noexcept { return operand(row)[lane]; }
+  [[nodiscard]] Vec3f vector(std::size_t row, std::size_t lane) const noexcept {
+    const std::size_t step = static_cast<std::size_t>(instruction.operands[row].step) * kNodeLanes;
+    const float* const first = operand(row) + lane;
+    return {first[0], first[step], first[2 * step]};
+  }
+  [[nodiscard]] NodeChannel* out() const noexcept {
+    return reinterpret_cast<NodeChannel*>(channels + static_cast<std::size_t>(instruction.first) * kNodeLanes);
+  }
+  [[nodiscard]] std::uint8_t mode() const noexcept { return instruction.mode; }
+
+  // `work` gives a number or a vector for each lane.
+  template <class Work>
+  void numbers(Work work) const {
+    float* const to = *out();
+    for (std::size_t lane = 0; lane < count; ++lane) to[lane] = work(lane);
+  }
+  template <class Work>
+  void vectors(Work work) const {
+    NodeChannel* const to = out();
+    for (std::size_t lane = 0; lane < count; ++lane) {
+      const Vec3f made = work(lane);
+      to[0][lane] = made.x, to[1][lane] = made.y, to[2][lane] = made.z;
+    }
+  }
+};
+
+// As Cycles lays images round a point; in a unit cube, if they are not flat.
+enum class Projection : std::uint8_t { kFlat, kEquirectangular, kSphere, kTube };
+
+Point2 around(Vec3f v) noexcept {
+  constexpr double kTurn = 2.0 * std::numbers::pi;
+  const double size = static_cast<double>(length(v));
+  const bool has_side = v.x != 0.0f || v.y != 0.0f;
+  const double turned = has_side ? arc_tangent(static_cast<double>(v.x), static_cast<double>(v.y)) : 0.0;
+  const double height = size > 0.0 ? arc_sine(std::clamp(static_cast<double>(v.z) / size, -1.0, 1.0)) : 0.0;
+  return {has_side ? static_cast<float>((1.0 - turned / std::numbers::pi) / 2.0) : 0.0f,
+          static_cast<float>(0.5 + height / (kTurn / 2.0))};
+}
+
+Point2 projected(Projection projection, Vec3f v) noexcept {
+  if (projection == Projection::kFlat) return {v.x, v.y};
+  if (projection == Projection::kEquirectangular) return place_around(v);
+  const Vec3f centred = v * 2.0f - Vec3f{1, 1, 1};
+  const Point2 place = around(centred);
+  return {place.x, projection == Projection::kTube ? (centred.z + 1.0f) * 0.5f : place.y};
+}
+
+void look_up_image(const Step& step, const Texture& image) {
+  NodeChannel* const to = step.out();
+  for (std::size_t lane = 0; lane < step.count; ++lane) {
+    const Point2 place = projected(static_cast<Projection>(step.mode()), step.vector(0, lane));
+    const Rgba color = look_up_tiled(image, place.x, place.y);
+    to[0][lane] = color.r, to[1][lane] = color.g, to[2][lane] = color.b, to[3][lane] = color.a;
+  }
+}
+
+// Where a place of 0 to 1 lies in a table: a row, and how far on to the next one.
+struct TablePlace {
+  std::size_t row;
+  float rest;
+};
+TablePlace place_in(float place, std::size_t rows) noexcept {
+  const float at = (place > 0.0f ? std::min(place, 1.0f) : 0.0f) * static_cast<float>(rows - 1);
+  const std::size_t row = std::min(static_cast<std::size_t>(at), rows - 1);
+  return {row, at - static_cast<float>(row)};
+}
+
+void look_up_table(const Step& step) {
+  const std::span<const float> table = step.instruction.numbers;
+  const std::size_t rows = table.size() / 4;
+  const bool is_constant = step.mode() == 1;
+  NodeChannel* const to = step.out();
+  for (std::size_t lane = 0; lane < step.count; ++lane) {
+    const auto [row, rest] = place_in(step.number(0, lane), rows);
+    const float* const low = &table[4 * row];
+    const float* const high = &table[4 * std::min(row + 1, rows - 1)];
+    for (std::size_t c = 0; c < 4; ++c) to[c][lane] = is_constant ? low[c] : low[c] + (high[c] - low[c]) * rest;
+  }
+}
+
+// One channel of curves, whose table holds three from `numbers[2]` on, over the range that the first two say.
+float through_curve(std::span<const float> numbers, std::size_t channel, float value, bool extrapolates) noexcept {
+  const std::size_t rows = (numbers.size() - 2) / 3;
+  const float place = (value - numbers[0]) / (numbers[1] - numbers[0]);
+  const auto at = [&](std::size_t row) { return numbers[2 + 3 * row + channel]; };
+  const auto steps = static_cast<float>(rows - 1);
+  if (extrapolates && place < 0.0f) return at(0) + (at(0) - at(1)) * -place * steps;
+  if (extrapolates && place > 1.0f) return at(rows - 1) + (at(rows - 1) - at(rows - 2)) * (place - 1.0f) * steps;
+  const auto [row, rest] = place_in(place, rows);
+  const float low = at(row);
+  return low + (at(std::min(row + 1, rows - 1)) - low) * rest;
+}
+
+void bend_by_curves(const Step& step) {
+  const std::span<const float> numbers = step.instruction.numbers;
+  const bool extrapolates = step.mode() == 1;
+  step.vectors([&](std::size_t lane) {
+    const float share = step.number(0, lane);
+    const Vec3f color = step.vector(1, lane);
+    const Vec3f bent{through_curve(numbers, 0, color.x, extrapolates), through_curve(numbers, 1, color.y, extrapolates),
+                     through_curve(numbers, 2, color.z, extrapolates)};
+    return color * (1.0f - share) + bent * share;
+  });
+}
+
+Vec3f transformed(std::span<const float> m, Vec3f v) noexcept {
+  const auto row = [&](std::size_t i) { return m[i] * v.x + m[i + 1] * v.y + m[i + 2] * v.z + m[i + 3]; };
+  return {row(0), row(4), row(8)};
+}
+
+Vec3f unit_or(Vec3f v, Vec3f fallback) noexcept {
+  const float size = length(v);
+  return size > 0.0f && std::isfinite(size) ? v * (1.0f / size) : fallback;
+}
+
+// Operands: strength, colour, tangent, its sign, the mesh's normal, the normal of shading, whether its back is seen.
+enum class NormalSpace : std::uint8_t { kTangent, kObject, kWorld };
+
+void map_normals(const Step& step, const NodeInputs& inputs) {
+  const auto space = static_cast<NormalSpace>(step.mode());
+  step.vectors([&](std::size_t lane) {
+    const float strength = step.number(0, lane), side = step.number(6, lane) != 0.0f ? -1.0f : 1.0f;
+    Vec3f color = step.vector(1, lane) * 2.0f - Vec3f{1, 1, 1};
+    const Vec3f normal = step.vector(5, lane);
+    if (space == NormalSpace::kTangent) {
+      const Vec3f tangent = step.vector(2, lane), own = step.vector(4, lane);
+      if (step.number(3, lane) == 0.0f) return normal;  // there is no such uv map
+      const float up = std::clamp(strength, 0.0f, 1.0f);
+      color = {color.x * strength, color.y * strength, 1.0f + (color.z - 1.0f) * up};
+      const Vec3f across = cross(own, tangent) * step.number(3, lane);
+      return inputs.world_normal(lane, (tangent * color.x + across * color.y) + own * color.z, normal * side) * side;
+    }
+    Vec3f mapped =
+        space == NormalSpace::kWorld ? unit_or(color, normal * side) : inputs.world_normal(lane, color, normal * side);
+    mapped = mapped * side;
+    if (strength == 1.0f) return mapped;
+    return unit_or(normal + (mapped - normal) * std::max(strength, 0.0f), normal);
+  });
+}
+
+// Operands: strength, distance, the height here and at both sides, the normal, the ways to the sides (Mikkelsen 2010,
+// "Bump Mapping Unparametrized Surfaces on the GPU").
+void bump(const Step& step) {
+  step.vectors([&](std::size_t lane) {
+    const float strength = std::max(step.number(0, lane), 0.0f), distance = step.number(1, lane);
+    const float here = step.number(2, lane);
+    const Vec3f normal = step.vector(5, lane), x = step.vector(6, lane), y = step.vector(7, lane);
+    const Vec3f across_x = cross(y, normal), across_y = cross(normal, x);
+    const float area = dot(x, across_x);
+    if (!(std::abs(area) > 0.0f)) return normal;
+    const Vec3f slope = across_x * (step.number(3, lane) - here) + across_y * (step.number(4, lane) - here);
+    const Vec3f bent = unit_or(normal * std::abs(area) - slope * (area < 0.0f ? -distance : distance), normal);
+    return unit_or(bent * strength + normal * (1.0f - strength), normal);
+  });
+}
+
+// Operands: the index of refraction or how much of the layer is seen, the normal, towards the viewer, whether the back
+// is seen.
+void reflect_by_angle(const Step& step) {
+  const bool is_layer = step.mode() == 1;
+  step.numbers([&](std::size_t lane) {
+    const bool is_back = step.number(3, lane) != 0.0f;
+    const float value = step.number(0, lane), index = std::max(is_layer ? 1.0f - value : value, 1e-5f);
+    const float eta = is_layer != is_back ? 1.0f / index : index;
+    return node_fresnel(dot(step.vector(2, lane), step.vector(1, lane)), eta);
+  });
+}
+
+void run_step(const Step& step, std::span<const Texture> images, NodeInputs& inputs) {
+  const std::uint8_t mode = step.mode();
+  const std::span<const float> n = step.instruction.numbers;
+  const auto number = [&](std::size_t row, std::size_t lane) { return step.number(row, lane); };
+  const auto vector = [&](std::size_t row, std::size_t lane) { return step.vector(row, lane); };
+  using Lane = std::size_t;
+  switch (step.instruction.kind) {
+    case NodeKind::kConstant:
+      return step.vectors([&](Lane) { return Vec3f{n[0], n[1], n[2]}; });
+    case NodeKind::kInput:
+      return inputs.read(static_cast<NodeInput>(mode), static_cast<int>(n[0]), static_cast<int>(n[1]), step.out());
+    case NodeKind::kImage:
+      return look_up_image(step, images[static_cast<std::size_t>(n[0])]);
+    case NodeKind::kMath:
+      return step.numbers([&](Lane i) { return node_math(mode, number(0, i), number(1, i), number(2, i)); });
+    case NodeKind::kVectorMath:
+      return step.vectors(
+          [&](Lane i) { return node_vector_math(mode, vector(0, i), vector(1, i), vector(2, i), number(3, i)); });
+    case NodeKind::kMix:
+      return step.vectors([&](Lane i) { return node_mix(mode, vector(0, i), vector(1, i), vector(2, i)); });
+    case NodeKind::kLuminance:
+      return step.numbers([&](Lane i) { return luminance(vector(0, i)); });
+    case NodeKind::kAverage:
+      return step.numbers([&](Lane i) {
+        const Vec3f v = vector(0, i);
+        return (v.x + v.y + v.z) * (1.0f / 3.0f);
+      });
+    case NodeKind::kCombine:
+      return step.vectors([&](Lane i) { return Vec3f{number(0, i), number(1, i), number(2, i)}; });
+    case NodeKind::kTable:
+      return look_up_table(step);
+    case NodeKind::kCurves:
+      return bend_by_curves(step);
+    case NodeKind::kHueSaturation:
+      return step.vectors([&](Lane i) {
+        return node_hue_saturation(number(0, i), number(1, i), number(2, i), number(3, i), vector(4, i));
+      });
+    case NodeKind::kConvert:
+      return step.vectors([&](Lane i) { return node_convert(mode, vector(0, i)); });
+    case NodeKind::kMapRange:
+      return step.vectors([&](Lane i) {
+        const Vec3f v = vector(0, i), a = vector(1, i), b = vector(2, i), c = vector(3, i), d = vector(4, i);
+        const Vec3f steps = vector(5, i);
+        return Vec3f{node_map_range(mode, v.x, a.x, b.x, c.x, d.x, steps.x),
+                     node_map_range(mode, v.y, a.y, b.y, c.y, d.y, steps.y),
+                     node_map_range(mode, v.z, a.z, b.z, c.z, d.z, steps.z)};
+      });
+    case NodeKind::kTransform:
+      return step.vectors([&](Lane i) { return transformed(n, vector(0, i)); });
+    case NodeKind::kMapping:
+      return step.vectors(
+          [&](Lane i) { return node_mapping(mode, vector(0, i), vector(1, i), vector(2, i), vector(3, i)); });
+    case NodeKind::kVectorRotate:
+      return step.vectors([&](Lane i) {
+        return node_vector_rotate(mode, vector(0, i), vector(1, i), vector(2, i), number(3, i), vector(4, i),
+                                  n[0] != 0.0f);
+      });
+    case NodeKind::kFresnel:
+      return reflect_by_angle(step);
+    case NodeKind::kFacing:
+      return step.numbers([&](Lane i) { return node_facing(dot(vector(2, i), vector(1, i)), number(0, i)); });
+    case NodeKind::kNormalMap:
+      return map_normals(step, inputs);
+    case NodeKind::kBump:
+      return bump(step);
+    case NodeKind::kSet:
+      return;  // NodeProgram::output
+  }
+}
+
+}  // namespace
+
+void NodeRun::run(const NodeProgram& program, std::span<const Texture> images, NodeInputs& inputs, std::size_t count) {
+  if (channels_.size() < program.channels() * kNodeLanes) channels_.resize(program.channels() * kNodeLanes);
+  for (const NodeInstruction& instruction : program.instructions()) {
+    run_step({instruction, channels_.data(), count}, images, inputs);
+  }
+}
+
+}  // namespace perfect_bvh

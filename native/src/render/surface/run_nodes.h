@@ -1,0 +1,50 @@
+// Runs a node program over a batch of hits. In: the program and what the hits have. Out: rows of floats, a row a
+// channel.
+#pragma once
+
+#include <cstddef>
+
+#include "core/aligned.h"
+#include "math/vec3.h"
+#include "render/appearance/appearance.h"
+#include "render/appearance/node_program.h"
+
+namespace perfect_bvh {
+
+inline constexpr std::size_t kNodeLanes = 64;  // hits that are worked on together
+using NodeChannel = float[kNodeLanes];
+
+// What nodes may know of the hits of one batch.
+class NodeInputs {
+ public:
+  NodeInputs() = default;
+  NodeInputs(const NodeInputs&) = delete;
+  NodeInputs& operator=(const NodeInputs&) = delete;
+  virtual ~NodeInputs() = default;
+
+  // Fills four channels; see NodeInput for the number and the side.
+  virtual void read(NodeInput input, int number, int side, NodeChannel* channels) = 0;
+  // Of unit length; `fallback` for one that has no direction.
+  [[nodiscard]] virtual Vec3f world_normal(std::size_t lane, Vec3f object_normal, Vec3f fallback) const = 0;
+};
+
+class NodeRun {
+ public:
+  // For `count` hits, up to kNodeLanes.
+  void run(const NodeProgram& program, std::span<const Texture> images, NodeInputs& inputs, std::size_t count);
+
+  // After a run.
+  [[nodiscard]] float number(const NodeOperand& operand, std::size_t lane) const noexcept {
+    return channels_[static_cast<std::size_t>(operand.channel) * kNodeLanes + lane];
+  }
+  [[nodiscard]] Vec3f vector(const NodeOperand& operand, std::size_t lane) const noexcept {
+    const float* const first = &channels_[static_cast<std::size_t>(operand.channel) * kNodeLanes + lane];
+    const std::size_t step = static_cast<std::size_t>(operand.step) * kNodeLanes;
+    return {first[0], first[step], first[2 * step]};
+  }
+
+ private:
+  AlignedVector<float> channels_;
+};
+
+}  // namespace perfect_bvh
