@@ -152,7 +152,7 @@ def sun_in_the_sky(rotation: float) -> tuple[Appearance, Appearance]:
     return around, Appearance(lights=sun, world=World((sky,) * 3))
 
 
-def papered(image: ImageTexture, **columns: npt.NDArray[Any]) -> Appearance:
+def papered(image: ImageTexture, **columns: Any) -> Appearance:
     """Mesh 0 shows an image once over; what its material does with it is in the columns."""
     return Appearance(
         meshes={0: MeshAppearance(corner_uvs=CORNER_UVS)},

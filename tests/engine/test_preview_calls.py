@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from engine.node_programs import image_program
 from engine.preview_looks import ABOVE, ROOF, SIZE, floor, lights, made_of, materials, sun_in_the_sky
 from perfect_bvh import Appearance, HairTable, ImageTexture, LightTable, World, render
 
@@ -26,19 +27,16 @@ def test_pixels_do_not_depend_on_threads():
         (Appearance(images=(ImageTexture(np.zeros((2, 2, 3), np.uint8)),)), r"images\[0\].pixels must have shape"),
         (Appearance(images=(ImageTexture(np.zeros((2, 2, 4))),)), r"images\[0\].pixels must be uint8 .* got float64"),
         (
-            Appearance(images=(ImageTexture(np.zeros((2, 2, 4), np.uint8), uv_transform=((1, 0), (0, 1))),)),
-            r"images\[0\].uv_transform must be two rows of three numbers",
+            Appearance(images=(ImageTexture(np.zeros((2, 2, 4), np.uint8), interpolation="cubic"),)),  # type: ignore[arg-type]
+            r"images\[0\].interpolation must be",
         ),
-        (
-            Appearance(materials=materials(emission_images=np.array([3], np.int32))),
-            "materials.emission_images refers to",
-        ),
+        (Appearance(materials=materials(programs=(3,))), r"materials.programs\[0\] must be a perfect_bvh.NodeProgram, got"),
         (Appearance(world=World(image=0)), "world.image is 0 but there are 0 images"),
         (Appearance(backdrop=World(image=2)), "backdrop.image is 2 but there are 0 images"),
         (Appearance(world=World((math.nan, 0, 0))), "world.color must be three numbers"),
         (
-            Appearance(materials=materials(color_images=np.array([3], np.int32))),
-            "materials.color_images refers to",
+            Appearance(materials=materials(programs=(image_program("COLOR", image=3),))),
+            "materials.programs: instruction 1 refers to no image",
         ),
         (Appearance(materials=materials(alphas=np.zeros(2, np.float32))), "materials.alphas has 2 rows"),
         (Appearance(plain_reflectance=1.5), "plain_reflectance must be .*, got 1.5"),

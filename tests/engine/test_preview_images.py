@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import numpy.typing as npt
 import pytest
+from engine.node_programs import colors_program, image_program
 from engine.preview_looks import (
     ABOVE,
     BLACK,
@@ -23,7 +24,7 @@ from engine.preview_looks import (
 )
 from perfect_bvh import Appearance, ImageTexture, MeshAppearance, render
 
-FIRST = np.zeros(1, np.int32)  # the material shows the first image
+SHOWN = (image_program("COLOR"),)
 
 
 def four_pixels() -> npt.NDArray[np.uint8]:
@@ -37,7 +38,7 @@ def four_pixels() -> npt.NDArray[np.uint8]:
 def test_images_show_the_right_way_up(linear):
     pixels = four_pixels()
     image = ImageTexture(pixels.astype(np.float32) / 255 if linear else pixels, "extend")
-    look = papered(image, color_images=FIRST)
+    look = papered(image, programs=SHOWN)
     picture = render(quads(FLOOR * 0.02), looking((0, 0, 5), (0, 0, 0), 22.0), "preview", SIZE, 8, look)
     for row, column, color in ((27, 4, (1, 0, 0)), (27, 27, (0, 1, 0)), (4, 4, (0, 0, 1)), (4, 27, (1, 1, 1))):
         assert picture[row, column, :3] == pytest.approx(color, abs=0.05)
@@ -50,26 +51,28 @@ def test_between_pixels_bytes_are_srgb_and_floats_linear(share):
     pixels[0, 0, :3], pixels[0, 1, :3] = (0, 20, 255), (255, 200, 255)
     stored = (pixels[0, 0, :3] * (1 - share) + pixels[0, 1, :3] * share) / 255
     linear = np.where(stored <= 0.04045, stored / 12.92, ((stored + 0.055) / 1.055) ** 2.4)
-    place = ((0.0, 0.0, 0.25 + 0.5 * share), (0.0, 0.0, 0.5))
+    place = (0, 0, 0, 0.25 + 0.5 * share, 0, 0, 0, 0.5, 0, 0, 0, 0)
+    program = image_program("EMISSION", transform=place)
     for kind, expected in ((pixels, linear), (np.float32(pixels) / np.float32(255), stored)):
-        image, black = ImageTexture(kind, "extend", place), np.zeros((1, 3), np.float32)
-        look = papered(image, base_colors=black, emissions=np.ones((1, 3), np.float32), emission_images=FIRST)
+        image, black = ImageTexture(kind, "extend"), np.zeros((1, 3), np.float32)
+        look = papered(image, base_colors=black, emissions=np.ones((1, 3), np.float32), programs=(program,))
         seen = render(floor(), ABOVE, "preview", SIZE, 1, replace(look, world=BLACK))[16, 16, :3]
         assert seen == pytest.approx(expected, abs=1e-5)
 
 
-def test_a_uv_transform_says_where_an_image_is_looked_up():
+def test_a_transform_says_where_an_image_is_looked_up():
     """Turned by a quarter, shrunk and moved: of four pixels the second is seen on all of the floor."""
-    image = ImageTexture(four_pixels(), "extend", ((0.0, -0.1, 0.95), (0.1, 0.0, 0.05)))
-    picture = render(floor(), ABOVE, "preview", SIZE, 4, papered(image, color_images=FIRST))
+    program = image_program("COLOR", transform=(0.0, -0.1, 0.0, 0.95, 0.1, 0.0, 0.0, 0.05, 0, 0, 0, 0))
+    look = papered(ImageTexture(four_pixels(), "extend"), programs=(program,))
+    picture = render(floor(), ABOVE, "preview", SIZE, 4, look)
     assert picture[16, 16, :3] == pytest.approx((0, 1, 0), abs=0.02)
 
 
 def test_an_image_may_emit():
-    """Its colours multiply the emission, and nothing else does."""
+    """Its colours are the emission, and nothing else is."""
     image = ImageTexture(np.tile(np.float32((0.25, 0.5, 2.0, 1.0)), (2, 2, 1)))
-    black, three = np.zeros((1, 3), np.float32), np.full((1, 3), 3.0, np.float32)
-    look = replace(papered(image, base_colors=black, emissions=three, emission_images=FIRST), world=BLACK)
+    black, program = np.zeros((1, 3), np.float32), image_program("EMISSION", scale=3.0)
+    look = replace(papered(image, base_colors=black, emissions=black, programs=(program,)), world=BLACK)
     seen = render(floor(), ABOVE, "preview", SIZE, 4, look)[16, 16, :3]
     assert seen == pytest.approx((0.75, 1.5, 6.0), rel=1e-5)
 
@@ -79,7 +82,7 @@ def test_a_meshs_own_colors_tint_it():
     look = Appearance(
         meshes={0: MeshAppearance(corner_colors=colors[QUAD])},
         instances=one_material(1),
-        materials=materials(base_colors=np.array([(1.0, 0.5, 1.0)], np.float32), tints=("",)),
+        materials=materials(programs=(colors_program(tint=(1.0, 0.5, 1.0)),)),
         world=WHITE,
     )
     # The middle lies halfway between the first corner and the third.

@@ -8,8 +8,10 @@ from typing import Any
 
 import numpy as np
 import pytest
+from engine.node_programs import colors_program, image_program
 from perfect_bvh import Camera, Scene, render
 from perfect_bvh.appearance import Appearance, ImageTexture, InstanceTable, MaterialTable, MeshAppearance, World
+from perfect_bvh.nodes import NodeBuilder
 
 FLOOR = np.array([(-1, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0)], np.float32)
 QUAD = np.array([(0, 1, 2), (0, 2, 3)], np.int32)
@@ -34,7 +36,7 @@ def floor_with(**fields: Any) -> Appearance:
         np.zeros(1, np.int32),
         base_colors=BLACK,
         emissions=np.ones((1, 3), np.float32),
-        emission_images=np.zeros(1, np.int32),
+        programs=(image_program("EMISSION"),),
     )
     instances = InstanceTable(
         ids=np.zeros(1, np.int32),
@@ -62,11 +64,14 @@ def test_each_image_is_looked_up_in_its_own_map():
     right = corners((0.8, 0), (0.8, 0), (0.8, 1), (0.8, 1))
     mesh = MeshAppearance(corner_uvs=left, named_uvs={"b": right, "unused": right, "a": left})
     for name, expected in (("", (1, 0, 0)), ("a", (1, 0, 0)), ("b", (0, 1, 0)), ("none", (1, 0, 0))):
-        look = floor_with(meshes={0: mesh}, images=(ImageTexture(halves, "extend", uv_map=name),))
+        materials = replace(floor_with().materials, programs=(image_program("EMISSION", layer=name),))
+        look = floor_with(meshes={0: mesh}, images=(ImageTexture(halves, "extend"),), materials=materials)
         assert picture(look)[16, 16] == pytest.approx(expected, abs=1e-5), name
-    materials = replace(floor_with().materials, color_images=np.ones(1, np.int32), base_colors=None)
-    both = (ImageTexture(halves, "extend", uv_map="b"), ImageTexture(halves, "extend", uv_map="a"))
-    look = floor_with(meshes={0: mesh}, images=both, materials=materials, world=World((0.5, 0.5, 0.5)))
+    nodes = NodeBuilder()
+    shown = [nodes.add("image", nodes.add("input", mode="UV", layer=name), mode="FLAT", numbers=[0]) for name in "ba"]
+    materials = replace(floor_with().materials, programs=(nodes.program(EMISSION=shown[0], COLOR=shown[1]),))
+    image = (ImageTexture(halves, "extend"),)
+    look = floor_with(meshes={0: mesh}, images=image, materials=materials, world=World((0.5, 0.5, 0.5)))
     assert picture(look)[16, 16] == pytest.approx((0.5, 1, 0), abs=0.02)
 
 
@@ -74,7 +79,8 @@ def test_each_material_is_tinted_with_the_colors_that_it_names():
     red, blue = (np.tile(np.float32(color), (2, 3, 1)) for color in ((1, 0, 0), (0, 0, 1)))
     mesh = MeshAppearance(corner_colors=red, named_colors={"blue": blue})
     for name, expected in (("", (1, 0, 0)), ("blue", (0, 0, 1)), ("none", (0, 0, 0)), (None, (1, 1, 1))):
-        materials = MaterialTable(np.ones((1, 4), np.float32), np.zeros(1, np.int32), tints=(name,))
+        program = None if name is None else colors_program(name)
+        materials = MaterialTable(np.ones((1, 4), np.float32), np.zeros(1, np.int32), programs=(program,))
         look = floor_with(meshes={0: mesh}, materials=materials, world=World((1.0, 1.0, 1.0)))
         assert picture(look)[16, 16] == pytest.approx(expected, abs=0.02), name
 
@@ -112,14 +118,11 @@ def test_layers_and_tiles_are_checked():
             "a key of .*tiles must be an integer from 1001 to",
         ),
         (ImageTexture(plain(1, 1, 1), tiles={1001: np.zeros((2, 2))}), r"tiles\[1001\] must have shape"),
-        (ImageTexture(plain(1, 1, 1), uv_map=3), r"images\[0\].uv_map must be a name, got 3"),  # type: ignore[arg-type]
     ]
     for image, message in bad:
         with pytest.raises(ValueError, match=message):
             picture(floor_with(images=(image,)))
-    materials = MaterialTable(np.ones((1, 4), np.float32), np.zeros(1, np.int32), tints=(True,))  # type: ignore[arg-type]
-    with pytest.raises(ValueError, match=r"materials.tints\[0\] must be a name, got True"):
-        picture(floor_with(materials=materials))
     short = MeshAppearance(named_uvs={"map": np.zeros((1, 3, 2), np.float32)})
+    materials = replace(floor_with().materials, programs=(image_program("EMISSION", layer="map"),))
     with pytest.raises(ValueError, match="corner_uvs has 1 rows but the mesh has 2 triangles"):
-        picture(floor_with(meshes={0: short}, images=(ImageTexture(plain(1, 1, 1), uv_map="map"),)))
+        picture(floor_with(meshes={0: short}, images=(ImageTexture(plain(1, 1, 1)),), materials=materials))
