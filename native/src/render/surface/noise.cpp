@@ -1,0 +1,215 @@
+#include "render/surface/noise.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "render/surface/texture_space.h"
+
+namespace perfect_bvh {
+namespace {
+
+// Perlin noise --------------------------------------------------------------------------------------------------------
+
+constexpr float kPeriod = 1e5f;  // beyond which a float's fraction is too coarse
+
+// The number, or its negative if the bit is set.
+constexpr float signed_by(float value, std::uint32_t hash, std::uint32_t bit) noexcept {
+  return (hash & bit) != 0 ? -value : value;
+}
+
+// Multiplies the way from a corner with the corner's gradient, which the low bits of its hash choose. In one dimension
+// it is one of 1 to 8, in two (1, 2) or (2, 1), in three and four the middle of an edge; all with any signs.
+float slope(std::uint32_t hash, const Place<1>& way) noexcept {
+  return signed_by((1.0f + static_cast<float>(hash & 7u)) * way[0], hash, 8u);
+}
+float slope(std::uint32_t hash, const Place<2>& way) noexcept {
+  const std::size_t first = (hash & 4u) != 0 ? 1 : 0;
+  return signed_by(way[first], hash, 1u) + signed_by(2.0f * way[1 - first], hash, 2u);
+}
+float slope(std::uint32_t hash, const Place<3>& way) noexcept {
+  // Of 16 numbers for 12 edges 12 and 14 are (y, x), 13 and 15 (y, z) once more.
+  const std::uint32_t edge = hash & 15u;
+  const std::size_t first = edge < 8u ? 0 : 1;
+  const std::size_t second = edge < 4u ? 1 : edge == 12u || edge == 14u ? 0 : 2;
+  return signed_by(way[first], edge, 1u) + signed_by(way[second], edge, 2u);
+}
+float slope(std::uint32_t hash, const Place<4>& way) noexcept {
+  const std::uint32_t edge = hash & 31u;  // w, z, y or x is left out
+  const float first = edge < 24u ? way[0] : way[1], second = edge < 16u ? way[1] : way[2];
+  const float third = edge < 8u ? way[2] : way[3];
+  return signed_by(first, edge, 1u) + signed_by(second, edge, 2u) + signed_by(third, edge, 4u);
+}
+
+// Gradient noise from -1 to 1, 0 at integers; periodic.
+template <std::size_t N>
+float perlin(const Place<N>& p) noexcept {
+  constexpr std::array<float, 4> kRange{0.25f, 0.6616f, 0.9820f, 0.8344f};  // about 1 / the largest value
+  Place<N> fraction{}, fade{};
+  std::array<std::int32_t, N> cell{};
+  for (std::size_t i = 0; i < N; ++i) {
+    if (!std::isfinite(p[i])) return 0.0f;
+    // Half a cell aside where all floats are integers: noise is 0 there.
+    const float inside = std::fmod(p[i], kPeriod) + (std::abs(p[i]) >= 1e6f ? 0.5f : 0.0f);
+    const float below = std::floor(inside), t = inside - below;
+    cell[i] = static_cast<std::int32_t>(below), fraction[i] = t;
+    fade[i] = t * t * t * (t * (t * 6.0f - 15.0f) + 10.0f);
+  }
+  std::array<float, std::size_t{1} << N> corners{};
+  for (std::size_t corner = 0; corner < corners.size(); ++corner) {
+    const auto step = [corner](std::size_t i) { return static_cast<std::int32_t>(corner >> i & 1u); };
+    const auto words = each_axis<N>([&](std::size_t i) { return static_cast<std::uint32_t>(cell[i] + step(i)); });
+    const auto way = each_axis<N>([&](std::size_t i) { return fraction[i] - static_cast<float>(step(i)); });
+    corners[corner] = slope(lookup3(words), way);
+  }
+  for (std::size_t i = 0; i < N; ++i)
+    for (std::size_t pair = 0; pair < corners.size() >> (i + 1); ++pair)
+      corners[pair] = mix(corners[2 * pair], corners[2 * pair + 1], fade[i]);
+  return corners[0] * kRange[N - 1];
+}
+
+// Fractals ------------------------------------------------------------------------------------------------------------
+// An octave is the noise of a finer scale. The last one counts as much as the fraction of `detail`.
+
+template <std::size_t N>
+Place<N> scaled(const Place<N>& p, float scale) noexcept {
+  return each_axis<N>([&](std::size_t i) { return p[i] * scale; });
+}
+
+struct Octaves {
+  explicit Octaves(float detail) noexcept : whole(static_cast<int>(detail)), rest(detail - std::floor(detail)) {}
+  int whole;
+  float rest;
+};
+
+template <std::size_t N>
+float fbm(const Place<N>& p, const NoiseSettings& settings, Octaves octaves) noexcept {
+  float scale = 1.0f, amplitude = 1.0f, range = 0.0f, sum = 0.0f;
+  const auto result = [&] { return settings.normalize ? 0.5f * sum / range + 0.5f : sum; };
+  const auto add = [&] {
+    sum += perlin(scaled(p, scale)) * amplitude, range += amplitude;
+    amplitude *= settings.roughness, scale *= settings.lacunarity;
+  };
+  for (int i = 0; i <= octaves.whole; ++i) add();
+  if (octaves.rest == 0.0f) return result();
+  const float coarse = result();
+  add();
+  return mix(coarse, result(), octaves.rest);
+}
+
+template <std::size_t N>
+float multifractal(Place<N> p, const NoiseSettings& settings, Octaves octaves) noexcept {
+  float value = 1.0f, amplitude = 1.0f;
+  for (int i = 0; i <= octaves.whole; ++i) {
+    value *= amplitude * perlin(p) + 1.0f;
+    amplitude *= settings.roughness, p = scaled(p, settings.lacunarity);
+  }
+  return octaves.rest != 0.0f ? value * (octaves.rest * amplitude * perlin(p) + 1.0f) : value;
+}
+
+// Octaves count the more the higher the place.
+template <std::size_t N>
+float hetero_terrain(Place<N> p, const NoiseSettings& settings, Octaves octaves) noexcept {
+  float value = settings.offset + perlin(p), amplitude = settings.roughness;
+  const auto rise = [&] {
+    p = scaled(p, settings.lacunarity);
+    const float height = (perlin(p) + settings.offset) * amplitude * value;
+    amplitude *= settings.roughness;
+    return height;
+  };
+  for (int i = 1; i <= octaves.whole; ++i) value += rise();
+  return octaves.rest != 0.0f ? value + octaves.rest * rise() : value;
+}
+
+template <std::size_t N>
+float hybrid_multifractal(Place<N> p, const NoiseSettings& settings, Octaves octaves) noexcept {
+  constexpr float kLeastWeight = 0.001f;
+  float value = 0.0f, weight = 1.0f, amplitude = 1.0f;
+  for (int i = 0; i <= octaves.whole + 1 && weight > kLeastWeight; ++i) {
+    const float share = i <= octaves.whole ? 1.0f : octaves.rest;
+    if (share == 0.0f) break;
+    weight = std::min(weight, 1.0f);
+    const float signal = (perlin(p) + settings.offset) * amplitude;
+    value += share * weight * signal;
+    weight *= settings.gain * signal, amplitude *= settings.roughness, p = scaled(p, settings.lacunarity);
+  }
+  return value;
+}
+
+// Has no fraction of an octave.
+template <std::size_t N>
+float ridged_multifractal(Place<N> p, const NoiseSettings& settings, Octaves octaves) noexcept {
+  const auto ridge = [&] {
+    const float height = settings.offset - std::abs(perlin(p));
+    return height * height;
+  };
+  float signal = ridge(), value = signal, amplitude = settings.roughness;
+  for (int i = 1; i <= octaves.whole; ++i) {
+    p = scaled(p, settings.lacunarity);
+    signal = std::clamp(signal * settings.gain, 0.0f, 1.0f) * ridge();
+    value += signal * amplitude, amplitude *= settings.roughness;
+  }
+  return value;
+}
+
+template <std::size_t N>
+float fractal(const Place<N>& p, const NoiseSettings& settings) noexcept {
+  const Octaves octaves(settings.detail);
+  switch (settings.kind) {
+    case NoiseKind::kMultifractal:
+      return multifractal(p, settings, octaves);
+    case NoiseKind::kRidgedMultifractal:
+      return ridged_multifractal(p, settings, octaves);
+    case NoiseKind::kHybridMultifractal:
+      return hybrid_multifractal(p, settings, octaves);
+    case NoiseKind::kFbm:
+      return fbm(p, settings, octaves);
+    case NoiseKind::kHeteroTerrain:
+      return hetero_terrain(p, settings, octaves);
+  }
+  return 0.0f;
+}
+
+// The node ------------------------------------------------------------------------------------------------------------
+
+// Moves a point to another part of the noise, 100 to 200 aside, where nothing is like it.
+template <std::size_t N>
+Place<N> elsewhere(const Place<N>& p, float seed) noexcept {
+  return each_axis<N>([&](std::size_t i) {
+    const float random = N == 1 ? random_of(seed) : random_of(seed, static_cast<float>(i));
+    return p[i] + (100.0f + random * 100.0f);
+  });
+}
+
+template <std::size_t N>
+Place<N> distorted(const Place<N>& p, float distortion) noexcept {
+  if (distortion == 0.0f) return p;
+  return each_axis<N>([&](std::size_t i) { return p[i] + perlin(elsewhere(p, static_cast<float>(i))) * distortion; });
+}
+
+NoiseSettings clamped(NoiseSettings settings) noexcept {
+  settings.detail = std::clamp(settings.detail, 0.0f, 15.0f);
+  settings.roughness = std::max(settings.roughness, 0.0f);
+  return settings;
+}
+
+}  // namespace
+
+float noise_factor(const NoiseSettings& given, Vec3f p, float w) noexcept {
+  const NoiseSettings settings = clamped(given);
+  return with_dimensions(settings.dimensions, [&]<class N>(N) {
+    return fractal(distorted(place_of<N::value>(p, w, settings.scale), settings.distortion), settings);
+  });
+}
+
+Vec3f noise_color(const NoiseSettings& given, Vec3f p, float w) noexcept {
+  const NoiseSettings settings = clamped(given);
+  return with_dimensions(settings.dimensions, [&]<class N>(N) {
+    // The first seeds are those of the distortion.
+    constexpr float kSeed = static_cast<float>(N::value);
+    const auto place = distorted(place_of<N::value>(p, w, settings.scale), settings.distortion);
+    return Vec3f{fractal(place, settings), fractal(elsewhere(place, kSeed), settings),
+                 fractal(elsewhere(place, kSeed + 1.0f), settings)};
+  });
+}
+
+}  // namespace perfect_bvh

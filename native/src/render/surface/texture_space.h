@@ -1,0 +1,121 @@
+// Points of one to four dimensions that textures are evaluated at, and hashes of them.
+//
+// Textures of noise and cells are patterns of random numbers, so they equal Blender's only with the same hashes:
+// Jenkins' lookup3 (2006) of the bits of floats and integers, and the permuted congruential generators of Jarzynski and
+// Olano 2020 ("Hash Functions for GPU Rendering", section 4.2) of the integer coordinates of cells.
+#pragma once
+
+#include <array>
+#include <bit>
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+#include <type_traits>
+
+#include "math/vec3.h"
+
+namespace perfect_bvh {
+
+// Points --------------------------------------------------------------------------------------------------------------
+
+template <std::size_t N>
+using Place = std::array<float, N>;
+template <std::size_t N>
+using Words = std::array<std::uint32_t, N>;
+
+// Scales the coordinates of an N-dimensional texture: (w), (x, y), (x, y, z) or (x, y, z, w).
+template <std::size_t N>
+[[nodiscard]] constexpr Place<N> place_of(Vec3f p, float w, float scale) noexcept {
+  if constexpr (N == 1) return {w * scale};
+  if constexpr (N == 2) return {p.x * scale, p.y * scale};
+  if constexpr (N == 3) return {p.x * scale, p.y * scale, p.z * scale};
+  if constexpr (N == 4) return {p.x * scale, p.y * scale, p.z * scale, w * scale};
+}
+
+// Makes an array of body(0), body(1) ...
+template <std::size_t N, class Body>
+[[nodiscard]] constexpr auto each_axis(const Body& body) noexcept {
+  std::array<decltype(body(std::size_t{0})), N> made{};
+  for (std::size_t i = 0; i < N; ++i) made[i] = body(i);
+  return made;
+}
+
+// Calls body with the constant 1, 2, 3 or 4.
+template <class Body>
+[[nodiscard]] auto with_dimensions(int dimensions, const Body& body) noexcept {
+  if (dimensions <= 1) return body(std::integral_constant<std::size_t, 1>{});
+  if (dimensions == 2) return body(std::integral_constant<std::size_t, 2>{});
+  if (dimensions == 3) return body(std::integral_constant<std::size_t, 3>{});
+  return body(std::integral_constant<std::size_t, 4>{});
+}
+
+// b where t is 1.
+[[nodiscard]] constexpr float mix(float a, float b, float t) noexcept { return a * (1.0f - t) + b * t; }
+[[nodiscard]] constexpr Vec3f mix(Vec3f a, Vec3f b, float t) noexcept { return a * (1.0f - t) + b * t; }
+
+// Hashes --------------------------------------------------------------------------------------------------------------
+
+// Hashes up to four words by lookup3: three are added to the state at a time, then it is stirred.
+template <std::size_t N>
+[[nodiscard]] constexpr std::uint32_t lookup3(const Words<N>& words) noexcept {
+  static_assert(N >= 1 && N <= 4);
+  constexpr std::uint32_t kBegin = 0xdeadbeefu + 4u * N + 13u;
+  Words<3> state{kBegin, kBegin, kBegin};
+  for (std::size_t i = 0; i < N; ++i) {
+    if (i == 3) {
+      constexpr std::array kTurns{4, 6, 8, 16, 19, 4};
+      for (std::size_t k = 0; k < kTurns.size(); ++k) {
+        std::uint32_t &target = state[k % 3], &source = state[(k + 2) % 3];
+        target = (target - source) ^ std::rotl(source, kTurns[k]);
+        source += state[(k + 1) % 3];
+      }
+    }
+    state[i % 3] += words[i];
+  }
+  constexpr std::array kTurns{14, 11, 25, 16, 4, 14, 24};
+  for (std::size_t k = 0; k < kTurns.size(); ++k) {
+    const std::uint32_t source = state[(k + 1) % 3];
+    state[(k + 2) % 3] = (state[(k + 2) % 3] ^ source) - std::rotl(source, kTurns[k]);
+  }
+  return state[2];
+}
+
+// Hashes floats to a number from 0 to 1.
+template <class... Floats>
+[[nodiscard]] constexpr float random_of(Floats... values) noexcept {
+  return static_cast<float>(lookup3(Words<sizeof...(Floats)>{std::bit_cast<std::uint32_t>(values)...})) * 0x1p-32f;
+}
+
+// Hashes a point to numbers from 0 to 1.
+template <std::size_t N>
+[[nodiscard]] constexpr Vec3f random_color(const Place<N>& p) noexcept {
+  if constexpr (N == 1) return {random_of(p[0]), random_of(p[0], 1.0f), random_of(p[0], 2.0f)};
+  if constexpr (N == 2) return {random_of(p[0], p[1]), random_of(p[0], p[1], 1.0f), random_of(p[0], p[1], 2.0f)};
+  if constexpr (N == 3)
+    return {random_of(p[0], p[1], p[2]), random_of(p[0], p[1], p[2], 1.0f), random_of(p[0], p[1], p[2], 2.0f)};
+  if constexpr (N == 4)
+    return {random_of(p[0], p[1], p[2], p[3]), random_of(p[2], p[0], p[3], p[1]), random_of(p[3], p[2], p[1], p[0])};
+}
+
+// Hashes an integer point of two to four dimensions to numbers from 0 to 1, by "pcg2d", "pcg3d" and "pcg4d" of the
+// paper, but with words that are signed where they are shifted.
+template <std::size_t N>
+[[nodiscard]] constexpr Place<N> random_of_cell(const std::array<std::int32_t, N>& cell) noexcept {
+  static_assert(N >= 2 && N <= 4);
+  constexpr std::uint32_t kFactor = 1664525u, kStep = 1013904223u;
+  Words<N> v = each_axis<N>([&](std::size_t i) { return static_cast<std::uint32_t>(cell[i]) * kFactor + kStep; });
+  const auto stir = [&v] {
+    for (std::size_t i = 0; i < N; ++i) {
+      // Of three words the two others; of four those that the paper chose.
+      if constexpr (N == 2) v[i] += v[1 - i] * kFactor;
+      if constexpr (N == 3) v[i] += v[(i + 1) % 3] * v[(i + 2) % 3];
+      if constexpr (N == 4) v[i] += i == 0 ? v[1] * v[3] : i == 3 ? v[1] * v[2] : v[(i + 1) % 3] * v[(i + 2) % 3];
+    }
+  };
+  stir();
+  for (std::uint32_t& word : v) word ^= static_cast<std::uint32_t>(static_cast<std::int32_t>(word) >> 16);
+  stir();
+  return each_axis<N>([&](std::size_t i) { return static_cast<float>(v[i] & 0x7fffffffu) * 0x1p-31f; });
+}
+
+}  // namespace perfect_bvh
