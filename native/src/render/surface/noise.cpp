@@ -70,11 +70,6 @@ float perlin(const Place<N>& p) noexcept {
 // Fractals ------------------------------------------------------------------------------------------------------------
 // An octave is the noise of a finer scale. The last one counts as much as the fraction of `detail`.
 
-template <std::size_t N>
-Place<N> scaled(const Place<N>& p, float scale) noexcept {
-  return each_axis<N>([&](std::size_t i) { return p[i] * scale; });
-}
-
 struct Octaves {
   explicit Octaves(float detail) noexcept : whole(static_cast<int>(detail)), rest(detail - std::floor(detail)) {}
   int whole;
@@ -86,7 +81,7 @@ float fbm(const Place<N>& p, const NoiseSettings& settings, Octaves octaves) noe
   float scale = 1.0f, amplitude = 1.0f, range = 0.0f, sum = 0.0f;
   const auto result = [&] { return settings.normalize ? 0.5f * sum / range + 0.5f : sum; };
   const auto add = [&] {
-    sum += perlin(scaled(p, scale)) * amplitude, range += amplitude;
+    sum += perlin(p * scale) * amplitude, range += amplitude;
     amplitude *= settings.roughness, scale *= settings.lacunarity;
   };
   for (int i = 0; i <= octaves.whole; ++i) add();
@@ -101,7 +96,7 @@ float multifractal(Place<N> p, const NoiseSettings& settings, Octaves octaves) n
   float value = 1.0f, amplitude = 1.0f;
   for (int i = 0; i <= octaves.whole; ++i) {
     value *= amplitude * perlin(p) + 1.0f;
-    amplitude *= settings.roughness, p = scaled(p, settings.lacunarity);
+    amplitude *= settings.roughness, p = p * settings.lacunarity;
   }
   return octaves.rest != 0.0f ? value * (octaves.rest * amplitude * perlin(p) + 1.0f) : value;
 }
@@ -111,7 +106,7 @@ template <std::size_t N>
 float hetero_terrain(Place<N> p, const NoiseSettings& settings, Octaves octaves) noexcept {
   float value = settings.offset + perlin(p), amplitude = settings.roughness;
   const auto rise = [&] {
-    p = scaled(p, settings.lacunarity);
+    p = p * settings.lacunarity;
     const float height = (perlin(p) + settings.offset) * amplitude * value;
     amplitude *= settings.roughness;
     return height;
@@ -130,7 +125,7 @@ float hybrid_multifractal(Place<N> p, const NoiseSettings& settings, Octaves oct
     weight = std::min(weight, 1.0f);
     const float signal = (perlin(p) + settings.offset) * amplitude;
     value += share * weight * signal;
-    weight *= settings.gain * signal, amplitude *= settings.roughness, p = scaled(p, settings.lacunarity);
+    weight *= settings.gain * signal, amplitude *= settings.roughness, p = p * settings.lacunarity;
   }
   return value;
 }
@@ -144,7 +139,7 @@ float ridged_multifractal(Place<N> p, const NoiseSettings& settings, Octaves oct
   };
   float signal = ridge(), value = signal, amplitude = settings.roughness;
   for (int i = 1; i <= octaves.whole; ++i) {
-    p = scaled(p, settings.lacunarity);
+    p = p * settings.lacunarity;
     signal = std::clamp(signal * settings.gain, 0.0f, 1.0f) * ridge();
     value += signal * amplitude, amplitude *= settings.roughness;
   }

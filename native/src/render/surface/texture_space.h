@@ -40,6 +40,28 @@ template <std::size_t N, class Body>
   return made;
 }
 
+template <std::size_t N>
+[[nodiscard]] constexpr Place<N> operator+(const Place<N>& a, const Place<N>& b) noexcept {
+  return each_axis<N>([&](std::size_t i) { return a[i] + b[i]; });
+}
+template <std::size_t N>
+[[nodiscard]] constexpr Place<N> operator-(const Place<N>& a, const Place<N>& b) noexcept {
+  return each_axis<N>([&](std::size_t i) { return a[i] - b[i]; });
+}
+template <std::size_t N>
+[[nodiscard]] constexpr Place<N> operator*(const Place<N>& a, float factor) noexcept {
+  return each_axis<N>([&](std::size_t i) { return a[i] * factor; });
+}
+template <std::size_t N>
+[[nodiscard]] constexpr Place<N> operator/(const Place<N>& a, float divisor) noexcept {
+  return each_axis<N>([&](std::size_t i) { return a[i] / divisor; });
+}
+template <std::size_t N>
+[[nodiscard]] constexpr float inner(const Place<N>& a, const Place<N>& b) noexcept {
+  float sum = 0.0f;
+  for (std::size_t i = 0; i < N; ++i) sum += a[i] * b[i];
+  return sum;
+}
 // Calls body with the constant 1, 2, 3 or 4.
 template <class Body>
 [[nodiscard]] auto with_dimensions(int dimensions, const Body& body) noexcept {
@@ -52,6 +74,11 @@ template <class Body>
 // b where t is 1.
 [[nodiscard]] constexpr float mix(float a, float b, float t) noexcept { return a * (1.0f - t) + b * t; }
 [[nodiscard]] constexpr Vec3f mix(Vec3f a, Vec3f b, float t) noexcept { return a * (1.0f - t) + b * t; }
+
+template <std::size_t N>
+[[nodiscard]] constexpr Place<N> mix(const Place<N>& a, const Place<N>& b, float t) noexcept {
+  return a * (1.0f - t) + b * t;
+}
 
 // Hashes --------------------------------------------------------------------------------------------------------------
 
