@@ -178,7 +178,8 @@ Place<N> elsewhere(const Place<N>& p, float seed) noexcept {
 template <std::size_t N>
 Place<N> distorted(const Place<N>& p, float distortion) noexcept {
   if (distortion == 0.0f) return p;
-  return each_axis<N>([&](std::size_t i) { return p[i] + perlin(elsewhere(p, static_cast<float>(i))) * distortion; });
+  return each_axis<N>(
+      [&](std::size_t i) { return multiply_add(perlin(elsewhere(p, static_cast<float>(i))), distortion, p[i]); });
 }
 
 NoiseSettings clamped(NoiseSettings settings) noexcept {

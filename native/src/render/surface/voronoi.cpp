@@ -73,7 +73,8 @@ float measure(const Place<N>& way, const VoronoiSettings& settings) noexcept {
   if constexpr (N == 1) return std::abs(way[0]);
   float sum = 0.0f;
   switch (settings.metric) {
-    case VoronoiMetric::kEuclidean: return inner(way, way);
+    case VoronoiMetric::kEuclidean:
+      return inner(way, way);
     case VoronoiMetric::kManhattan:
       for (const float size : way) sum += std::abs(size);
       return sum;
@@ -183,8 +184,7 @@ float n_sphere_radius(const Place<N>& p, const VoronoiSettings& settings) noexce
   least = kFar;
   for_each_step<N>(1, [&](const Cell<N>& step) {
     if (step == Cell<N>{}) return;
-    const Place<N> way =
-        grid.point(each_axis<N>([&](std::size_t i) { return closest_step[i] + step[i]; })) - closest;
+    const Place<N> way = grid.point(each_axis<N>([&](std::size_t i) { return closest_step[i] + step[i]; })) - closest;
     least = std::min(least, inner(way, way));
   });
   return 0.5f * std::sqrt(least);

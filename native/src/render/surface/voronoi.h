@@ -27,9 +27,9 @@ struct VoronoiSettings {
 
 // Zero where the feature has no such output.
 struct VoronoiTexture {
-  float distance = 0.0f;     // kF1, kF2, kSmoothF1, kDistanceToEdge
-  Vec3f color{0, 0, 0};      // of the point's cell; these three of kF1, kF2, kSmoothF1
-  Vec3f position{0, 0, 0};   // of the point, in the texture's coordinates
+  float distance = 0.0f;    // kF1, kF2, kSmoothF1, kDistanceToEdge
+  Vec3f color{0, 0, 0};     // of the point's cell; these three of kF1, kF2, kSmoothF1
+  Vec3f position{0, 0, 0};  // of the point, in the texture's coordinates
   float w = 0.0f;
   float radius = 0.0f;  // kNSphereRadius
 };

@@ -1,0 +1,160 @@
+#include "render/surface/patterns.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+#include <tuple>
+
+#include "math/elementary.h"
+#include "render/surface/noise.h"
+#include "render/surface/texture_space.h"
+
+namespace perfect_bvh {
+namespace {
+
+constexpr float kPi = std::numbers::pi_v<float>, kTurn = 2.0f * kPi;
+
+Vec3f off_steps(Vec3f p) noexcept { return (p + Vec3f{1, 1, 1} * 1e-6f) * 0.999999f; }
+
+// The integer below, of what a number of rows or cells is counted with.
+std::int32_t floor_of(float x) noexcept {
+  return static_cast<std::int32_t>(std::clamp(std::isnan(x) ? 0.0f : std::floor(x), -0x1p30f, 0x1p30f));
+}
+
+// A number from 0 to 1 by an integer hash of the 1990s (an inverted cubic polynomial modulo 2^31).
+float random_brick(std::uint32_t number) noexcept {
+  constexpr std::uint32_t kMask = 0x7fffffffu;
+  std::uint32_t n = (number + 1013u) & kMask;
+  n ^= n >> 13;
+  n = (n * (n * n * 60493u + 19990303u) + 1376312589u) & kMask;
+  return 0.5f * (static_cast<float>(n) / 0x1p30f);
+}
+
+}  // namespace
+
+float checker_factor(float scale, Vec3f p) noexcept {
+  const Vec3f cell = off_steps(p * scale);
+  const auto is_odd = [](float x) { return floor_of(x) % 2 != 0; };
+  return (is_odd(cell.x) == is_odd(cell.y)) == is_odd(cell.z) ? 1.0f : 0.0f;
+}
+
+BrickTexture brick_texture(const BrickSettings& settings, Vec3f point) noexcept {
+  const Vec3f p = point * settings.scale;
+  float width = settings.brick_width, shift = 0.0f;
+  const std::int32_t row = floor_of(p.y / settings.row_height);
+  if (row % std::max(settings.squash_frequency, 1) == 0) width *= settings.squash;
+  if (row % std::max(settings.offset_frequency, 1) == 0) shift = width * settings.offset;
+  const std::int32_t column = floor_of((p.x + shift) / width);
+  const float x = p.x + shift - width * static_cast<float>(column);
+  const float y = p.y - settings.row_height * static_cast<float>(row);
+  const std::uint32_t number = (static_cast<std::uint32_t>(row) << 16) + (static_cast<std::uint32_t>(column) & 0xffffu);
+  const float tint = std::clamp(random_brick(number) + settings.bias, 0.0f, 1.0f);
+
+  const float inside = std::min({x, y, width - x, settings.row_height - y});  // how far from the brick's edge
+  if (inside >= settings.mortar_size) return {0.0f, tint};
+  if (settings.mortar_smooth == 0.0f) return {1.0f, tint};
+  const float share = (1.0f - inside / settings.mortar_size) / settings.mortar_smooth;
+  if (share >= 1.0f) return {1.0f, tint};
+  return {share * share * (3.0f - 2.0f * share), tint};
+}
+
+Vec3f brick_color(const BrickTexture& brick, Vec3f first, Vec3f second, Vec3f mortar) noexcept {
+  return brick.mortar == 1.0f ? mortar : mix(mix(first, second, brick.tint), mortar, brick.mortar);
+}
+
+float gradient_factor(GradientKind kind, Vec3f p) noexcept {
+  const auto inside_sphere = [p] { return std::max(0.999999f - length(p), 0.0f); };
+  const auto factor = [&] {
+    switch (kind) {
+      case GradientKind::kLinear:
+        return p.x;
+      case GradientKind::kQuadratic:
+        return std::max(p.x, 0.0f) * std::max(p.x, 0.0f);
+      case GradientKind::kEasing: {
+        const float t = std::clamp(p.x, 0.0f, 1.0f);
+        return t * t * (3.0f - 2.0f * t);
+      }
+      case GradientKind::kDiagonal:
+        return (p.x + p.y) * 0.5f;
+      case GradientKind::kSpherical:
+        return inside_sphere();
+      case GradientKind::kQuadraticSphere:
+        return inside_sphere() * inside_sphere();
+      case GradientKind::kRadial:
+        return static_cast<float>(arc_tangent(static_cast<double>(p.y), static_cast<double>(p.x))) / kTurn + 0.5f;
+    }
+    return 0.0f;
+  };
+  return std::clamp(factor(), 0.0f, 1.0f);
+}
+
+Vec3f magic_color(const MagicSettings& settings, Vec3f point) noexcept {
+  // Step by step one of x, y and z becomes a sine or cosine of their sum with signs.
+  struct Step {
+    int target;
+    bool is_sine;
+    float sign;
+    Vec3f signs;
+  };
+  constexpr std::array<Step, 10> kSteps{{{1, false, -1, {1, -1, 1}},
+                                         {0, false, 1, {1, -1, -1}},
+                                         {2, true, 1, {-1, -1, -1}},
+                                         {0, false, -1, {-1, 1, -1}},
+                                         {1, true, -1, {-1, 1, 1}},
+                                         {1, false, -1, {-1, 1, 1}},
+                                         {0, false, 1, {1, 1, 1}},
+                                         {2, true, 1, {1, 1, -1}},
+                                         {0, false, -1, {-1, -1, 1}},
+                                         {1, true, -1, {1, -1, 1}}}};
+  const auto wrapped = [&](float x) { return std::fmod(x, kTurn) * settings.scale; };
+  const Vec3f p{wrapped(point.x), wrapped(point.y), wrapped(point.z)};
+  float distortion = settings.distortion;
+  Vec3f v{sine((p.x + p.y + p.z) * 5.0f), cosine((-p.x + p.y - p.z) * 5.0f), -cosine((-p.x - p.y + p.z) * 5.0f)};
+  if (settings.depth > 0) v = v * distortion;
+  for (int i = 0; i < std::min(settings.depth, 10); ++i) {
+    const Step& step = kSteps[static_cast<std::size_t>(i)];
+    const float angle = v.x * step.signs.x + v.y * step.signs.y + v.z * step.signs.z;
+    v[step.target] = step.sign * (step.is_sine ? sine(angle) : cosine(angle)) * distortion;
+  }
+  if (distortion != 0.0f) {
+    distortion *= 2.0f;
+    v = {v.x / distortion, v.y / distortion, v.z / distortion};
+  }
+  return Vec3f{0.5f, 0.5f, 0.5f} - v;
+}
+
+float wave_factor(const WaveSettings& settings, Vec3f point) noexcept {
+  const Vec3f p = off_steps(point * settings.scale);
+  const auto axis = static_cast<int>(settings.direction);
+  float phase = 0.0f;
+  if (settings.kind == WaveKind::kBands) {
+    const bool is_diagonal = settings.direction == WaveDirection::kAll;
+    phase = is_diagonal ? multiply_add(p.x + p.y + p.z, 10.0f, settings.phase)
+                        : multiply_add(p[axis], 20.0f, settings.phase);
+  } else {
+    Vec3f across = p;
+    if (settings.direction != WaveDirection::kAll) across[axis] = 0.0f;
+    phase = multiply_add(length(across), 20.0f, settings.phase);
+  }
+  if (settings.distortion != 0.0f) {
+    const NoiseSettings noise{
+        .scale = settings.detail_scale, .detail = settings.detail, .roughness = settings.detail_roughness};
+    phase = multiply_add(settings.distortion, noise_factor(noise, p, 0.0f) * 2.0f - 1.0f, phase);
+  }
+  if (settings.profile == WaveProfile::kSine) return 0.5f + 0.5f * sine(phase - 0.5f * kPi);
+  const float turns = phase * (1.0f / kTurn);
+  if (settings.profile == WaveProfile::kSaw) return turns - std::floor(turns);
+  return std::abs(turns - std::floor(turns + 0.5f)) * 2.0f;
+}
+
+float white_noise_value(int dimensions, Vec3f p, float w) noexcept {
+  return with_dimensions(dimensions, [&]<class N>(N) {
+    return std::apply([](auto... numbers) { return random_of(numbers...); }, place_of<N::value>(p, w, 1.0f));
+  });
+}
+
+Vec3f white_noise_color(int dimensions, Vec3f p, float w) noexcept {
+  return with_dimensions(dimensions, [&]<class N>(N) { return random_color(place_of<N::value>(p, w, 1.0f)); });
+}
+
+}  // namespace perfect_bvh
