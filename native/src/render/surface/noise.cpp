@@ -17,11 +17,8 @@ constexpr float signed_by(float value, std::uint32_t hash, std::uint32_t bit) no
   return (hash & bit) != 0 ? -value : value;
 }
 
-// Multiplies the way from a corner with the corner's gradient, which the low bits of its hash choose. In one dimension
-// it is one of 1 to 8, in two (1, 2) or (2, 1), in three and four the middle of an edge; all with any signs.
-float slope(std::uint32_t hash, const Place<1>& way) noexcept {
-  return signed_by((1.0f + static_cast<float>(hash & 7u)) * way[0], hash, 8u);
-}
+// Multiplies the way from a corner with the corner's gradient, which the low bits of its hash choose: in two dimensions
+// (1, 2) or (2, 1), in three and four the middle of an edge, all with any signs.
 float slope(std::uint32_t hash, const Place<2>& way) noexcept {
   const std::size_t first = (hash & 4u) != 0 ? 1 : 0;
   return signed_by(way[first], hash, 1u) + signed_by(2.0f * way[1 - first], hash, 2u);
@@ -40,31 +37,67 @@ float slope(std::uint32_t hash, const Place<4>& way) noexcept {
   return signed_by(first, edge, 1u) + signed_by(second, edge, 2u) + signed_by(third, edge, 4u);
 }
 
-// Gradient noise from -1 to 1, 0 at integers; periodic.
+// The integers below, and the way from there.
+template <std::size_t N>
+struct Lattice {
+  explicit Lattice(const Place<N>& p) noexcept {
+    for (std::size_t i = 0; i < N; ++i) {
+      // Half a cell aside where all floats are integers: noise is 0 there.
+      const float inside = std::fmod(p[i], kPeriod) + (std::abs(p[i]) >= 1e6f ? 0.5f : 0.0f);
+      const float below = std::floor(inside);
+      cell[i] = static_cast<std::int32_t>(below), way[i] = inside - below;
+    }
+  }
+  std::array<std::int32_t, N> cell;
+  Place<N> way;
+};
+
+template <std::size_t N>
+bool is_finite(const Place<N>& p) noexcept {
+  return std::ranges::all_of(p, [](float x) { return std::isfinite(x); });
+}
+
+// 6 t^5 - 15 t^4 + 10 t^3, divided by t^2 or t^3.
+float fade_factor(float t) noexcept { return multiply_add(t, multiply_add(t, 6.0f, -15.0f), 10.0f); }
+
+// Gradient noise from -1 to 1, 0 at integers; periodic. Rounded as in Cycles' kernels: a distorted texture is one of
+// points that are moved by it, and where these are far out a last bit may change its value by a tenth.
+float perlin(const Place<1>& p) noexcept {
+  if (!is_finite(p)) return 0.0f;
+  const Lattice<1> lattice(p);
+  const float t = lattice.way[0], fade = t * t * t * fade_factor(t);
+  const auto gradient = [&](std::int32_t step) {  // 1 to 8, of any sign
+    const std::uint32_t hash = lookup3(Words<1>{static_cast<std::uint32_t>(lattice.cell[0] + step)});
+    return signed_by(1.0f + static_cast<float>(hash & 7u), hash, 8u);
+  };
+  const float left = gradient(0), right = gradient(1) * (t - 1.0f);
+  return 0.25f * multiply_add(left, t, fade * multiply_add(-left, t, right));
+}
 template <std::size_t N>
 float perlin(const Place<N>& p) noexcept {
-  constexpr std::array<float, 4> kRange{0.25f, 0.6616f, 0.9820f, 0.8344f};  // about 1 / the largest value
-  Place<N> fraction{}, fade{};
-  std::array<std::int32_t, N> cell{};
-  for (std::size_t i = 0; i < N; ++i) {
-    if (!std::isfinite(p[i])) return 0.0f;
-    // Half a cell aside where all floats are integers: noise is 0 there.
-    const float inside = std::fmod(p[i], kPeriod) + (std::abs(p[i]) >= 1e6f ? 0.5f : 0.0f);
-    const float below = std::floor(inside), t = inside - below;
-    cell[i] = static_cast<std::int32_t>(below), fraction[i] = t;
-    fade[i] = t * t * t * (t * (t * 6.0f - 15.0f) + 10.0f);
-  }
+  constexpr std::array<float, 3> kRange{0.6616f, 0.9820f, 0.8344f};  // about 1 / the largest value
+  if (!is_finite(p)) return 0.0f;
+  const Lattice<N> lattice(p);
+  // Corners are blended along w at first, then x, y, z. Bit k of a corner's number is its step along axis_of(k).
+  const auto axis_of = [](std::size_t k) { return N == 4 ? (k + 3) % 4 : k; };
   std::array<float, std::size_t{1} << N> corners{};
   for (std::size_t corner = 0; corner < corners.size(); ++corner) {
-    const auto step = [corner](std::size_t i) { return static_cast<std::int32_t>(corner >> i & 1u); };
-    const auto words = each_axis<N>([&](std::size_t i) { return static_cast<std::uint32_t>(cell[i] + step(i)); });
-    const auto way = each_axis<N>([&](std::size_t i) { return fraction[i] - static_cast<float>(step(i)); });
+    Words<N> words{};
+    Place<N> way{};
+    for (std::size_t k = 0; k < N; ++k) {
+      const std::size_t axis = axis_of(k);
+      const auto step = static_cast<std::int32_t>(corner >> k & 1u);
+      words[axis] = static_cast<std::uint32_t>(lattice.cell[axis] + step);
+      way[axis] = lattice.way[axis] - static_cast<float>(step);
+    }
     corners[corner] = slope(lookup3(words), way);
   }
-  for (std::size_t i = 0; i < N; ++i)
-    for (std::size_t pair = 0; pair < corners.size() >> (i + 1); ++pair)
-      corners[pair] = mix(corners[2 * pair], corners[2 * pair + 1], fade[i]);
-  return corners[0] * kRange[N - 1];
+  for (std::size_t k = 0; k < N; ++k) {
+    const float t = lattice.way[axis_of(k)], fade = (t * t) * (t * fade_factor(t));
+    for (std::size_t pair = 0; pair < corners.size() >> (k + 1); ++pair)
+      corners[pair] = multiply_add(fade, corners[2 * pair + 1] - corners[2 * pair], corners[2 * pair]);
+  }
+  return corners[0] * kRange[N - 2];
 }
 
 // Fractals ------------------------------------------------------------------------------------------------------------
@@ -175,11 +208,14 @@ Place<N> elsewhere(const Place<N>& p, float seed) noexcept {
   });
 }
 
+// Rounds as Cycles, which adds the first of one or two products unrounded.
 template <std::size_t N>
 Place<N> distorted(const Place<N>& p, float distortion) noexcept {
   if (distortion == 0.0f) return p;
-  return each_axis<N>(
-      [&](std::size_t i) { return multiply_add(perlin(elsewhere(p, static_cast<float>(i))), distortion, p[i]); });
+  return each_axis<N>([&](std::size_t i) {
+    const float way = perlin(elsewhere(p, static_cast<float>(i)));
+    return N <= 2 && i == 0 ? multiply_add(way, distortion, p[i]) : p[i] + way * distortion;
+  });
 }
 
 NoiseSettings clamped(NoiseSettings settings) noexcept {
