@@ -30,7 +30,10 @@ def test_pixels_do_not_depend_on_threads():
             Appearance(images=(ImageTexture(np.zeros((2, 2, 4), np.uint8), interpolation="cubic"),)),  # type: ignore[arg-type]
             r"images\[0\].interpolation must be",
         ),
-        (Appearance(materials=materials(programs=(3,))), r"materials.programs\[0\] must be a perfect_bvh.NodeProgram, got"),
+        (
+            Appearance(materials=materials(programs=(3,))),
+            r"materials.programs\[0\] must be a perfect_bvh.NodeProgram, got",
+        ),
         (Appearance(world=World(image=0)), "world.image is 0 but there are 0 images"),
         (Appearance(backdrop=World(image=2)), "backdrop.image is 2 but there are 0 images"),
         (Appearance(world=World((math.nan, 0, 0))), "world.color must be three numbers"),

@@ -5,6 +5,7 @@ node_graph   from a socket to what feeds it; which nodes are shown, roughly show
 node_colors  a surface: what its shader nodes come to
 node_values  a value: what the nodes before a socket come to
 node_maths   ... of colours, vectors and numbers
+node_textures  ... of procedural textures
 node_places  ... of places, images, attributes and normals
 values       numbers and instructions of a material's program
 lobes        shares of a surface that mirror, refract, or let light through

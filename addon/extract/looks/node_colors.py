@@ -11,7 +11,7 @@ from typing import Any
 from perfect_bvh.nodes import Operand
 
 from ...sync.look_records import HairRecord
-from . import node_maths, node_places  # noqa: F401 what reads the nodes of values
+from . import node_maths, node_places, node_textures  # noqa: F401 what reads the nodes of values
 from .lobes import DIFFUSE, HairReader, Lobes, Part, add_translucent, fixed, mix_parts, sum_hair
 from .node_graph import DIFFUSE as DIFFUSE_SURFACE
 from .node_graph import (

@@ -154,6 +154,8 @@ SHADERS += (
 )
 TEXTURES = ("TEX_IMAGE", "TEX_ENVIRONMENT", "TEX_SKY", "MAPPING", "UVMAP", "TEX_COORD", "ATTRIBUTE", "VERTEX_COLOR")
 TEXTURES += ("OBJECT_INFO", "NEW_GEOMETRY", "NORMAL_MAP", "BUMP", "FRESNEL", "LAYER_WEIGHT")
+TEXTURES += ("TEX_NOISE", "TEX_VORONOI", "TEX_CHECKER", "TEX_BRICK", "TEX_GRADIENT", "TEX_MAGIC", "TEX_WAVE")
+TEXTURES += ("TEX_WHITE_NOISE",)
 VALUES = ("RGB", "VALUE", "BLACKBODY", "MIX", "MIX_RGB", "VALTORGB", "CURVE_RGB", "CURVE_VEC", "CURVE_FLOAT", "HUE_SAT")
 VALUES += ("MATH", "VECT_MATH", "VECTOR_ROTATE", "MAP_RANGE", "CLAMP", "GAMMA", "INVERT", "BRIGHTCONTRAST", "RGBTOBW")
 VALUES += ("SEPARATE_COLOR", "SEPRGB", "SEPHSV", "SEPXYZ", "COMBINE_COLOR", "COMBRGB", "COMBHSV", "COMBXYZ")
@@ -163,8 +165,6 @@ SHOWN_NODES = frozenset({*SHADERS, *TEXTURES, *VALUES, *TREES})
 
 # What is shown of nodes that are read, but not as they are.
 SIMPLIFIED_NODES: dict[str, str] = {
-    "TEX_CHECKER": "the middle of its colours is",
-    "TEX_BRICK": "the middle of its colours is",
     "LIGHT_PATH": "what the camera sees is, for all rays",
     "BSDF_HAIR": "a diffuse surface is, or a translucent one",
     "BSDF_TOON": DIFFUSE,

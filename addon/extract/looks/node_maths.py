@@ -172,9 +172,9 @@ def _clamp(reader: ValueReader, node: Any, output: Any, scope: Scope | None) -> 
 
 @reads("VECTOR_ROTATE")
 def _vector_rotate(reader: ValueReader, node: Any, output: Any, scope: Scope | None) -> Value:
+    sockets = [node.inputs.get(name) for name in ("Vector", "Center", "Axis", "Angle", "Rotation")]
     values = [
-        reader.read(node.inputs[name], scope) if node.inputs[name].enabled else constant(0.0)
-        for name in ("Vector", "Center", "Axis", "Angle", "Rotation")
+        constant(0.0) if socket is None or not socket.enabled else reader.read(socket, scope) for socket in sockets
     ]
     if values[0].is_guess:
         return reader.fallback
@@ -199,8 +199,14 @@ def _bright_contrast(reader: ValueReader, node: Any, output: Any, scope: Scope |
 
 @reads("GAMMA")
 def _gamma(reader: ValueReader, node: Any, output: Any, scope: Scope | None) -> Value:
+    """Negative channels stay as they are."""
     color, power = reader.inputs(node, ("Color", "Gamma"), scope)
-    return reader.work("vector_math", color, power, 0.0, 0.0, mode="POWER")
+    nodes = reader.nodes
+    above, below = (
+        nodes.add("vector_math", color.operand, 0.0, 0.0, 0.0, mode=mode) for mode in ("MAXIMUM", "MINIMUM")
+    )
+    raised = nodes.add("vector_math", above, power.operand, 0.0, 0.0, mode="POWER")
+    return Value(nodes.plus(raised, below), color.is_guess)
 
 
 @reads("BLACKBODY")

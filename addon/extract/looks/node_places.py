@@ -8,7 +8,7 @@ import numpy as np
 from perfect_bvh.nodes import Operand, channels_of, width_of
 
 from .node_graph import Scope, is_fed
-from .node_values import ValueReader, all_guessed, reads
+from .node_values import ValueReader, reads
 from .sky import read_sky
 from .values import ATTRIBUTE_KINDS, OBJECT_INFO, Source, Value, constant
 
@@ -83,14 +83,6 @@ def _image(reader: ValueReader, node: Any, output: Any, scope: Scope | None) -> 
     return Value(channels_of(pixels, 3) if output.identifier == "Alpha" else channels_of(pixels, 0, 3))
 
 
-@reads("TEX_CHECKER", "TEX_BRICK")
-def _middle(reader: ValueReader, node: Any, output: Any, scope: Scope | None) -> Value:
-    """Of a pattern of two colours: what lies between them."""
-    reader.omissions.note_simplified(node)
-    colors = [reader.read(socket, scope) for socket in node.inputs if socket.type == "RGBA"][:2]
-    return Value(reader.nodes.mix(0.5, *[color.operand for color in colors]), all_guessed(colors))
-
-
 @reads("TEX_SKY")
 def _sky(reader: ValueReader, node: Any, output: Any, scope: Scope | None) -> Value:
     """Its mean above the horizon, where it does not stand round the scene as it is."""
@@ -122,11 +114,14 @@ def _attribute(reader: ValueReader, node: Any, output: Any, scope: Scope | None)
         vector = Value(channels_of(found.operand, 0, 3), found.is_guess)
         return reader.work("average", vector) if output.identifier == "Fac" else vector
     name = node.layer_name if node.type == "VERTEX_COLOR" else node.attribute_name
-    if kind != "GEOMETRY" or output.identifier not in {"Color", "Vector"} or reader.omissions.kind != "material":
+    if kind != "GEOMETRY" or reader.omissions.kind != "material":
         return reader.fallback
-    if output.identifier == "Vector" and node.type == "ATTRIBUTE":
-        return reader.input("UV", name)
-    return reader.input("COLOR", name) if name or node.type == "VERTEX_COLOR" else constant(0.0, 0.0, 0.0)
+    if output.identifier == "Alpha":
+        return constant(1.0)
+    if not name and node.type == "ATTRIBUTE":
+        return constant(0.0, 0.0, 0.0)
+    found = reader.input("COLOR", name)
+    return reader.work("average", found) if output.identifier == "Fac" else found
 
 
 @reads("OBJECT_INFO")

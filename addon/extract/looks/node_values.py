@@ -143,7 +143,9 @@ class ValueReader:
 
     def vector(self, node: Any, scope: Scope | None, unlinked: str) -> Value:
         """Read the Vector input of a texture. unlinked: what it is without a link, "UV" or "GENERATED"."""
-        socket = node.inputs["Vector"]
+        socket = node.inputs.get("Vector")
+        if socket is None:
+            return constant(0.0, 0.0, 0.0)
         if is_fed(socket, scope):
             value = self.read(socket, scope)
             if not value.is_guess:

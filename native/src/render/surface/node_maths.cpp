@@ -378,7 +378,7 @@ Vec3f turned_about(Vec3f v, Vec3f axis, float angle) noexcept {
 
 }  // namespace
 
-float luminance(Vec3f color) noexcept { return 0.2126f * color.x + 0.7152f * color.y + 0.0722f * color.z; }
+float luminance(Vec3f color) noexcept { return 0.2126390f * color.x + 0.7151687f * color.y + 0.0721923f * color.z; }
 
 float node_math(std::uint8_t mode, float a, float b, float c) noexcept {
   switch (static_cast<Math>(mode)) {

@@ -58,10 +58,6 @@ BrickTexture brick_texture(const BrickSettings& settings, Vec3f point) noexcept 
   return {share * share * (3.0f - 2.0f * share), tint};
 }
 
-Vec3f brick_color(const BrickTexture& brick, Vec3f first, Vec3f second, Vec3f mortar) noexcept {
-  return brick.mortar == 1.0f ? mortar : mix(mix(first, second, brick.tint), mortar, brick.mortar);
-}
-
 float gradient_factor(GradientKind kind, Vec3f p) noexcept {
   const auto inside_sphere = [p] { return std::max(0.999999f - length(p), 0.0f); };
   const auto factor = [&] {

@@ -26,8 +26,6 @@ struct BrickTexture {
   float tint = 0.0f;    // of the brick: 0 for the first colour, 1 for the second
 };
 [[nodiscard]] BrickTexture brick_texture(const BrickSettings& settings, Vec3f p) noexcept;
-// The node's colour.
-[[nodiscard]] Vec3f brick_color(const BrickTexture& brick, Vec3f first, Vec3f second, Vec3f mortar) noexcept;
 
 enum class GradientKind : std::uint8_t {
   kLinear,

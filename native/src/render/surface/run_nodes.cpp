@@ -5,6 +5,9 @@
 
 #include "math/elementary.h"
 #include "render/surface/node_maths.h"
+#include "render/surface/noise.h"
+#include "render/surface/patterns.h"
+#include "render/surface/voronoi.h"
 
 namespace perfect_bvh {
 namespace {
@@ -187,6 +190,93 @@ void reflect_by_angle(const Step& step) {
   });
 }
 
+// Procedural textures: operands in the order of the nodes' inputs, without colours that are mixed after them.
+
+// numbers: dimensions, whether it is normalized, whether more than the red is wanted.
+void run_noise(const Step& step) {
+  const std::span<const float> n = step.instruction.numbers;
+  NodeChannel* const to = step.out();
+  for (std::size_t i = 0; i < step.count; ++i) {
+    const NoiseSettings settings{static_cast<int>(n[0]), static_cast<NoiseKind>(step.mode()),
+                                 n[1] != 0.0f,           step.number(2, i),
+                                 step.number(3, i),      step.number(4, i),
+                                 step.number(5, i),      step.number(6, i),
+                                 step.number(7, i),      step.number(8, i)};
+    const Vec3f p = step.vector(0, i);
+    const float w = step.number(1, i);
+    const Vec3f made = n[2] != 0.0f ? noise_color(settings, p, w) : Vec3f{noise_factor(settings, p, w), 0.0f, 0.0f};
+    to[0][i] = made.x, to[1][i] = made.y, to[2][i] = made.z;
+  }
+}
+
+// numbers: dimensions, metric, whether it is normalized. Channels: distance, colour, position, w, radius.
+void run_voronoi(const Step& step) {
+  const std::span<const float> n = step.instruction.numbers;
+  NodeChannel* const to = step.out();
+  for (std::size_t i = 0; i < step.count; ++i) {
+    const VoronoiSettings settings{static_cast<int>(n[0]),
+                                   static_cast<VoronoiFeature>(step.mode()),
+                                   static_cast<VoronoiMetric>(static_cast<int>(n[1])),
+                                   n[2] != 0.0f,
+                                   step.number(2, i),
+                                   step.number(3, i),
+                                   step.number(4, i),
+                                   step.number(5, i),
+                                   step.number(6, i),
+                                   step.number(7, i),
+                                   step.number(8, i)};
+    const VoronoiTexture made = voronoi_texture(settings, step.vector(0, i), step.number(1, i));
+    const float values[] = {made.distance,   made.color.x,    made.color.y, made.color.z, made.position.x,
+                            made.position.y, made.position.z, made.w,       made.radius};
+    for (std::size_t c = 0; c < std::size(values); ++c) to[c][i] = values[c];
+  }
+}
+
+// numbers: offset and its frequency, squash and its frequency. Channels: mortar, tint.
+void run_brick(const Step& step) {
+  const std::span<const float> n = step.instruction.numbers;
+  NodeChannel* const to = step.out();
+  for (std::size_t i = 0; i < step.count; ++i) {
+    const BrickTexture made =
+        brick_texture({n[0], static_cast<int>(n[1]), n[2], static_cast<int>(n[3]), step.number(1, i), step.number(2, i),
+                       step.number(3, i), step.number(4, i), step.number(5, i), step.number(6, i)},
+                      step.vector(0, i));
+    to[0][i] = made.mortar, to[1][i] = made.tint;
+  }
+}
+
+void run_texture(const Step& step) {
+  const std::span<const float> n = step.instruction.numbers;
+  const auto number = [&](std::size_t row, std::size_t lane) { return step.number(row, lane); };
+  const auto point = [&](std::size_t lane) { return step.vector(0, lane); };
+  using Lane = std::size_t;
+  switch (step.instruction.kind) {
+    case NodeKind::kNoise:
+      return run_noise(step);
+    case NodeKind::kVoronoi:
+      return run_voronoi(step);
+    case NodeKind::kChecker:
+      return step.numbers([&](Lane i) { return checker_factor(number(1, i), point(i)); });
+    case NodeKind::kBrick:
+      return run_brick(step);
+    case NodeKind::kGradient:
+      return step.numbers([&](Lane i) { return gradient_factor(static_cast<GradientKind>(step.mode()), point(i)); });
+    case NodeKind::kMagic:
+      return step.vectors(
+          [&](Lane i) { return magic_color({static_cast<int>(n[0]), number(1, i), number(2, i)}, point(i)); });
+    case NodeKind::kWave:
+      return step.numbers([&](Lane i) {
+        return wave_factor(
+            {static_cast<WaveKind>(static_cast<int>(n[0])), static_cast<WaveDirection>(static_cast<int>(n[1])),
+             static_cast<WaveProfile>(static_cast<int>(n[2])), number(1, i), number(2, i), number(3, i), number(4, i),
+             number(5, i), number(6, i)},
+            point(i));
+      });
+    default:  // kWhiteNoise
+      return step.vectors([&](Lane i) { return white_noise_color(static_cast<int>(n[0]), point(i), number(1, i)); });
+  }
+}
+
 void run_step(const Step& step, std::span<const Texture> images, NodeInputs& inputs) {
   const std::uint8_t mode = step.mode();
   const std::span<const float> n = step.instruction.numbers;
@@ -212,7 +302,8 @@ void run_step(const Step& step, std::span<const Texture> images, NodeInputs& inp
     case NodeKind::kAverage:
       return step.numbers([&](Lane i) {
         const Vec3f v = vector(0, i);
-        return (v.x + v.y + v.z) * (1.0f / 3.0f);
+        // A number that was read as a vector is the same number again.
+        return v.x == v.y && v.y == v.z ? v.x : (v.x + v.y + v.z) * (1.0f / 3.0f);
       });
     case NodeKind::kCombine:
       return step.vectors([&](Lane i) { return Vec3f{number(0, i), number(1, i), number(2, i)}; });
@@ -254,6 +345,8 @@ void run_step(const Step& step, std::span<const Texture> images, NodeInputs& inp
       return bump(step);
     case NodeKind::kSet:
       return;  // NodeProgram::output
+    default:
+      return run_texture(step);
   }
 }
 
