@@ -13,6 +13,7 @@ bpy = pytest.importorskip("bpy")
 
 import perfect_bvh_addon  # noqa: E402
 from blender.node_setups import SETUPS, new_red, paint, painted_plainly, tiled  # noqa: E402
+from blender.textured_setups import TEXTURED  # noqa: E402
 from oracles.cycles import render_beside, render_passes  # noqa: E402
 from perfect_bvh_addon.live.sync_cache import clear_syncs  # noqa: E402
 
@@ -61,7 +62,7 @@ def check(scene: bpy.types.Scene) -> np.ndarray:
     return ours
 
 
-@pytest.mark.parametrize("setup", SETUPS)
+@pytest.mark.parametrize("setup", [*SETUPS, *TEXTURED])
 def test_materials_look_as_in_cycles(scene, setup: Callable[[Any], None]) -> None:
     material = new_red()
     mesh = scene.objects["Cube"].data

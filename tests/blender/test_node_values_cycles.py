@@ -35,6 +35,9 @@ class NoImages:
     def row(self, image: Any, extension: str, interpolation: str) -> int:
         raise AssertionError(image)
 
+    def has_alpha(self, image: Any, row: int) -> bool:
+        raise AssertionError(image)
+
     def mean(self, nodes: Any, value: Value) -> tuple[float, ...]:
         raise AssertionError(value)
 

@@ -209,6 +209,15 @@ class ImageReader:
             self.records.append(ImageRecord(image.name, uid, pixels, extension, interpolation, tiles))
         return row
 
+    def has_alpha(self, image: Any, row: int) -> bool:
+        """Whether some pixel of an image, which has this row, is not opaque."""
+        if image.channels not in {2, 4}:
+            return False
+        pixels = self.records[row].pixels
+        opaque = 255 if pixels.dtype == np.uint8 else 1.0
+        uid = image.original.session_uid
+        return bool(self._held(image, uid, "alpha", lambda: np.array([(pixels[..., 3] < opaque).any()])).all())
+
     def mean(self, nodes: Nodes, value: Value) -> tuple[float, ...]:
         """About the mean of a value over the surfaces that show it."""
         if value.is_even:

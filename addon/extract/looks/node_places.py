@@ -80,7 +80,20 @@ def _image(reader: ValueReader, node: Any, output: Any, scope: Scope | None) -> 
     interpolation = "closest" if node.interpolation == "Closest" else "linear"
     row = reader.images.row(node.image, "repeat" if is_around else extension, interpolation)
     pixels = reader.nodes.add("image", vector.operand, mode=mode, numbers=(float(row),))
-    return Value(channels_of(pixels, 3) if output.identifier == "Alpha" else channels_of(pixels, 0, 3))
+    if output.identifier == "Alpha":
+        return Value(channels_of(pixels, 3))
+    color = channels_of(pixels, 0, 3)
+    if reader.images.has_alpha(node.image, row) and _is_multiplied(node):
+        color = reader.nodes.times(color, channels_of(pixels, 3))
+    return Value(color)
+
+
+def _is_multiplied(node: Any) -> bool:
+    """Whether colours are multiplied by alpha, as in Cycles where nothing asks for alpha."""
+    alpha = node.outputs.get("Alpha")
+    if alpha is None or alpha.is_linked:
+        return False
+    return node.image.alpha_mode not in {"CHANNEL_PACKED", "NONE"} and not node.image.colorspace_settings.is_data
 
 
 @reads("TEX_SKY")

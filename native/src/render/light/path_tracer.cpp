@@ -141,6 +141,7 @@ void PathTracer::see_surface(const Step& step, const SurfacePoint& point, Materi
   if (path.ends || material.holdout >= 1.0f) return;
   const Bsdf::Limits limits = limits_of(path);
   Bsdf bsdf(material, point.light_normal, point.geometric_normal, view, point.inside, limits);
+  if (!(point.light_normal == point.mesh_normal)) bsdf.set_mesh_normal(point.mesh_normal);
   if (is_hair) {
     bsdf.add_hair({*material.hair, material.color, {point.along, point.geometric_normal, view}, limits.least_alpha});
   }

@@ -97,13 +97,20 @@ Vec3f Bsdf::reflected(float cosine) const noexcept {
   return share;
 }
 
+float Bsdf::unshadowed(Vec3f out, float height) const noexcept {
+  if (!is_bent_) return 1.0f;
+  const float share = dot(out, mesh_normal_) / (height * dot(normal_, mesh_normal_));
+  if (!(share > 0.0f)) return 0.0f;
+  return share < 1.0f ? share * (1.0f + share * (1.0f - share)) : 1.0f;
+}
+
 // Where not all is reflected.
 Vec3f Bsdf::passed(float cosine) const noexcept {
   return glass_refraction_ * (kWhite - glass_(cosine)) + plain_refraction_;
 }
 
 void Bsdf::evaluate_reflected(Vec3f out, float height, Value& value) const noexcept {
-  value.share = value.share + diffuse_;
+  value.share = value.share + diffuse_ * unshadowed(out, height);
   value.density += chances_.diffuse / total_ * height / kPi;
   if (!(chances_.glossy > 0.0f) || is_smooth() || !(out.z > 0.0f)) return;
   const Facets facets(alpha_);
@@ -117,7 +124,7 @@ void Bsdf::evaluate_reflected(Vec3f out, float height, Value& value) const noexc
 
 void Bsdf::evaluate_refracted(Vec3f out, float height, Value& value) const noexcept {
   const float depth = std::max(-height, kLeastCosine);
-  value.share = value.share + translucent_;
+  value.share = value.share + translucent_ * unshadowed(out, height);
   value.density += chances_.translucent / total_ * depth / kPi;
   if (!(chances_.refracted > 0.0f) || is_smooth() || glass_.ior() == 1.0f || out.z > 0.0f) return;
   Vec3f half = normalized(view_ + out * glass_.ior());
@@ -163,8 +170,9 @@ Bsdf::Value Bsdf::evaluate(Vec3f direction) const noexcept {
 }
 
 Bsdf::Value Bsdf::evaluate_diffuse(Vec3f direction) const noexcept {
-  const float height = dot(local(direction), normal_), slant = std::abs(height) / kPi;
-  const Vec3f share = height > 0.0f ? diffuse_ : translucent_;
+  const Vec3f out = local(direction);
+  const float height = dot(out, normal_), slant = std::abs(height) / kPi;
+  const Vec3f share = (height > 0.0f ? diffuse_ : translucent_) * unshadowed(out, height);
   const float chance = height > 0.0f ? chances_.diffuse : chances_.translucent;
   const Value value{share, chance > 0.0f ? chance / total_ * slant : 0.0f};
   return hair_ ? evaluate_strand(direction, value, {}) : value;

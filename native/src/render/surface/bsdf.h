@@ -51,6 +51,9 @@ class Bsdf {
   Bsdf(const Material& material, Vec3f normal, Vec3f geometric_normal, Vec3f view, bool inside,
        const Limits& limits) noexcept;
 
+  // Says that nodes have bent the normal away from this one, which the mesh has: less is seen of light that comes from
+  // the side (Chiang et al. 2019, "Taming the Shadow Terminator").
+  void set_mesh_normal(Vec3f mesh_normal) noexcept { mesh_normal_ = local(mesh_normal), is_bent_ = true; }
   // Makes it a strand, of what it was before and hair.
   void add_hair(const HairBsdf& hair) noexcept;
   [[nodiscard]] bool is_strand() const noexcept { return hair_.has_value(); }
@@ -78,6 +81,8 @@ class Bsdf {
   // Returns the share of light that is left for what lies below.
   float add_dielectric(const Material& material, float share) noexcept;
   void add_glass(const Material& material, float share, bool inside, const Limits& limits) noexcept;
+  // How much of diffuse light from a direction is seen on a bent normal.
+  [[nodiscard]] float unshadowed(Vec3f out, float height) const noexcept;
   [[nodiscard]] Vec3f reflected(float cosine) const noexcept;
   [[nodiscard]] Vec3f passed(float cosine) const noexcept;
   // In the facets' frame; height: along the normal. They add to `value`.
@@ -97,6 +102,8 @@ class Bsdf {
 
   Frame frame_;          // of the facets: about the normal, bent where they would mirror what is below the surface
   Vec3f normal_, view_;  // in the frame
+  Vec3f mesh_normal_{0, 0, 1};
+  bool is_bent_ = false;
   float alpha_, roughness_, kept_;  // kept: share of light between facets
   // Colours of the layers, each with what its facets throw at one another.
   MetalFresnel metal_;

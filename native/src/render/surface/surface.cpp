@@ -124,6 +124,7 @@ void find_surfaces(const Snapshot& snapshot, const Appearance& appearance, Surfa
       const bool turns = instance.turns != nullptr;
       set_normals(appearance, turns ? posed(instance, ray.time) : instance, ray, hit, needs.origins, point);
     }
+    point.mesh_normal = point.light_normal;
     if (needs.materials) {
       point.material = appearance.material_of(instance, hit.primitive_index);
       point.color = material_color(appearance, point.material);

@@ -75,6 +75,7 @@ struct SurfacePoint {
   Vec3f normal{0, 0, 0};
   // For light: as `normal`, but on the viewer's side too where single triangles of a mesh are turned round.
   Vec3f light_normal{0, 0, 0};
+  Vec3f mesh_normal{0, 0, 0};  // what that was before nodes bent it
   Vec3f color{0, 0, 0};  // of the material
   Vec3f along{0, 0, 0};  // of curves: unit length, towards the tip
   bool inside = false;   // the viewer looks at the side that the mesh's winding makes the inner one
