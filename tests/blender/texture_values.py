@@ -14,6 +14,7 @@ import bpy
 import numpy as np
 from oracles.cycles import FILTER_WIDTH, preserved, render_planes
 
+LEAST_SIZE = 4  # of an image, in pixels: Blender renders none that is smaller
 Array = np.ndarray
 MakeNode = Callable[[Any], Any]
 
@@ -24,8 +25,8 @@ def cycles_values(make_node: MakeNode, points: Array, w: Array, *output_names: s
     make_node: makes the node in the material's tree that it is given. Its inputs Vector and W, where it has them, are
     linked to the coordinates. points: (N, 3). w: (N,). Replaces what Blender holds by an empty file.
     """
-    columns = math.ceil(math.sqrt(len(points)))
-    rows = math.ceil(len(points) / columns)
+    columns = max(math.ceil(math.sqrt(len(points))), LEAST_SIZE)
+    rows = max(math.ceil(len(points) / columns), LEAST_SIZE)
     bpy.ops.wm.read_factory_settings(use_empty=True)
     scene = bpy.context.scene
     mesh = _grid_of_quads(columns, rows, points, w)
