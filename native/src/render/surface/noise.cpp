@@ -1,6 +1,7 @@
 #include "render/surface/noise.h"
 
 #include <algorithm>
+#include <bit>
 #include <cmath>
 
 #include "render/surface/texture_space.h"
@@ -12,29 +13,28 @@ namespace {
 
 constexpr float kPeriod = 1e5f;  // beyond which a float's fraction is too coarse
 
-// The number, or its negative if the bit is set.
-constexpr float signed_by(float value, std::uint32_t hash, std::uint32_t bit) noexcept {
-  return (hash & bit) != 0 ? -value : value;
+// The number, or its negative if the hash has this bit. Neither this nor a slope has a branch: none could be foreseen.
+constexpr float signed_by(float value, std::uint32_t hash, int bit) noexcept {
+  return std::bit_cast<float>(std::bit_cast<std::uint32_t>(value) ^ (hash >> bit) << 31);
 }
 
 // Multiplies the way from a corner with the corner's gradient, which the low bits of its hash choose: in two dimensions
 // (1, 2) or (2, 1), in three and four the middle of an edge, all with any signs.
 float slope(std::uint32_t hash, const Place<2>& way) noexcept {
-  const std::size_t first = (hash & 4u) != 0 ? 1 : 0;
-  return signed_by(way[first], hash, 1u) + signed_by(2.0f * way[1 - first], hash, 2u);
+  const std::size_t first = hash >> 2 & 1u;
+  return signed_by(way[first], hash, 0) + signed_by(2.0f * way[1 - first], hash, 1);
 }
 float slope(std::uint32_t hash, const Place<3>& way) noexcept {
-  // Of 16 numbers for 12 edges 12 and 14 are (y, x), 13 and 15 (y, z) once more.
-  const std::uint32_t edge = hash & 15u;
-  const std::size_t first = edge < 8u ? 0 : 1;
-  const std::size_t second = edge < 4u ? 1 : edge == 12u || edge == 14u ? 0 : 2;
-  return signed_by(way[first], edge, 1u) + signed_by(way[second], edge, 2u);
+  // Of 16 numbers for 12 edges the last four are (y, x) and (y, z) once more.
+  constexpr std::array<std::uint8_t, 16> kFirst{0, 0, 0, 0, 0, 0, 0, 0, 1, 1, 1, 1, 1, 1, 1, 1};
+  constexpr std::array<std::uint8_t, 16> kSecond{1, 1, 1, 1, 2, 2, 2, 2, 2, 2, 2, 2, 0, 2, 0, 2};
+  const std::size_t edge = hash & 15u;
+  return signed_by(way[kFirst[edge]], hash, 0) + signed_by(way[kSecond[edge]], hash, 1);
 }
 float slope(std::uint32_t hash, const Place<4>& way) noexcept {
-  const std::uint32_t edge = hash & 31u;  // w, z, y or x is left out
-  const float first = edge < 24u ? way[0] : way[1], second = edge < 16u ? way[1] : way[2];
-  const float third = edge < 8u ? way[2] : way[3];
-  return signed_by(first, edge, 1u) + signed_by(second, edge, 2u) + signed_by(third, edge, 4u);
+  const std::size_t left_out = 3u - (hash >> 3 & 3u);
+  const auto at = [&](std::size_t axis) { return way[axis + (axis >= left_out ? 1u : 0u)]; };
+  return signed_by(at(0), hash, 0) + signed_by(at(1), hash, 1) + signed_by(at(2), hash, 2);
 }
 
 // The integers below, and the way from there.
@@ -43,7 +43,8 @@ struct Lattice {
   explicit Lattice(const Place<N>& p) noexcept {
     for (std::size_t i = 0; i < N; ++i) {
       // Half a cell aside where all floats are integers: noise is 0 there.
-      const float inside = std::fmod(p[i], kPeriod) + (std::abs(p[i]) >= 1e6f ? 0.5f : 0.0f);
+      float inside = std::abs(p[i]) < kPeriod ? p[i] : std::fmod(p[i], kPeriod);
+      if (std::abs(p[i]) >= 1e6f) inside += 0.5f;
       const float below = std::floor(inside);
       cell[i] = static_cast<std::int32_t>(below), way[i] = inside - below;
     }
@@ -68,7 +69,7 @@ float perlin(const Place<1>& p) noexcept {
   const float t = lattice.way[0], fade = t * t * t * fade_factor(t);
   const auto gradient = [&](std::int32_t step) {  // 1 to 8, of any sign
     const std::uint32_t hash = lookup3(Words<1>{static_cast<std::uint32_t>(lattice.cell[0] + step)});
-    return signed_by(1.0f + static_cast<float>(hash & 7u), hash, 8u);
+    return signed_by(1.0f + static_cast<float>(hash & 7u), hash, 3);
   };
   const float left = gradient(0), right = gradient(1) * (t - 1.0f);
   return 0.25f * multiply_add(left, t, fade * multiply_add(-left, t, right));
@@ -218,8 +219,8 @@ Place<N> distorted(const Place<N>& p, float distortion) noexcept {
   });
 }
 
-NoiseSettings clamped(NoiseSettings settings) noexcept {
-  settings.detail = std::clamp(settings.detail, 0.0f, 15.0f);
+NoiseSettings valid(NoiseSettings settings) noexcept {
+  settings.detail = clamped(settings.detail, 0.0f, 15.0f);
   settings.roughness = std::max(settings.roughness, 0.0f);
   return settings;
 }
@@ -227,14 +228,14 @@ NoiseSettings clamped(NoiseSettings settings) noexcept {
 }  // namespace
 
 float noise_factor(const NoiseSettings& given, Vec3f p, float w) noexcept {
-  const NoiseSettings settings = clamped(given);
+  const NoiseSettings settings = valid(given);
   return with_dimensions(settings.dimensions, [&]<class N>(N) {
     return fractal(distorted(place_of<N::value>(p, w, settings.scale), settings.distortion), settings);
   });
 }
 
 Vec3f noise_color(const NoiseSettings& given, Vec3f p, float w) noexcept {
-  const NoiseSettings settings = clamped(given);
+  const NoiseSettings settings = valid(given);
   return with_dimensions(settings.dimensions, [&]<class N>(N) {
     // The first seeds are those of the distortion.
     constexpr float kSeed = static_cast<float>(N::value);

@@ -16,12 +16,10 @@ constexpr float kPi = std::numbers::pi_v<float>, kTurn = 2.0f * kPi;
 
 Vec3f off_steps(Vec3f p) noexcept { return (p + Vec3f{1, 1, 1} * 1e-6f) * 0.999999f; }
 
-// The integer below, of what a number of rows or cells is counted with.
-std::int32_t floor_of(float x) noexcept {
-  return static_cast<std::int32_t>(std::clamp(std::isnan(x) ? 0.0f : std::floor(x), -0x1p30f, 0x1p30f));
-}
+// The integer below; what is out of an integer's range is brought into it.
+std::int32_t floor_of(float x) noexcept { return static_cast<std::int32_t>(clamped(std::floor(x), -0x1p30f, 0x1p30f)); }
 
-// A number from 0 to 1 by an integer hash of the 1990s (an inverted cubic polynomial modulo 2^31).
+// A number from 0 to 1: the integer noise of libnoise (Bevins 2003), whose constants Cycles has too.
 float random_brick(std::uint32_t number) noexcept {
   constexpr std::uint32_t kMask = 0x7fffffffu;
   std::uint32_t n = (number + 1013u) & kMask;
@@ -48,7 +46,7 @@ BrickTexture brick_texture(const BrickSettings& settings, Vec3f point) noexcept 
   const float x = p.x + shift - width * static_cast<float>(column);
   const float y = p.y - settings.row_height * static_cast<float>(row);
   const std::uint32_t number = (static_cast<std::uint32_t>(row) << 16) + (static_cast<std::uint32_t>(column) & 0xffffu);
-  const float tint = std::clamp(random_brick(number) + settings.bias, 0.0f, 1.0f);
+  const float tint = clamped(random_brick(number) + settings.bias, 0.0f, 1.0f);
 
   const float inside = std::min({x, y, width - x, settings.row_height - y});  // how far from the brick's edge
   if (inside >= settings.mortar_size) return {0.0f, tint};
@@ -67,7 +65,7 @@ float gradient_factor(GradientKind kind, Vec3f p) noexcept {
       case GradientKind::kQuadratic:
         return std::max(p.x, 0.0f) * std::max(p.x, 0.0f);
       case GradientKind::kEasing: {
-        const float t = std::clamp(p.x, 0.0f, 1.0f);
+        const float t = clamped(p.x, 0.0f, 1.0f);
         return t * t * (3.0f - 2.0f * t);
       }
       case GradientKind::kDiagonal:
@@ -81,7 +79,7 @@ float gradient_factor(GradientKind kind, Vec3f p) noexcept {
     }
     return 0.0f;
   };
-  return std::clamp(factor(), 0.0f, 1.0f);
+  return clamped(factor(), 0.0f, 1.0f);
 }
 
 Vec3f magic_color(const MagicSettings& settings, Vec3f point) noexcept {

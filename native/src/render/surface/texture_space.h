@@ -71,6 +71,11 @@ template <class Body>
   return body(std::integral_constant<std::size_t, 4>{});
 }
 
+// `low` for NaN, of which std::clamp makes NaN and a conversion to an integer anything.
+[[nodiscard]] constexpr float clamped(float x, float low, float high) noexcept {
+  return x > low ? (x < high ? x : high) : low;
+}
+
 // b where t is 1.
 [[nodiscard]] constexpr float mix(float a, float b, float t) noexcept { return a * (1.0f - t) + b * t; }
 [[nodiscard]] constexpr Vec3f mix(Vec3f a, Vec3f b, float t) noexcept { return a * (1.0f - t) + b * t; }
@@ -88,29 +93,29 @@ template <std::size_t N>
 
 // Hashes --------------------------------------------------------------------------------------------------------------
 
-// Hashes up to four words by lookup3: three are added to the state at a time, then it is stirred.
+// Hashes up to four words by lookup3: three are added to the state, which is stirred before the fourth is.
 template <std::size_t N>
 [[nodiscard]] constexpr std::uint32_t lookup3(const Words<N>& words) noexcept {
   static_assert(N >= 1 && N <= 4);
   constexpr std::uint32_t kBegin = 0xdeadbeefu + 4u * N + 13u;
-  Words<3> state{kBegin, kBegin, kBegin};
-  for (std::size_t i = 0; i < N; ++i) {
-    if (i == 3) {
-      constexpr std::array kTurns{4, 6, 8, 16, 19, 4};
-      for (std::size_t k = 0; k < kTurns.size(); ++k) {
-        std::uint32_t &target = state[k % 3], &source = state[(k + 2) % 3];
-        target = (target - source) ^ std::rotl(source, kTurns[k]);
-        source += state[(k + 1) % 3];
-      }
-    }
-    state[i % 3] += words[i];
+  std::uint32_t a = kBegin + words[0], b = kBegin, c = kBegin;
+  if constexpr (N > 1) b += words[1];
+  if constexpr (N > 2) c += words[2];
+  if constexpr (N > 3) {
+    const auto stir = [](std::uint32_t& target, std::uint32_t& source, std::uint32_t third, int turn) {
+      target = (target - source) ^ std::rotl(source, turn);
+      source += third;
+    };
+    stir(a, c, b, 4), stir(b, a, c, 6), stir(c, b, a, 8);
+    stir(a, c, b, 16), stir(b, a, c, 19), stir(c, b, a, 4);
+    a += words[3];
   }
-  constexpr std::array kTurns{14, 11, 25, 16, 4, 14, 24};
-  for (std::size_t k = 0; k < kTurns.size(); ++k) {
-    const std::uint32_t source = state[(k + 1) % 3];
-    state[(k + 2) % 3] = (state[(k + 2) % 3] ^ source) - std::rotl(source, kTurns[k]);
-  }
-  return state[2];
+  const auto finish = [](std::uint32_t& target, std::uint32_t source, int turn) {
+    target = (target ^ source) - std::rotl(source, turn);
+  };
+  finish(c, b, 14), finish(a, c, 11), finish(b, a, 25), finish(c, b, 16);
+  finish(a, c, 4), finish(b, a, 14), finish(c, b, 24);
+  return c;
 }
 
 // Hashes floats to a number from 0 to 1.

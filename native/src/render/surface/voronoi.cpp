@@ -22,9 +22,8 @@ struct Grid {
   Grid(const Place<N>& p, float randomness) noexcept
       : corner(each_axis<N>([&](std::size_t i) { return std::floor(p[i]); })),
         local(p - corner),
-        cell(each_axis<N>([&](std::size_t i) {
-          return static_cast<std::int32_t>(std::clamp(std::isnan(corner[i]) ? 0.0f : corner[i], -0x1p30f, 0x1p30f));
-        })),
+        cell(each_axis<N>(
+            [&](std::size_t i) { return static_cast<std::int32_t>(clamped(corner[i], -0x1p30f, 0x1p30f)); })),
         random(randomness) {}
 
   [[nodiscard]] Cell<N> neighbour(const Cell<N>& step) const noexcept {
@@ -117,10 +116,12 @@ Octave<N> nearest(const Place<N>& p, const VoronoiSettings& settings, bool is_se
   for_each_step<N>(1, [&](const Cell<N>& step) {
     const Place<N> point = grid.point(step);
     const Found found{measure(point - grid.local, settings), step, point};
-    if (found.measured < first.measured)
-      second = first, first = found;
-    else if (found.measured < second.measured)
+    if (found.measured < first.measured) {
+      if (is_second) second = first;
+      first = found;
+    } else if (is_second && found.measured < second.measured) {
       second = found;
+    }
   });
   const Found& found = is_second ? second : first;
   return {distance_of<N>(found.measured, settings), grid.color(found.step), found.point + grid.corner};
@@ -249,11 +250,11 @@ float fractal_edges(const Place<N>& p, const VoronoiSettings& settings, bool has
   return settings.normalize ? distance / range : distance;
 }
 
-VoronoiSettings clamped(VoronoiSettings settings) noexcept {
-  settings.detail = std::clamp(settings.detail, 0.0f, 15.0f);
-  settings.roughness = std::clamp(settings.roughness, 0.0f, 1.0f);
-  settings.randomness = std::clamp(settings.randomness, 0.0f, 1.0f);
-  settings.smoothness = std::clamp(settings.smoothness / 2.0f, 0.0f, 0.5f);
+VoronoiSettings valid(VoronoiSettings settings) noexcept {
+  settings.detail = clamped(settings.detail, 0.0f, 15.0f);
+  settings.roughness = clamped(settings.roughness, 0.0f, 1.0f);
+  settings.randomness = clamped(settings.randomness, 0.0f, 1.0f);
+  settings.smoothness = clamped(settings.smoothness / 2.0f, 0.0f, 0.5f);
   return settings;
 }
 
@@ -281,7 +282,7 @@ VoronoiTexture texture(const VoronoiSettings& settings, const Place<N>& p) noexc
 }  // namespace
 
 VoronoiTexture voronoi_texture(const VoronoiSettings& given, Vec3f p, float w) noexcept {
-  const VoronoiSettings settings = clamped(given);
+  const VoronoiSettings settings = valid(given);
   return with_dimensions(settings.dimensions,
                          [&]<class N>(N) { return texture(settings, place_of<N::value>(p, w, settings.scale)); });
 }
