@@ -14,7 +14,11 @@ namespace {
 
 constexpr float kPi = std::numbers::pi_v<float>, kTurn = 2.0f * kPi;
 
-Vec3f off_steps(Vec3f p) noexcept { return (p + Vec3f{1, 1, 1} * 1e-6f) * 0.999999f; }
+// Scales a point and moves it off the steps that it may be upon.
+Vec3f off_steps(Vec3f p, float scale) noexcept {
+  const auto moved = [scale](float x) { return multiply_add(x, scale, 1e-6f) * 0.999999f; };
+  return {moved(p.x), moved(p.y), moved(p.z)};
+}
 
 // The integer below; what is out of an integer's range is brought into it.
 std::int32_t floor_of(float x) noexcept { return static_cast<std::int32_t>(clamped(std::floor(x), -0x1p30f, 0x1p30f)); }
@@ -31,7 +35,7 @@ float random_brick(std::uint32_t number) noexcept {
 }  // namespace
 
 float checker_factor(float scale, Vec3f p) noexcept {
-  const Vec3f cell = off_steps(p * scale);
+  const Vec3f cell = off_steps(p, scale);
   const auto is_odd = [](float x) { return floor_of(x) % 2 != 0; };
   return (is_odd(cell.x) == is_odd(cell.y)) == is_odd(cell.z) ? 1.0f : 0.0f;
 }
@@ -121,7 +125,7 @@ Vec3f magic_color(const MagicSettings& settings, Vec3f point) noexcept {
 }
 
 float wave_factor(const WaveSettings& settings, Vec3f point) noexcept {
-  const Vec3f p = off_steps(point * settings.scale);
+  const Vec3f p = off_steps(point, settings.scale);
   const auto axis = static_cast<int>(settings.direction);
   float phase = 0.0f;
   if (settings.kind == WaveKind::kBands) {
