@@ -127,20 +127,18 @@ Vec3f magic_color(const MagicSettings& settings, Vec3f point) noexcept {
 float wave_factor(const WaveSettings& settings, Vec3f point) noexcept {
   const Vec3f p = off_steps(point, settings.scale);
   const auto axis = static_cast<int>(settings.direction);
-  float phase = 0.0f;
+  float phase = settings.phase;
   if (settings.kind == WaveKind::kBands) {
-    const bool is_diagonal = settings.direction == WaveDirection::kAll;
-    phase = is_diagonal ? multiply_add(p.x + p.y + p.z, 10.0f, settings.phase)
-                        : multiply_add(p[axis], 20.0f, settings.phase);
+    phase += settings.direction == WaveDirection::kAll ? (p.x + p.y + p.z) * 10.0f : p[axis] * 20.0f;
   } else {
     Vec3f across = p;
     if (settings.direction != WaveDirection::kAll) across[axis] = 0.0f;
-    phase = multiply_add(length(across), 20.0f, settings.phase);
+    phase += length(across) * 20.0f;
   }
   if (settings.distortion != 0.0f) {
     const NoiseSettings noise{
         .scale = settings.detail_scale, .detail = settings.detail, .roughness = settings.detail_roughness};
-    phase = multiply_add(settings.distortion, noise_factor(noise, p, 0.0f) * 2.0f - 1.0f, phase);
+    phase += settings.distortion * (noise_factor(noise, p, 0.0f) * 2.0f - 1.0f);
   }
   if (settings.profile == WaveProfile::kSine) return 0.5f + 0.5f * sine(phase - 0.5f * kPi);
   const float turns = phase * (1.0f / kTurn);
