@@ -18,43 +18,43 @@ constexpr float signed_by(float value, std::uint32_t hash, int bit) noexcept {
   return std::bit_cast<float>(std::bit_cast<std::uint32_t>(value) ^ (hash >> bit) << 31);
 }
 
-// Multiplies the way from a corner with the corner's gradient, which the low bits of its hash choose: in two dimensions
-// (1, 2) or (2, 1), in three and four the middle of an edge, all with any signs.
-float slope(std::uint32_t hash, const Place<2>& way) noexcept {
+// Multiplies the offset from a corner with the corner's gradient, which the low bits of its hash choose: in two
+// dimensions (1, 2) or (2, 1), in three and four the middle of an edge, all with any signs.
+float slope(std::uint32_t hash, const Coordinates<2>& offset) noexcept {
   const std::size_t first = hash >> 2 & 1u;
-  return signed_by(way[first], hash, 0) + signed_by(2.0f * way[1 - first], hash, 1);
+  return signed_by(offset[first], hash, 0) + signed_by(2.0f * offset[1 - first], hash, 1);
 }
-float slope(std::uint32_t hash, const Place<3>& way) noexcept {
+float slope(std::uint32_t hash, const Coordinates<3>& offset) noexcept {
   // Of 16 numbers for 12 edges the last four are (y, x) and (y, z) once more.
   constexpr std::array<std::uint8_t, 16> kFirst{0, 0, 0, 0, 0, 0, 0, 0, 1, 1, 1, 1, 1, 1, 1, 1};
   constexpr std::array<std::uint8_t, 16> kSecond{1, 1, 1, 1, 2, 2, 2, 2, 2, 2, 2, 2, 0, 2, 0, 2};
   const std::size_t edge = hash & 15u;
-  return signed_by(way[kFirst[edge]], hash, 0) + signed_by(way[kSecond[edge]], hash, 1);
+  return signed_by(offset[kFirst[edge]], hash, 0) + signed_by(offset[kSecond[edge]], hash, 1);
 }
-float slope(std::uint32_t hash, const Place<4>& way) noexcept {
+float slope(std::uint32_t hash, const Coordinates<4>& offset) noexcept {
   const std::size_t left_out = 3u - (hash >> 3 & 3u);
-  const auto at = [&](std::size_t axis) { return way[axis + (axis >= left_out ? 1u : 0u)]; };
+  const auto at = [&](std::size_t axis) { return offset[axis + (axis >= left_out ? 1u : 0u)]; };
   return signed_by(at(0), hash, 0) + signed_by(at(1), hash, 1) + signed_by(at(2), hash, 2);
 }
 
-// The integers below, and the way from there.
+// The integers below a point, and how far it is above them.
 template <std::size_t N>
 struct Lattice {
-  explicit Lattice(const Place<N>& p) noexcept {
+  explicit Lattice(const Coordinates<N>& p) noexcept {
     for (std::size_t i = 0; i < N; ++i) {
       // Half a cell aside where all floats are integers: noise is 0 there.
       float inside = std::abs(p[i]) < kPeriod ? p[i] : std::fmod(p[i], kPeriod);
       if (std::abs(p[i]) >= 1e6f) inside += 0.5f;
       const float below = std::floor(inside);
-      cell[i] = static_cast<std::int32_t>(below), way[i] = inside - below;
+      cell[i] = static_cast<std::int32_t>(below), fraction[i] = inside - below;
     }
   }
   std::array<std::int32_t, N> cell;
-  Place<N> way;
+  Coordinates<N> fraction;
 };
 
 template <std::size_t N>
-bool is_finite(const Place<N>& p) noexcept {
+bool is_finite(const Coordinates<N>& p) noexcept {
   return std::ranges::all_of(p, [](float x) { return std::isfinite(x); });
 }
 
@@ -63,10 +63,10 @@ float fade_factor(float t) noexcept { return multiply_add(t, multiply_add(t, 6.0
 
 // Gradient noise from -1 to 1, 0 at integers; periodic. Rounded as in Cycles' kernels: a distorted texture is one of
 // points that are moved by it, and where these are far out a last bit may change its value by a tenth.
-float perlin(const Place<1>& p) noexcept {
+float perlin(const Coordinates<1>& p) noexcept {
   if (!is_finite(p)) return 0.0f;
   const Lattice<1> lattice(p);
-  const float t = lattice.way[0], fade = t * t * t * fade_factor(t);
+  const float t = lattice.fraction[0], fade = t * t * t * fade_factor(t);
   const auto gradient = [&](std::int32_t step) {  // 1 to 8, of any sign
     const std::uint32_t hash = lookup3(Words<1>{static_cast<std::uint32_t>(lattice.cell[0] + step)});
     return signed_by(1.0f + static_cast<float>(hash & 7u), hash, 3);
@@ -75,7 +75,7 @@ float perlin(const Place<1>& p) noexcept {
   return 0.25f * multiply_add(left, t, fade * multiply_add(-left, t, right));
 }
 template <std::size_t N>
-float perlin(const Place<N>& p) noexcept {
+float perlin(const Coordinates<N>& p) noexcept {
   constexpr std::array<float, 3> kRange{0.6616f, 0.9820f, 0.8344f};  // about 1 / the largest value
   if (!is_finite(p)) return 0.0f;
   const Lattice<N> lattice(p);
@@ -84,17 +84,17 @@ float perlin(const Place<N>& p) noexcept {
   std::array<float, std::size_t{1} << N> corners{};
   for (std::size_t corner = 0; corner < corners.size(); ++corner) {
     Words<N> words{};
-    Place<N> way{};
+    Coordinates<N> offset{};
     for (std::size_t k = 0; k < N; ++k) {
       const std::size_t axis = axis_of(k);
       const auto step = static_cast<std::int32_t>(corner >> k & 1u);
       words[axis] = static_cast<std::uint32_t>(lattice.cell[axis] + step);
-      way[axis] = lattice.way[axis] - static_cast<float>(step);
+      offset[axis] = lattice.fraction[axis] - static_cast<float>(step);
     }
-    corners[corner] = slope(lookup3(words), way);
+    corners[corner] = slope(lookup3(words), offset);
   }
   for (std::size_t k = 0; k < N; ++k) {
-    const float t = lattice.way[axis_of(k)], fade = (t * t) * (t * fade_factor(t));
+    const float t = lattice.fraction[axis_of(k)], fade = (t * t) * (t * fade_factor(t));
     for (std::size_t pair = 0; pair < corners.size() >> (k + 1); ++pair)
       corners[pair] = multiply_add(fade, corners[2 * pair + 1] - corners[2 * pair], corners[2 * pair]);
   }
@@ -111,7 +111,7 @@ struct Octaves {
 };
 
 template <std::size_t N>
-float fbm(const Place<N>& p, const NoiseSettings& settings, Octaves octaves) noexcept {
+float fbm(const Coordinates<N>& p, const NoiseSettings& settings, Octaves octaves) noexcept {
   float scale = 1.0f, amplitude = 1.0f, range = 0.0f, sum = 0.0f;
   const auto result = [&] { return settings.normalize ? 0.5f * sum / range + 0.5f : sum; };
   const auto add = [&] {
@@ -126,7 +126,7 @@ float fbm(const Place<N>& p, const NoiseSettings& settings, Octaves octaves) noe
 }
 
 template <std::size_t N>
-float multifractal(Place<N> p, const NoiseSettings& settings, Octaves octaves) noexcept {
+float multifractal(Coordinates<N> p, const NoiseSettings& settings, Octaves octaves) noexcept {
   float value = 1.0f, amplitude = 1.0f;
   for (int i = 0; i <= octaves.whole; ++i) {
     value *= amplitude * perlin(p) + 1.0f;
@@ -135,9 +135,9 @@ float multifractal(Place<N> p, const NoiseSettings& settings, Octaves octaves) n
   return octaves.rest != 0.0f ? value * (octaves.rest * amplitude * perlin(p) + 1.0f) : value;
 }
 
-// Octaves count the more the higher the place.
+// The higher a point, the more its finer octaves count.
 template <std::size_t N>
-float hetero_terrain(Place<N> p, const NoiseSettings& settings, Octaves octaves) noexcept {
+float hetero_terrain(Coordinates<N> p, const NoiseSettings& settings, Octaves octaves) noexcept {
   float value = settings.offset + perlin(p), amplitude = settings.roughness;
   const auto rise = [&] {
     p = p * settings.lacunarity;
@@ -150,7 +150,7 @@ float hetero_terrain(Place<N> p, const NoiseSettings& settings, Octaves octaves)
 }
 
 template <std::size_t N>
-float hybrid_multifractal(Place<N> p, const NoiseSettings& settings, Octaves octaves) noexcept {
+float hybrid_multifractal(Coordinates<N> p, const NoiseSettings& settings, Octaves octaves) noexcept {
   constexpr float kLeastWeight = 0.001f;
   float value = 0.0f, weight = 1.0f, amplitude = 1.0f;
   for (int i = 0; i <= octaves.whole + 1 && weight > kLeastWeight; ++i) {
@@ -166,7 +166,7 @@ float hybrid_multifractal(Place<N> p, const NoiseSettings& settings, Octaves oct
 
 // Has no fraction of an octave.
 template <std::size_t N>
-float ridged_multifractal(Place<N> p, const NoiseSettings& settings, Octaves octaves) noexcept {
+float ridged_multifractal(Coordinates<N> p, const NoiseSettings& settings, Octaves octaves) noexcept {
   const auto ridge = [&] {
     const float height = settings.offset - std::abs(perlin(p));
     return height * height;
@@ -181,7 +181,7 @@ float ridged_multifractal(Place<N> p, const NoiseSettings& settings, Octaves oct
 }
 
 template <std::size_t N>
-float fractal(const Place<N>& p, const NoiseSettings& settings) noexcept {
+float fractal(const Coordinates<N>& p, const NoiseSettings& settings) noexcept {
   const Octaves octaves(settings.detail);
   switch (settings.kind) {
     case NoiseKind::kMultifractal:
@@ -202,7 +202,7 @@ float fractal(const Place<N>& p, const NoiseSettings& settings) noexcept {
 
 // Moves a point to another part of the noise, 100 to 200 aside, where nothing is like it.
 template <std::size_t N>
-Place<N> elsewhere(const Place<N>& p, float seed) noexcept {
+Coordinates<N> elsewhere(const Coordinates<N>& p, float seed) noexcept {
   return each_axis<N>([&](std::size_t i) {
     const float random = N == 1 ? random_of(seed) : random_of(seed, static_cast<float>(i));
     return p[i] + (100.0f + random * 100.0f);
@@ -211,11 +211,11 @@ Place<N> elsewhere(const Place<N>& p, float seed) noexcept {
 
 // Rounds as Cycles, which adds the first of one or two products unrounded.
 template <std::size_t N>
-Place<N> distorted(const Place<N>& p, float distortion) noexcept {
+Coordinates<N> distorted(const Coordinates<N>& p, float distortion) noexcept {
   if (distortion == 0.0f) return p;
   return each_axis<N>([&](std::size_t i) {
-    const float way = perlin(elsewhere(p, static_cast<float>(i)));
-    return N <= 2 && i == 0 ? multiply_add(way, distortion, p[i]) : p[i] + way * distortion;
+    const float shift = perlin(elsewhere(p, static_cast<float>(i)));
+    return N <= 2 && i == 0 ? multiply_add(shift, distortion, p[i]) : p[i] + shift * distortion;
   });
 }
 
@@ -230,7 +230,7 @@ NoiseSettings valid(NoiseSettings settings) noexcept {
 float noise_factor(const NoiseSettings& given, Vec3f p, float w) noexcept {
   const NoiseSettings settings = valid(given);
   return with_dimensions(settings.dimensions, [&]<class N>(N) {
-    return fractal(distorted(place_of<N::value>(p, w, settings.scale), settings.distortion), settings);
+    return fractal(distorted(coordinates_of<N::value>(p, w, settings.scale), settings.distortion), settings);
   });
 }
 
@@ -239,9 +239,9 @@ Vec3f noise_color(const NoiseSettings& given, Vec3f p, float w) noexcept {
   return with_dimensions(settings.dimensions, [&]<class N>(N) {
     // The first seeds are those of the distortion.
     constexpr float kSeed = static_cast<float>(N::value);
-    const auto place = distorted(place_of<N::value>(p, w, settings.scale), settings.distortion);
-    return Vec3f{fractal(place, settings), fractal(elsewhere(place, kSeed), settings),
-                 fractal(elsewhere(place, kSeed + 1.0f), settings)};
+    const auto point = distorted(coordinates_of<N::value>(p, w, settings.scale), settings.distortion);
+    return Vec3f{fractal(point, settings), fractal(elsewhere(point, kSeed), settings),
+                 fractal(elsewhere(point, kSeed + 1.0f), settings)};
   });
 }
 

@@ -148,12 +148,12 @@ float wave_factor(const WaveSettings& settings, Vec3f point) noexcept {
 
 float white_noise_value(int dimensions, Vec3f p, float w) noexcept {
   return with_dimensions(dimensions, [&]<class N>(N) {
-    return std::apply([](auto... numbers) { return random_of(numbers...); }, place_of<N::value>(p, w, 1.0f));
+    return std::apply([](auto... numbers) { return random_of(numbers...); }, coordinates_of<N::value>(p, w, 1.0f));
   });
 }
 
 Vec3f white_noise_color(int dimensions, Vec3f p, float w) noexcept {
-  return with_dimensions(dimensions, [&]<class N>(N) { return random_color(place_of<N::value>(p, w, 1.0f)); });
+  return with_dimensions(dimensions, [&]<class N>(N) { return random_color(coordinates_of<N::value>(p, w, 1.0f)); });
 }
 
 }  // namespace perfect_bvh

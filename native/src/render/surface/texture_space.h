@@ -2,7 +2,7 @@
 //
 // Textures of noise and cells are patterns of random numbers, so they equal Blender's only with the same hashes:
 // Jenkins' lookup3 (2006) of the bits of floats and integers, and the permuted congruential generators of Jarzynski and
-// Olano 2020 ("Hash Functions for GPU Rendering", section 4.2) of the integer coordinates of cells.
+// Olano 2020 ("Hash Functions for GPU Rendering") of the integer coordinates of cells.
 #pragma once
 
 #include <array>
@@ -19,13 +19,13 @@ namespace perfect_bvh {
 // Points --------------------------------------------------------------------------------------------------------------
 
 template <std::size_t N>
-using Place = std::array<float, N>;
+using Coordinates = std::array<float, N>;
 template <std::size_t N>
 using Words = std::array<std::uint32_t, N>;
 
 // Scales the coordinates of an N-dimensional texture: (w), (x, y), (x, y, z) or (x, y, z, w).
 template <std::size_t N>
-[[nodiscard]] constexpr Place<N> place_of(Vec3f p, float w, float scale) noexcept {
+[[nodiscard]] constexpr Coordinates<N> coordinates_of(Vec3f p, float w, float scale) noexcept {
   if constexpr (N == 1) return {w * scale};
   if constexpr (N == 2) return {p.x * scale, p.y * scale};
   if constexpr (N == 3) return {p.x * scale, p.y * scale, p.z * scale};
@@ -41,23 +41,23 @@ template <std::size_t N, class Body>
 }
 
 template <std::size_t N>
-[[nodiscard]] constexpr Place<N> operator+(const Place<N>& a, const Place<N>& b) noexcept {
+[[nodiscard]] constexpr Coordinates<N> operator+(const Coordinates<N>& a, const Coordinates<N>& b) noexcept {
   return each_axis<N>([&](std::size_t i) { return a[i] + b[i]; });
 }
 template <std::size_t N>
-[[nodiscard]] constexpr Place<N> operator-(const Place<N>& a, const Place<N>& b) noexcept {
+[[nodiscard]] constexpr Coordinates<N> operator-(const Coordinates<N>& a, const Coordinates<N>& b) noexcept {
   return each_axis<N>([&](std::size_t i) { return a[i] - b[i]; });
 }
 template <std::size_t N>
-[[nodiscard]] constexpr Place<N> operator*(const Place<N>& a, float factor) noexcept {
+[[nodiscard]] constexpr Coordinates<N> operator*(const Coordinates<N>& a, float factor) noexcept {
   return each_axis<N>([&](std::size_t i) { return a[i] * factor; });
 }
 template <std::size_t N>
-[[nodiscard]] constexpr Place<N> operator/(const Place<N>& a, float divisor) noexcept {
+[[nodiscard]] constexpr Coordinates<N> operator/(const Coordinates<N>& a, float divisor) noexcept {
   return each_axis<N>([&](std::size_t i) { return a[i] / divisor; });
 }
 template <std::size_t N>
-[[nodiscard]] constexpr float inner(const Place<N>& a, const Place<N>& b) noexcept {
+[[nodiscard]] constexpr float inner(const Coordinates<N>& a, const Coordinates<N>& b) noexcept {
   float sum = 0.0f;
   for (std::size_t i = 0; i < N; ++i) sum += a[i] * b[i];
   return sum;
@@ -81,7 +81,7 @@ template <class Body>
 [[nodiscard]] constexpr Vec3f mix(Vec3f a, Vec3f b, float t) noexcept { return a * (1.0f - t) + b * t; }
 
 template <std::size_t N>
-[[nodiscard]] constexpr Place<N> mix(const Place<N>& a, const Place<N>& b, float t) noexcept {
+[[nodiscard]] constexpr Coordinates<N> mix(const Coordinates<N>& a, const Coordinates<N>& b, float t) noexcept {
   return a * (1.0f - t) + b * t;
 }
 
@@ -126,7 +126,7 @@ template <class... Floats>
 
 // Hashes a point to numbers from 0 to 1.
 template <std::size_t N>
-[[nodiscard]] constexpr Vec3f random_color(const Place<N>& p) noexcept {
+[[nodiscard]] constexpr Vec3f random_color(const Coordinates<N>& p) noexcept {
   if constexpr (N == 1) return {random_of(p[0]), random_of(p[0], 1.0f), random_of(p[0], 2.0f)};
   if constexpr (N == 2) return {random_of(p[0], p[1]), random_of(p[0], p[1], 1.0f), random_of(p[0], p[1], 2.0f)};
   if constexpr (N == 3)
@@ -138,7 +138,7 @@ template <std::size_t N>
 // Hashes an integer point of two to four dimensions to numbers from 0 to 1, by "pcg2d", "pcg3d" and "pcg4d" of the
 // paper, but with words that are signed where they are shifted.
 template <std::size_t N>
-[[nodiscard]] constexpr Place<N> random_of_cell(const std::array<std::int32_t, N>& cell) noexcept {
+[[nodiscard]] constexpr Coordinates<N> random_of_cell(const std::array<std::int32_t, N>& cell) noexcept {
   static_assert(N >= 2 && N <= 4);
   constexpr std::uint32_t kFactor = 1664525u, kStep = 1013904223u;
   Words<N> v = each_axis<N>([&](std::size_t i) { return static_cast<std::uint32_t>(cell[i]) * kFactor + kStep; });

@@ -19,7 +19,7 @@ using Cell = std::array<std::int32_t, N>;
 
 template <std::size_t N>
 struct Grid {
-  Grid(const Place<N>& p, float randomness) noexcept
+  Grid(const Coordinates<N>& p, float randomness) noexcept
       : corner(each_axis<N>([&](std::size_t i) { return std::floor(p[i]); })),
         local(p - corner),
         cell(each_axis<N>(
@@ -30,13 +30,13 @@ struct Grid {
     return each_axis<N>([&](std::size_t i) { return cell[i] + step[i]; });
   }
   // The random point of a neighbouring cell, seen from this cell's corner.
-  [[nodiscard]] Place<N> point(const Cell<N>& step) const noexcept {
-    const Place<N> begin = each_axis<N>([&](std::size_t i) { return static_cast<float>(step[i]); });
+  [[nodiscard]] Coordinates<N> point(const Cell<N>& step) const noexcept {
+    const Coordinates<N> begin = each_axis<N>([&](std::size_t i) { return static_cast<float>(step[i]); });
     if constexpr (N == 1) return {begin[0] + random_of(corner[0] + begin[0]) * random};
     if constexpr (N > 1) return begin + random_of_cell(neighbour(step)) * random;
   }
   [[nodiscard]] Vec3f color(const Cell<N>& step) const noexcept {
-    if constexpr (N == 1) return random_color(Place<1>{corner[0] + static_cast<float>(step[0])});
+    if constexpr (N == 1) return random_color(Coordinates<1>{corner[0] + static_cast<float>(step[0])});
     if constexpr (N > 1) {
       Cell<(N < 3 ? 3 : N)> wide{};
       std::ranges::copy(neighbour(step), wide.begin());
@@ -45,7 +45,7 @@ struct Grid {
     }
   }
 
-  Place<N> corner, local;  // local: the point, seen from the corner
+  Coordinates<N> corner, local;  // local: the point, seen from the corner
   Cell<N> cell;
   float random;
 };
@@ -68,20 +68,20 @@ void for_each_step(int reach, const Body& body) noexcept {
 
 // What orders distances as they are, but costs less.
 template <std::size_t N>
-float measure(const Place<N>& way, const VoronoiSettings& settings) noexcept {
-  if constexpr (N == 1) return std::abs(way[0]);
+float measure(const Coordinates<N>& offset, const VoronoiSettings& settings) noexcept {
+  if constexpr (N == 1) return std::abs(offset[0]);
   float sum = 0.0f;
   switch (settings.metric) {
     case VoronoiMetric::kEuclidean:
-      return inner(way, way);
+      return inner(offset, offset);
     case VoronoiMetric::kManhattan:
-      for (const float size : way) sum += std::abs(size);
+      for (const float size : offset) sum += std::abs(size);
       return sum;
     case VoronoiMetric::kChebychev:
-      for (const float size : way) sum = std::max(sum, std::abs(size));
+      for (const float size : offset) sum = std::max(sum, std::abs(size));
       return sum;
     case VoronoiMetric::kMinkowski:
-      for (const float size : way) sum += power(std::abs(size), settings.exponent);
+      for (const float size : offset) sum += power(std::abs(size), settings.exponent);
       return sum;
   }
   return sum;
@@ -100,21 +100,21 @@ template <std::size_t N>
 struct Octave {
   float distance = 0.0f;
   Vec3f color{0, 0, 0};
-  Place<N> position{};
+  Coordinates<N> position{};
 };
 
 // The nearest point, or the second nearest.
 template <std::size_t N>
-Octave<N> nearest(const Place<N>& p, const VoronoiSettings& settings, bool is_second) noexcept {
+Octave<N> nearest(const Coordinates<N>& p, const VoronoiSettings& settings, bool is_second) noexcept {
   struct Found {
     float measured = kFar;
     Cell<N> step{};
-    Place<N> point{};
+    Coordinates<N> point{};
   };
   const Grid<N> grid(p, settings.randomness);
   Found first, second;
   for_each_step<N>(1, [&](const Cell<N>& step) {
-    const Place<N> point = grid.point(step);
+    const Coordinates<N> point = grid.point(step);
     const Found found{measure(point - grid.local, settings), step, point};
     if (found.measured < first.measured) {
       if (is_second) second = first;
@@ -129,13 +129,13 @@ Octave<N> nearest(const Place<N>& p, const VoronoiSettings& settings, bool is_se
 
 // Blends from point to point where distances differ by less than the smoothness.
 template <std::size_t N>
-Octave<N> smooth(const Place<N>& p, const VoronoiSettings& settings) noexcept {
+Octave<N> smooth(const Coordinates<N>& p, const VoronoiSettings& settings) noexcept {
   const Grid<N> grid(p, settings.randomness);
   const float width = settings.smoothness;
   Octave<N> result;
   bool is_first = true;
   for_each_step<N>(2, [&](const Cell<N>& step) {
-    const Place<N> point = grid.point(step);
+    const Coordinates<N> point = grid.point(step);
     const float distance = distance_of<N>(measure(point - grid.local, settings), settings);
     const float t = std::clamp(0.5f + 0.5f * (result.distance - distance) / width, 0.0f, 1.0f);
     const float share = is_first ? 1.0f : t * t * (3.0f - 2.0f * t);
@@ -144,7 +144,7 @@ Octave<N> smooth(const Place<N>& p, const VoronoiSettings& settings) noexcept {
     result.distance = mix(result.distance, distance, share) - dip;
     result.color = mix(result.color, grid.color(step), share) - Vec3f{1, 1, 1} * small_dip;
     result.position = mix(result.position, point, share);
-    for (float& place : result.position) place -= small_dip;
+    for (float& x : result.position) x -= small_dip;
   });
   result.position = result.position + grid.corner;
   return result;
@@ -152,41 +152,43 @@ Octave<N> smooth(const Place<N>& p, const VoronoiSettings& settings) noexcept {
 
 // The distance to the half plane between the nearest point and another.
 template <std::size_t N>
-float distance_to_edge(const Place<N>& p, const VoronoiSettings& settings) noexcept {
+float distance_to_edge(const Coordinates<N>& p, const VoronoiSettings& settings) noexcept {
   constexpr float kSamePoint = N == 1 ? 0.0f : 1e-4f;
   const Grid<N> grid(p, settings.randomness);
-  Place<N> closest{};
+  Coordinates<N> closest{};
   float least = kFar;
   for_each_step<N>(1, [&](const Cell<N>& step) {
-    const Place<N> way = grid.point(step) - grid.local;
-    if (const float square = inner(way, way); square < least) least = square, closest = way;
+    const Coordinates<N> offset = grid.point(step) - grid.local;
+    if (const float square = inner(offset, offset); square < least) least = square, closest = offset;
   });
   float distance = kFar;
   for_each_step<N>(1, [&](const Cell<N>& step) {
-    const Place<N> way = grid.point(step) - grid.local, across = way - closest;
+    const Coordinates<N> offset = grid.point(step) - grid.local, across = offset - closest;
     const float square = inner(across, across);
     if (square > kSamePoint)
-      distance = std::min(distance, inner((closest + way) * 0.5f, across * (1.0f / std::sqrt(square))));
+      distance = std::min(distance, inner((closest + offset) * 0.5f, across * (1.0f / std::sqrt(square))));
   });
   return distance;
 }
 
 // Half the distance between the nearest point and that point's nearest neighbour.
 template <std::size_t N>
-float n_sphere_radius(const Place<N>& p, const VoronoiSettings& settings) noexcept {
+float n_sphere_radius(const Coordinates<N>& p, const VoronoiSettings& settings) noexcept {
   const Grid<N> grid(p, settings.randomness);
-  Place<N> closest{};
+  Coordinates<N> closest{};
   Cell<N> closest_step{};
   float least = kFar;
   for_each_step<N>(1, [&](const Cell<N>& step) {
-    const Place<N> point = grid.point(step), way = point - grid.local;
-    if (const float square = inner(way, way); square < least) least = square, closest = point, closest_step = step;
+    const Coordinates<N> point = grid.point(step), offset = point - grid.local;
+    if (const float square = inner(offset, offset); square < least)
+      least = square, closest = point, closest_step = step;
   });
   least = kFar;
   for_each_step<N>(1, [&](const Cell<N>& step) {
     if (step == Cell<N>{}) return;
-    const Place<N> way = grid.point(each_axis<N>([&](std::size_t i) { return closest_step[i] + step[i]; })) - closest;
-    least = std::min(least, inner(way, way));
+    const Coordinates<N> offset =
+        grid.point(each_axis<N>([&](std::size_t i) { return closest_step[i] + step[i]; })) - closest;
+    least = std::min(least, inner(offset, offset));
   });
   return 0.5f * std::sqrt(least);
 }
@@ -205,13 +207,13 @@ void for_each_octave(const VoronoiSettings& settings, const Add& add) noexcept {
 }
 
 template <std::size_t N>
-Octave<N> octave_of(const Place<N>& p, const VoronoiSettings& settings) noexcept {
+Octave<N> octave_of(const Coordinates<N>& p, const VoronoiSettings& settings) noexcept {
   if (settings.feature == VoronoiFeature::kSmoothF1 && settings.smoothness != 0.0f) return smooth(p, settings);
   return nearest(p, settings, settings.feature == VoronoiFeature::kF2);
 }
 
 template <std::size_t N>
-Octave<N> fractal(const Place<N>& p, const VoronoiSettings& settings, bool has_octaves) noexcept {
+Octave<N> fractal(const Coordinates<N>& p, const VoronoiSettings& settings, bool has_octaves) noexcept {
   Octave<N> sum;
   float range = 0.0f;
   if (!has_octaves) {
@@ -226,7 +228,7 @@ Octave<N> fractal(const Place<N>& p, const VoronoiSettings& settings, bool has_o
     });
   }
   if (!settings.normalize) return sum;
-  Place<N> farthest{};
+  Coordinates<N> farthest{};
   farthest.fill(0.5f + 0.5f * settings.randomness);
   const float farther = settings.feature == VoronoiFeature::kF2 ? 2.0f : 1.0f;
   sum.distance /= range * (distance_of<N>(measure(farthest, settings), settings) * farther);
@@ -235,7 +237,7 @@ Octave<N> fractal(const Place<N>& p, const VoronoiSettings& settings, bool has_o
 }
 
 template <std::size_t N>
-float fractal_edges(const Place<N>& p, const VoronoiSettings& settings, bool has_octaves) noexcept {
+float fractal_edges(const Coordinates<N>& p, const VoronoiSettings& settings, bool has_octaves) noexcept {
   const float farthest = 0.5f + 0.5f * settings.randomness;
   float distance = 8.0f, range = farthest;  // 8: farther than any edge
   if (!has_octaves) {
@@ -259,7 +261,7 @@ VoronoiSettings valid(VoronoiSettings settings) noexcept {
 }
 
 template <std::size_t N>
-VoronoiTexture texture(const VoronoiSettings& settings, const Place<N>& p) noexcept {
+VoronoiTexture texture(const VoronoiSettings& settings, const Coordinates<N>& p) noexcept {
   const bool has_octaves = settings.detail != 0.0f && settings.roughness != 0.0f;
   VoronoiTexture made;
   if (settings.feature == VoronoiFeature::kNSphereRadius) {
@@ -272,7 +274,7 @@ VoronoiTexture texture(const VoronoiSettings& settings, const Place<N>& p) noexc
   }
   const Octave<N> octave = fractal(p, settings, has_octaves);
   made.distance = octave.distance, made.color = octave.color;
-  const Place<N> position = settings.scale != 0.0f ? octave.position / settings.scale : Place<N>{};
+  const Coordinates<N> position = settings.scale != 0.0f ? octave.position / settings.scale : Coordinates<N>{};
   if constexpr (N != 1)
     for (std::size_t i = 0; i < std::min<std::size_t>(N, 3); ++i) made.position[static_cast<int>(i)] = position[i];
   if constexpr (N == 1 || N == 4) made.w = position[N - 1];
@@ -284,7 +286,7 @@ VoronoiTexture texture(const VoronoiSettings& settings, const Place<N>& p) noexc
 VoronoiTexture voronoi_texture(const VoronoiSettings& given, Vec3f p, float w) noexcept {
   const VoronoiSettings settings = valid(given);
   return with_dimensions(settings.dimensions,
-                         [&]<class N>(N) { return texture(settings, place_of<N::value>(p, w, settings.scale)); });
+                         [&]<class N>(N) { return texture(settings, coordinates_of<N::value>(p, w, settings.scale)); });
 }
 
 }  // namespace perfect_bvh
