@@ -35,7 +35,7 @@ float random_brick(std::uint32_t number) noexcept {
 }  // namespace
 
 float checker_factor(float scale, Vec3f p) noexcept {
-  const Vec3f cell = off_steps(p, scale);
+  const Vec3f cell = off_steps(p * scale, 1.0f);  // unlike waves, a rounded product
   const auto is_odd = [](float x) { return floor_of(x) % 2 != 0; };
   return (is_odd(cell.x) == is_odd(cell.y)) == is_odd(cell.z) ? 1.0f : 0.0f;
 }
