@@ -274,7 +274,7 @@ VoronoiTexture texture(const VoronoiSettings& settings, const Coordinates<N>& p)
   }
   const Octave<N> octave = fractal(p, settings, has_octaves);
   made.distance = octave.distance, made.color = octave.color;
-  const Coordinates<N> position = settings.scale != 0.0f ? octave.position / settings.scale : Coordinates<N>{};
+  const Coordinates<N> position = settings.scale != 0.0f ? octave.position * (1.0f / settings.scale) : Coordinates<N>{};
   if constexpr (N != 1)
     for (std::size_t i = 0; i < std::min<std::size_t>(N, 3); ++i) made.position[static_cast<int>(i)] = position[i];
   if constexpr (N == 1 || N == 4) made.w = position[N - 1];
