@@ -48,4 +48,4 @@ def thick(material: Any) -> None:
 
 def into_color(material: Any) -> None:
     """Link a node that is not shown to its Base Color."""
-    link(material, add(material.node_tree, "TexNoise").outputs["Color"])
+    link(material, add(material.node_tree, "AmbientOcclusion").outputs["Color"])

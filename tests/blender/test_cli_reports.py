@@ -104,14 +104,14 @@ def test_the_command_line_names_what_is_not_shown_once(small_file: Path, tmp_pat
     wall = bpy.data.materials.new("Wall")
     if not wall.node_tree:
         wall.use_nodes = True
-    noise = wall.node_tree.nodes.new("ShaderNodeTexNoise")
+    noise = wall.node_tree.nodes.new("ShaderNodeAmbientOcclusion")
     wall.node_tree.links.new(noise.outputs["Color"], wall.node_tree.nodes["Principled BSDF"].inputs["Base Color"])
     bpy.data.objects["Sheet"].data.materials.append(wall)
     bpy.ops.object.volume_add()
     bpy.context.object.name = "Smoke"
     assert told_of_two_frames(tmp_path, capsys) == [
         "Smoke: a volume has no triangles; left out",
-        "Wall: Noise Texture is not shown; its flat colour is",
+        "Wall: Ambient Occlusion is not shown; its flat colour is",
     ]
 
 

@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 from blender.builders import evaluated, mesh_object
 from blender.node_setups import add, grouped, image_node, new_red, shader, surface
+from blender.program_slots import slots_of
 from perfect_bvh_addon.extract import read_scene
-from perfect_bvh_addon.extract.looks.values import BLENDS, blackbody
+from perfect_bvh_addon.extract.looks.values import blackbody
 from perfect_bvh_addon.extract.scene import ReadCache
 from perfect_bvh_addon.sync.records import AttributeRequest, SceneRecord
 
@@ -27,20 +28,21 @@ def read(cache: ReadCache | None = None) -> SceneRecord:
     return read_scene(evaluated(), SHADING, cache=cache)
 
 
-def test_what_nodes_make_of_an_image_is_worked_out_once(material) -> None:
+def test_an_image_is_read_once_whatever_nodes_make_of_it(material) -> None:
     tree = material.node_tree
     darker = add(tree, "Gamma", (image_node(tree).outputs[0], 0), Gamma=2.0)
     tree.links.new(darker.outputs[0], shader(material).inputs["Base Color"])
     cache = ReadCache()
-    first, second = (read(cache).images for _ in range(2))
-    assert first[0].pixels is second[0].pixels
+    first, second = (read(cache) for _ in range(2))
+    assert first.images[0].pixels is second.images[0].pixels
+    assert first.materials == second.materials
     darker.inputs["Gamma"].default_value = 1.0
-    (third,) = read(cache).images
-    assert third.pixels.mean() > first[0].pixels.mean() + 10
-    assert len(cache.images.held) == 1  # what is not used any more is not kept
+    third = read(cache)
+    assert third.images[0].pixels is first.images[0].pixels
+    assert third.materials != first.materials
 
 
-def test_one_image_in_several_uses_is_read_as_often_as_it_differs(material) -> None:
+def test_one_image_in_several_uses_has_one_row(material) -> None:
     tree = material.node_tree
     image = image_node(tree)
     tree.links.new(image.outputs[0], shader(material).inputs["Base Color"])
@@ -48,47 +50,27 @@ def test_one_image_in_several_uses_is_read_as_often_as_it_differs(material) -> N
     shader(material).inputs["Emission Strength"].default_value = 2.0
     record = read()
     assert len(record.images) == 1
-    assert (record.materials[0].color_image, record.materials[0].emission_image) == (0, 0)
-    assert record.materials[0].emission == (2.0, 2.0, 2.0)
+    assert set(slots_of(record.materials[0].program)) == {"COLOR", "EMISSION"}
     mapping = add(tree, "Mapping", Scale=(4.0, 4.0, 4.0))
     other = tree.nodes.new("ShaderNodeTexImage")
     other.image = image.image
     tree.links.new(mapping.outputs[0], other.inputs[0])
     tree.links.new(other.outputs[0], shader(material).inputs["Emission Color"])
+    assert len(read().images) == 1
+    other.extension = "CLIP"
     record = read()
-    assert [image.uv_transform[0][0] for image in record.images] == [1.0, 4.0]
+    assert [image.extension for image in record.images] == ["repeat", "clip"]
     assert record.images[0].pixels is record.images[1].pixels
 
 
-def test_maps_of_gloss_count_by_their_mean(material) -> None:
+def test_a_field_has_the_mean_of_what_a_program_sets(material) -> None:
     tree = material.node_tree
     tree.links.new(image_node(tree).outputs[0], shader(material).inputs["Roughness"])
     record = read()
-    assert record.images == ()
     pixels = np.array(bpy.data.images["Four"].pixels[:]).reshape(-1, 4)
     bytes_ = np.rint(pixels[:, :3] * 255) / 255
     linear = np.where(bytes_ <= 0.04045, bytes_ / 12.92, ((bytes_ + 0.055) / 1.055) ** 2.4)
-    assert record.materials[0].roughness == pytest.approx((linear @ (0.2126, 0.7152, 0.0722)).mean(), abs=1e-4)
-
-
-def test_a_large_image_is_changed_at_a_lower_resolution(material) -> None:
-    tree = material.node_tree
-    image = tree.nodes.new("ShaderNodeTexImage")
-    image.image = bpy.data.images.new("Wide", 5000, 3)
-    image.image.generated_color = (0.5, 0.5, 0.5, 1.0)
-    tree.links.new(add(tree, "Invert", (image.outputs[0], 1)).outputs[0], shader(material).inputs["Base Color"])
-    assert read().images[0].pixels.shape == (1, 1667, 4)
-
-
-def test_what_is_too_bright_for_bytes_is_kept_as_it_is(material) -> None:
-    tree = material.node_tree
-    bright = add(tree, "MixRGB", (image_node(tree).outputs[0], 1), Fac=1.0, Color2=(9.0, 9.0, 9.0, 1.0))
-    bright.blend_type = "MULTIPLY"
-    tree.links.new(bright.outputs[0], shader(material).inputs["Emission Color"])
-    shader(material).inputs["Emission Strength"].default_value = 1.0
-    (image,) = read().images
-    assert image.pixels.dtype == np.float32
-    assert image.pixels.max() > 5.0
+    assert record.materials[0].roughness == pytest.approx((linear @ (0.2126, 0.7152, 0.0722)).mean(), abs=0.02)
 
 
 def test_a_missing_image_is_named_at_every_reading(material) -> None:
@@ -123,8 +105,8 @@ def test_two_uses_of_one_group_are_told_apart(material) -> None:
     means = []
     for share in (0.0, 1.0):
         mix.inputs[0].default_value = share
-        means.append(read().images[0].pixels[..., :3].mean())
-    assert means[0] > 20.0
+        means.append(max(read().materials[0].base_color))
+    assert means[0] > 0.1
     assert means[1] == 0.0
 
 
@@ -134,27 +116,3 @@ def test_black_bodies_have_their_colors() -> None:
         assert 0.2126 * red + 0.7152 * green + 0.0722 * blue == pytest.approx(1.0, abs=0.12)
         assert (red > blue) == is_warm
     assert max(blackbody(6500.0)) - min(blackbody(6500.0)) < 0.1
-
-
-@pytest.mark.parametrize(
-    ("name", "expected"),
-    [
-        ("MIX", 0.7),
-        ("MULTIPLY", 0.21),
-        ("ADD", 1.0),
-        ("SUBTRACT", -0.4),
-        ("SCREEN", 0.79),
-        ("OVERLAY", 0.42),
-        ("SOFT_LIGHT", 0.384),
-        ("LINEAR_LIGHT", 0.7),
-        ("DARKEN", 0.3),
-        ("LIGHTEN", 0.7),
-        ("DIFFERENCE", 0.4),
-        ("DIVIDE", 3.0 / 7.0),
-    ],
-)
-def test_blends(name: str, expected: float) -> None:
-    one, other = np.full(4, 0.3, np.float32), np.full(4, 0.7, np.float32)
-    for share in (0.0, 0.25, 1.0):
-        blended = BLENDS[name](np.full(4, share, np.float32), one, other)
-        assert blended == pytest.approx(0.3 + (expected - 0.3) * share, abs=1e-6)

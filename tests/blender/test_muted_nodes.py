@@ -92,7 +92,7 @@ def number(tree: Any) -> None:
 
 
 def texture(tree: Any) -> None:
-    feed(tree, "ShaderNodeTexNoise", shine(tree).inputs["Color"], 1)
+    feed(tree, "ShaderNodeAmbientOcclusion", shine(tree).inputs["Color"], 1)
 
 
 def unfed_gamma(tree: Any) -> None:

@@ -104,8 +104,8 @@ def new_world() -> Any:
 @pytest.mark.parametrize(
     ("kind", "socket", "told"),
     [
-        ("TexNoise", "Color", "Noise Texture is not shown; its flat colour is"),
-        ("TexNoise", "Strength", "Noise Texture is not shown; Strength 1 is"),
+        ("AmbientOcclusion", "Color", "Ambient Occlusion is not shown; its flat colour is"),
+        ("AmbientOcclusion", "Strength", "Ambient Occlusion is not shown; Strength 1 is"),
         ("TexSky", "Color", None),
         ("LightPath", "Strength", None),  # whether the camera looks
     ],
@@ -128,7 +128,7 @@ def test_the_worlds_volume_mapping_and_visibility(material: Any) -> None:
     tree.links.new(environment.outputs[0], background.inputs["Color"])
     assert sentences() == []
     mapping.inputs["Rotation"].default_value = (0.7, 0.0, 0.0)
-    assert sentences() == ["World: the Mapping of Sky is not shown; its turn about the vertical is"]
+    assert sentences() == []  # then an image is made of what the nodes show
     tree.links.new(add(tree, "VolumeScatter").outputs[0], tree.get_output_node("ALL").inputs["Volume"])
     world.cycles_visibility.glossy = False
     world.update_tag()

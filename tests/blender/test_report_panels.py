@@ -88,7 +88,7 @@ def broken_scene() -> Any:
     if not material.node_tree:
         material.use_nodes = True
     tree = material.node_tree
-    noise = tree.nodes.new("ShaderNodeTexNoise")
+    noise = tree.nodes.new("ShaderNodeAmbientOcclusion")
     tree.links.new(noise.outputs["Color"], tree.nodes["Principled BSDF"].inputs["Base Color"])
     bpy.data.objects["Cube"].data.materials.append(material)
     bpy.ops.object.volume_add()
@@ -112,7 +112,7 @@ def test_what_is_not_shown_is_listed_and_can_be_selected() -> None:
     assert set(rows) == {"material", "object", "light", "setting"}
     texts = drawn(panel)
     assert " ".join(texts).startswith(line)
-    assert "Wall: Noise Texture is not shown; its flat colour is" in texts
+    assert "Wall: Ambient Occlusion is not shown; its flat colour is" in texts
     assert "View Layer ViewLayer: the filter Environment is not asked; environment stays shown" in texts
     for kind, name in (("material", "Cube"), ("object", "Smoke"), ("light", "Point"), ("setting", None)):
         listed.active = [row.kind for row in listed.rows].index(kind)

@@ -319,7 +319,7 @@ def test_a_cameras_rays_and_a_sensor_of_ones_own_have_light_as_well(head) -> Non
 
 def test_what_materials_are_not_read_for_is_named(head) -> None:
     material = principled()
-    noise = material.node_tree.nodes.new("ShaderNodeTexNoise")
+    noise = material.node_tree.nodes.new("ShaderNodeAmbientOcclusion")
     material.node_tree.links.new(noise.outputs[0], material.node_tree.nodes["Principled BSDF"].inputs["Base Color"])
     add_plate(2.0, material)
     assert scan(ONE_RAY, head).warnings == ()

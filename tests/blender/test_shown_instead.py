@@ -14,7 +14,7 @@ from perfect_bvh_addon.extract import read_scene
 
 
 def noise(material: Any) -> Any:
-    return add(material.node_tree, "TexNoise")
+    return add(material.node_tree, "AmbientOcclusion")
 
 
 def into_roughness(material: Any) -> None:
@@ -46,7 +46,7 @@ def behind_a_group(material: Any) -> None:
     group = bpy.data.node_groups.new("Dirt", "ShaderNodeTree")
     group.interface.new_socket("Color", in_out="OUTPUT", socket_type="NodeSocketColor")
     out = group.nodes.new("NodeGroupOutput")
-    group.links.new(add(group, "TexNoise").outputs["Color"], out.inputs[0])
+    group.links.new(add(group, "AmbientOcclusion").outputs["Color"], out.inputs[0])
     node = material.node_tree.nodes.new("ShaderNodeGroup")
     node.node_tree = group
     link(material, node.outputs[0])
@@ -58,32 +58,6 @@ def labelled(material: Any) -> None:
     link(material, node.outputs["Color"])
 
 
-def map_of_roughness(material: Any) -> None:
-    link(material, image_node(material.node_tree).outputs[0], "Roughness")
-
-
-def two_images(material: Any) -> None:
-    tree = material.node_tree
-    other = tree.nodes.new("ShaderNodeTexImage")
-    other.image = bpy.data.images.new("Other", 2, 2)
-    mix = add(tree, "MixRGB", (image_node(tree).outputs[0], 1), (other.outputs[0], 2), Fac=0.5)
-    link(material, mix.outputs[0])
-
-
-def colors_in_a_mix(material: Any) -> None:
-    tree = material.node_tree
-    attribute = add(tree, "VertexColor")
-    attribute.layer_name = "Paint"
-    link(material, add(tree, "Invert", (attribute.outputs[0], 1)).outputs[0])
-
-
-def generated_coordinates(material: Any) -> None:
-    tree = material.node_tree
-    image = image_node(tree)
-    tree.links.new(add(tree, "TexCoord").outputs["Generated"], image.inputs[0])
-    link(material, image.outputs[0])
-
-
 def on_a_box(material: Any) -> None:
     image = image_node(material.node_tree)
     image.projection, image.interpolation, image.extension = "BOX", "Closest", "MIRROR"
@@ -91,8 +65,9 @@ def on_a_box(material: Any) -> None:
 
 
 def bumpy(material: Any) -> None:
-    tree = material.node_tree
-    link(material, add(tree, "Bump", (noise(material).outputs[0], 2)).outputs[0], "Normal")
+    bump = add(material.node_tree, "Bump")
+    material.node_tree.links.new(noise(material).outputs[0], bump.inputs["Height"])
+    link(material, bump.outputs[0], "Normal")
 
 
 def coated(material: Any) -> None:
@@ -148,7 +123,7 @@ def distributed(material: Any) -> None:
 
 
 CONDUCTOR = "the Fresnel type Physical Conductor of Metallic BSDF is not shown; its flat colour is"
-NOISE = "Noise Texture is not shown;"
+NOISE = "Ambient Occlusion is not shown;"
 INSTEAD: tuple[tuple[Callable[[Any], None], list[str]], ...] = (
     (into_color, [f"{NOISE} its flat colour is"]),
     (into_roughness, [f"{NOISE} Roughness 0.5 is"]),
@@ -157,20 +132,9 @@ INSTEAD: tuple[tuple[Callable[[Any], None], list[str]], ...] = (
     (into_a_mix, [f"{NOISE} half of each is"]),
     (into_two_inputs, [f"{NOISE} its flat colour is"]),
     (behind_a_group, [f"{NOISE} its flat colour is"]),
-    (labelled, ["Dirt (Noise Texture) is not shown; its flat colour is"]),
-    (map_of_roughness, ["Four as Roughness is not shown; Roughness 0.33 is"]),
-    (two_images, ["Other, a second image, is not shown; its mean is"]),
-    (colors_in_a_mix, ["Color Attribute Paint is not shown; its flat colour is"]),
-    (generated_coordinates, ["Texture Coordinate Generated is not shown; the UV map is"]),
-    (
-        on_a_box,
-        [
-            "the projection Box of Four is not shown; the image is, in the UV map",
-            "Closest interpolation of Four is not shown; Linear is",
-            "the mirrored extension of Four is not shown; Repeat is",
-        ],
-    ),
-    (bumpy, ["Bump is not shown; the mesh's own normals are"]),
+    (labelled, ["Dirt (Ambient Occlusion) is not shown; its flat colour is"]),
+    (on_a_box, ["the projection Box of Four is not shown; Flat is"]),
+    (bumpy, [f"{NOISE} the mesh's own normals are"]),
     (
         coated,
         [

@@ -16,6 +16,7 @@ import pytest
 bpy = pytest.importorskip("bpy")
 
 from blender.node_setups import add, new_red, shader  # noqa: E402
+from blender.program_slots import slots_of  # noqa: E402
 from blender.test_layers_cycles import PATCH, SIDE, check, emissive, floor_mesh, scene  # noqa: E402, F401
 from perfect_bvh_addon import AttributeRequest, SceneSync  # noqa: E402
 from perfect_bvh_addon.extract.looks.images import temporary_data  # noqa: E402
@@ -244,7 +245,7 @@ def test_what_tiles_are_loaded_into_is_dropped_once() -> None:
 
 
 @plain_files
-def test_a_map_of_gloss_counts_by_the_mean_of_its_tiles(scene, image) -> None:  # noqa: F811
+def test_a_map_of_gloss_is_looked_up_in_its_tiles(scene, image) -> None:  # noqa: F811
     material = new_red()
     tree = material.node_tree
     node = add(tree, "TexImage")
@@ -253,12 +254,8 @@ def test_a_map_of_gloss_counts_by_the_mean_of_its_tiles(scene, image) -> None:  
     floor_mesh(scene).materials.append(material)
     sync = SceneSync(AttributeRequest(shading=True))
     try:
-        assert records(sync) == ()
+        assert records(sync) != ()
         (read,) = sync.record.materials
+        assert set(slots_of(read.program)) == {"ROUGHNESS"}
     finally:
         sync.close()
-    brightest = ((0.8 + 0.055) / 1.055) ** 2.4
-    weights = {1001: 0.2126, 1002: 0.7152, 1012: 0.0722}
-    dark = ((0.1 + 0.055) / 1.055) ** 2.4
-    means = [brightest * weight + dark * (1.0 - weight) for weight in weights.values()]
-    assert min(means) * 0.5 < read.roughness < max(means)

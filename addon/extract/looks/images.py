@@ -238,7 +238,7 @@ class ImageReader:
     def _original(self, image: Any, uid: int) -> Pixels:
         """As Blender has it, without a place in the cache."""
         held = self.cache.held.get((uid, None)) or self._before.get((uid, None))
-        if held is not None and _has_look(image, held[0]):
+        if held is not None and held[1] is not _MISSING and _has_look(image, held[0]):
             return held[1]  # type: ignore[no-any-return]
         pixels = _read_pixels(image)
         if pixels is None:

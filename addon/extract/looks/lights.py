@@ -118,9 +118,11 @@ def _find_sky(world: Any, images: ImageReader, omissions: Omissions | None = Non
     source, scope = (None, None) if found is None else trace_back(found[0].inputs["Surface"], found[1])
     if source is None or not source.is_output or source.node.type != "BACKGROUND":
         return None
-    strength = ValueReader(images, constant(1.0), omissions).even_number(source.node.inputs["Strength"], 1.0, scope)
     color, _ = trace_back(source.node.inputs["Color"], scope)
-    return (color.node, max(strength, 0.0)) if color.is_output and color.node.type == "TEX_SKY" else None
+    if not color.is_output or color.node.type != "TEX_SKY":
+        return None
+    strength = ValueReader(images, constant(1.0), omissions).even_number(source.node.inputs["Strength"], 1.0, scope)
+    return color.node, max(strength, 0.0)
 
 
 def _read_sky_sun(world: Any, images: ImageReader) -> list[tuple[Any, ...]]:

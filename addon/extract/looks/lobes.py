@@ -123,11 +123,12 @@ def mix_parts(nodes: Nodes, first: Part, second: Part, constant_share: float) ->
         share = amounts[1] / sum(amounts) if sum(amounts) > 0.0 else constant_share
         return (1.0 - share) * getattr(first.lobes, name) + share * getattr(second.lobes, name)
 
+    def has_none(weights: Any) -> bool:
+        return is_number(nodes.plus(*weights), 0.0)
+
     base = nodes.weighted(rests, (first.base, second.base), weight)
     if is_number(rest, 0.0):  # nothing is diffuse: it is the metal's, or what is clear
-        base = nodes.weighted(
-            metals if not is_number(nodes.plus(*metals), 0.0) else clears, (first.base, second.base), weight
-        )
+        base = nodes.weighted(clears if has_none(metals) else metals, (first.base, second.base), weight)
     return base, Lobes(
         metallic=nodes.plus(*metals),
         roughness=mean(shiny, "roughness"),
@@ -140,8 +141,8 @@ def mix_parts(nodes: Nodes, first: Part, second: Part, constant_share: float) ->
         plain_refraction=fixed("clear", "plain_refraction"),
         lossy_facets=fixed("bouncing", "lossy_facets"),
         specular_tint=mean(shiny, "specular_tint"),
-        metal=nodes.weighted(metals, (first.metal(), second.metal()), weight),
-        tint=nodes.weighted(clears, (first.tint(nodes), second.tint(nodes)), weight),
+        metal=None if has_none(metals) else nodes.weighted(metals, (first.metal(), second.metal()), weight),
+        tint=None if has_none(clears) else nodes.weighted(clears, (first.tint(nodes), second.tint(nodes)), weight),
         # This one is no colour of a share, but of all of the surface.
         translucent=nodes.mix(weight, first.lobes.translucent, second.lobes.translucent),
     )

@@ -165,13 +165,10 @@ def _with_surface(record: MaterialRecord, read: ReadSurface) -> MaterialRecord:
         **{name: getattr(lobes, name) for name in _FIXED_LOBES},
     }
     for (name, slot, power), operand in zip(_TINTS, (lobes.metal, lobes.tint, lobes.translucent), strict=True):
-        is_own = operand is not None and operand != surface.base
-        if operand is None or (power == 1.0 and not is_own):
-            fields[f"{name}_color"], fields[f"{name}_power"] = (1.0, 1.0, 1.0), power
-        elif is_own:
-            fields[f"{name}_color"], fields[f"{name}_power"] = color(slot, operand), 0.0
+        if operand is None or (isinstance(operand, Output) and operand == surface.base):  # follows from the base colour
+            fields[f"{name}_color"], fields[f"{name}_power"] = (1.0, 1.0, 1.0), power if operand is None else 1.0
         else:
-            fields[f"{name}_color"], fields[f"{name}_power"] = (1.0, 1.0, 1.0), 1.0
+            fields[f"{name}_color"], fields[f"{name}_power"] = color(slot, operand), 0.0
     if surface.normal is not None:
         slots["NORMAL"] = surface.normal
     program = values.nodes.program(**slots) if slots else None

@@ -104,9 +104,11 @@ class ValueReader:
     def normal(self, socket: Any, scope: Scope | None) -> Operand:
         """Read a Normal input: the normal of shading where nothing is linked to it."""
         if is_fed(socket, scope):
+            mark = self.omissions.mark
             value = self.read(socket, scope)
             if not value.is_guess:
                 return value.operand
+            self.omissions.since(mark, "the mesh's own normals are")
         return self.input("NORMAL").operand
 
     def ask(self, source: Source) -> Value:
