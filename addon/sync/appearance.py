@@ -49,8 +49,15 @@ def make_appearance(record: SceneRecord, instance_ids: Int32Array, mesh_ids: Int
     """instance_ids: (I,) and mesh_ids: (M,), the engine's ids of the record's instances and meshes."""
     meshes = {
         int(mesh_id): MeshAppearance(
-            *(mesh.material_slots, mesh.corner_normals, mesh.corner_uvs, mesh.corner_colors),
-            *(mesh.named_uvs, mesh.named_colors, mesh.tangents, mesh.texture_space, mesh.curve_offsets),
+            material_slots=mesh.material_slots,
+            corner_normals=mesh.corner_normals,
+            corner_uvs=mesh.corner_uvs,
+            corner_colors=mesh.corner_colors,
+            named_uvs=mesh.named_uvs,
+            named_colors=mesh.named_colors,
+            tangents=mesh.tangents,
+            texture_space=mesh.texture_space,
+            curve_offsets=mesh.curve_offsets,
         )
         for mesh_id, mesh in zip(mesh_ids, record.meshes, strict=True)
     }

@@ -151,7 +151,7 @@ def test_a_scene_lists_what_is_not_shown_of_it_alone() -> None:
         made = panels.reports.PERFECT_BVH_UL_not_shown
         flags[scene.name], _ = made.filter_items(shown, SimpleNamespace(scene=scene), listed, "rows")
     assert flags == {"Scene": [1] * 4, "Other": [0] * 4}
-    shown.filter_name = "NOISE"
+    shown.filter_name = "OCCLUSION"
     made = panels.reports.PERFECT_BVH_UL_not_shown
     assert sum(made.filter_items(shown, bpy.context, listed, "rows")[0]) == 1
     (panel,) = panels.reports.NOT_SHOWN_CLASSES

@@ -7,6 +7,7 @@ groups              what instances share, looked up once: mesh, object, instance
 instance_columns    what shader nodes ask of instances
 mesh_table          each distinct mesh once, with a key that lasts
 meshes              one mesh: triangles, and the attributes asked for
+tangents            of meshes along a UV map, for normal maps
 curves_and_points   hair curves and point clouds
 hair_shape          flat or round, bent or straight
 particle_hair       old particle hair as curves

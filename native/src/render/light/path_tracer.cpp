@@ -101,16 +101,24 @@ void PathTracer::see_environment(const Step& step, const Wave& wave) const {
 void PathTracer::see_surfaces(const Step& step, Scratch& scratch) const {
   scratch.vertices.clear();
   Wave& wave = scratch.wave;
-  const std::span<Material> materials =
-      scratch.materials.read(snapshot_, appearance_, wave.rays, wave.hits, wave.points);
-  for (std::size_t i = 0; i < materials.size(); ++i) see_surface(step, wave.points[i], materials[i], scratch);
+  if (appearance_.programs.empty()) {
+    for (const SurfacePoint& point : wave.points) {
+      Material material =
+          material_at(snapshot_, appearance_, wave.rays[point.ray], wave.hits[point.ray], point.material);
+      see_surface(step, point, material, scratch);
+    }
+  } else {
+    const std::span<Material> materials =
+        scratch.materials.read(snapshot_, appearance_, wave.rays, wave.hits, wave.points);
+    for (std::size_t i = 0; i < materials.size(); ++i) see_surface(step, wave.points[i], materials[i], scratch);
+  }
   light_vertices(step, scratch);
   scatter(step, scratch);
 }
 
 // The surface's own light, what passes by it, and the vertex, if anything is scattered there. What the camera sees is
 // split, so that it is exact; elsewhere chance decides.
-void PathTracer::see_surface(const Step& step, const SurfacePoint& point, Material material, Scratch& scratch) const {
+void PathTracer::see_surface(const Step& step, const SurfacePoint& point, Material& material, Scratch& scratch) const {
   const Wave& wave = scratch.wave;
   Path path = wave.paths[point.ray];
   const Ray& ray = wave.rays[point.ray];

@@ -63,7 +63,7 @@ class PathTracer {
   void see_lights(const Step& step, Wave& wave) const;
   void see_environment(const Step& step, const Wave& wave) const;
   void see_surfaces(const Step& step, Scratch& scratch) const;
-  void see_surface(const Step& step, const SurfacePoint& point, Material material, Scratch& scratch) const;
+  void see_surface(const Step& step, const SurfacePoint& point, Material& material, Scratch& scratch) const;
   [[nodiscard]] Vec3f emitted(const Path& path, const Ray& ray, const Hit& hit, const SurfacePoint& point,
                               const Material& material) const;
   void pass(const Path& path, const Ray& ray, const Hit& hit, float share, Wave& next) const;
