@@ -38,6 +38,7 @@ BOUNDARY_TESTS = (
     "tests/engine/test_bad_curves_and_points.py",
     "tests/engine/test_bad_input.py",
     "tests/engine/test_bulk.py",
+    "tests/engine/test_nodes.py",
     "tests/stress/test_fuzz.py",
 )
 

@@ -310,8 +310,8 @@ class SceneRecord:
 
     motion: within the shutter that the scene was read for; nothing moves without one. All else is as at the frame.
     camera: None if the scene has none. size: (width, height) of a render in pixels, percentage applied.
-    images, lights, world, variants: only if shading was asked for; without it there is no world. variants: of materials
-    that are not the same on each instance, None if all are.
+    images, lights, world, instance_values: only if shading was asked for; without it there is no world.
+    instance_values: (I, K, 4) float32, what nodes ask of each instance; None if they ask for nothing.
     unseen: what was left out because nothing could show it. warnings: sentences for the user (dropped triangles,
     objects that could not be read). not_shown: what an image of it lacks or shows otherwise; of materials, lights and
     the world only if shading was asked for.

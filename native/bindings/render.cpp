@@ -23,8 +23,10 @@ const std::map<std::string, Mode> kModes{
     {"material", Mode::kMaterial},   {"cost", Mode::kCost},
 };
 
-const std::map<std::string, Extension> kExtensions{
-    {"repeat", Extension::kRepeat}, {"extend", Extension::kExtend}, {"clip", Extension::kClip}, {"mirror", Extension::kMirror}};
+const std::map<std::string, Extension> kExtensions{{"repeat", Extension::kRepeat},
+                                                   {"extend", Extension::kExtend},
+                                                   {"clip", Extension::kClip},
+                                                   {"mirror", Extension::kMirror}};
 
 Vec3f as_color(const py::handle& value) {
   const auto [r, g, b] = value.cast<std::tuple<float, float, float>>();

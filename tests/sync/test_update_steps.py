@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 from perfect_bvh_addon.sync.compare import ATTRIBUTES
-from perfect_bvh_addon.sync.look_records import ImageRecord, LightRecords, MaterialRecord, MaterialVariants, WorldRecord
+from perfect_bvh_addon.sync.look_records import ImageRecord, LightRecords, MaterialRecord, WorldRecord
 from perfect_bvh_addon.sync.not_shown import NotShown
 from perfect_bvh_addon.sync.records import CameraRecord, InstanceMotions, SceneMotion, SceneRecord, UnseenMesh
 from sync.fakes import FailureError, StaleError
@@ -38,7 +38,7 @@ CHANGES: dict[str, Any] = {
     "images": (ImageRecord("i", 1, np.zeros((1, 1, 4), np.float32), "repeat"),),
     "lights": LightRecords(kinds=("point",)),
     "world": WorldRecord(),
-    "variants": MaterialVariants(np.zeros(1, np.int32), np.zeros(1, np.int32), {"alpha": np.zeros(1, np.float32)}),
+    "instance_values": np.zeros((1, 1, 4), np.float32),
     "unseen": (UnseenMesh("a", "mesh", 2, "hidden", "A", 3),),
     "warnings": ("something",),
     "motion": SceneMotion((InstanceMotions(np.zeros(1, np.int32), np.zeros((2, 1, 3, 4), np.float32)),)),

@@ -79,7 +79,7 @@ class MaterialTable:
     specular_tints: (M, 3) float32: what the reflectance from straight above is multiplied with; of metals the colour at
         82 degrees. None: white.
     metal_colors, metal_powers: (M, 3) and (M,) float32: the metal's colour is `metal_colors` times the base colour, as
-        images and tints make it, to the power of `metal_powers`. None: white and 1.
+        programs make it, to the power of `metal_powers`. None: white and 1.
     transmission_colors, transmission_powers: the same for what is refracted. None: white and 0.5.
     translucent_colors, translucent_powers: the same for the light that is given back on the other side, as a share of
         all that falls on the whole surface. None: black and 0.

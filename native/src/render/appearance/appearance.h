@@ -34,7 +34,7 @@ struct Texture {
   const float* floats = nullptr;        // four a pixel: scene-linear
   int width = 0, height = 0;
   Extension extension = Extension::kRepeat;
-  bool is_closest = false;  // one pixel everywhere, not between four
+  bool is_closest = false;                    // one pixel everywhere, not between four
   std::shared_ptr<const TextureTiles> tiles;  // if there are any, surfaces show those
 };
 
@@ -99,14 +99,14 @@ inline constexpr std::int32_t kNoHair = -1;
 struct Hair {
   float surface = 0.0f, fiber = 0.0f;
   Vec3f absorption{0, 0, 0};  // by the fiber's radius
-  bool colored = false;       // whether the material's base colour, as images and tints make it, absorbs light, too
+  bool colored = false;       // whether the material's base colour, as programs make it, absorbs light, too
   float roughness = 0.3f, radial_roughness = 0.3f;  // along the strand and around it, 0 to 1, as in Blender
   float coat = 0.0f;                                // how much of the roughness the first reflection is without
   float tilt = 0.0f;                                // of the cuticle's scales, in radians
   float ior = 1.55f;
 };
 
-// The colour that a lobe has: a row's colour times the base colour, as images and tints make it, to the row's power.
+// The colour that a lobe has: a row's colour times the base colour, as programs make it, to the row's power.
 struct TintTable {
   std::span<const Vec3f> colors;
   std::span<const float> powers;

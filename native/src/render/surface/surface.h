@@ -76,9 +76,9 @@ struct SurfacePoint {
   // For light: as `normal`, but on the viewer's side too where single triangles of a mesh are turned round.
   Vec3f light_normal{0, 0, 0};
   Vec3f mesh_normal{0, 0, 0};  // what that was before nodes bent it
-  Vec3f color{0, 0, 0};  // of the material
-  Vec3f along{0, 0, 0};  // of curves: unit length, towards the tip
-  bool inside = false;   // the viewer looks at the side that the mesh's winding makes the inner one
+  Vec3f color{0, 0, 0};        // of the material
+  Vec3f along{0, 0, 0};        // of curves: unit length, towards the tip
+  bool inside = false;         // the viewer looks at the side that the mesh's winding makes the inner one
   // Off the surface towards the viewer, so far that no rounding brings a ray from here back to its own triangle.
   Vec3d origin{0, 0, 0};
   Vec3f lift{0, 0, 0};    // from there to the curved surface that smooth normals suggest, where that lies higher
