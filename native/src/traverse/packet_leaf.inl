@@ -224,8 +224,7 @@ unsigned test_triangles(Packet& packet, const PacketLevel& level, const LeafBloc
   unsigned ambiguous = 0;
   const RayFloat edge_slack = load_rays(triangles.edge_slack + first);
   const float span = span_bound(block);
-  const RayFloat slack = mul(edge_slack, add(every_ray(span), edge_slack)),
-                 grazed = every_ray(grazing_sum(span));
+  const RayFloat slack = mul(edge_slack, add(every_ray(span), edge_slack)), grazed = every_ray(grazing_sum(span));
   for (unsigned i = 0; i < leaf.triangle_count; ++i) {
     const std::uint32_t corners = block.corners[i];
     const unsigned a = corners & 7, b = corners >> 4 & 7, c = corners >> 8 & 7;
