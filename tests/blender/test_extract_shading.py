@@ -409,6 +409,25 @@ def test_background_color_and_strength() -> None:
     assert read().world.color == pytest.approx((0.2, 0.4, 0.8))
 
 
+def test_a_world_of_nodes_is_shown_in_each_direction_and_made_once() -> None:
+    """The direction is the colour: blue above, red along x."""
+    world = new_world()
+    place = world.node_tree.nodes.new("ShaderNodeTexCoord")
+    background = world.node_tree.nodes["Background"]
+    world.node_tree.links.new(place.outputs["Generated"], background.inputs["Color"])
+    cache = ReadCache()
+    first, second = (read_scene(evaluated(), SHADING, cache=cache) for _ in range(2))
+    pixels = first.images[first.world.image].pixels
+    height, width = pixels.shape[:2]
+    assert pixels[-1, 0, :3] == pytest.approx((0.0, 0.0, 1.0), abs=3e-3)
+    assert pixels[height // 2, width // 2, :3] == pytest.approx((1.0, 0.0, 0.0), abs=3e-3)
+    assert pixels[height // 2, width // 4, :3] == pytest.approx((0.0, 1.0, 0.0), abs=3e-3)
+    assert second.images[second.world.image].pixels is pixels
+    background.inputs["Strength"].default_value = 2.0
+    third = read_scene(evaluated(), SHADING, cache=cache)
+    assert third.images[third.world.image].pixels[-1, 0, 2] == pytest.approx(2.0, abs=6e-3)
+
+
 def test_environment_image_with_rotation() -> None:
     world = new_world()
     texture = world.node_tree.nodes.new("ShaderNodeTexEnvironment")

@@ -8,6 +8,7 @@ next frame.
 from __future__ import annotations
 
 import ctypes
+import operator
 import os
 import tempfile
 import threading
@@ -164,9 +165,14 @@ _MOST_PREVIEWED = 1024
 
 @dataclass(slots=True)
 class ImageCache:
-    """What was read last, by image and what was made of it: what it looked like from outside, and the pixels."""
+    """What was read last.
+
+    held: by image and what was made of it: what it looked like from outside, and the pixels. around: by the nodes of a
+    world: the images that they show, and the pixels of what they show in each direction.
+    """
 
     held: dict[tuple[int, Hashable], tuple[tuple[Any, ...], Any]] = field(default_factory=dict)
+    around: dict[Hashable, tuple[list[Pixels], Floats]] = field(default_factory=dict)
 
     def is_current(self) -> bool:
         """Whether reading the same images again would give the same."""
@@ -186,7 +192,7 @@ class ImageReader:
     """
 
     def __init__(self, cache: ImageCache, *, for_preview: bool = False) -> None:
-        self._before, self._for_preview = cache.held, for_preview
+        self._before, self._around_before, self._for_preview = cache.held, cache.around, for_preview
         self.cache = ImageCache()
         self._rows: dict[tuple[Hashable, ...], int] = {}
         self.sources: Collection[Source] = ()  # what nodes ask of instances
@@ -208,6 +214,16 @@ class ImageReader:
                 pixels = self._held(image, uid, None, lambda: self._original(image, uid))
             self.records.append(ImageRecord(image.name, uid, pixels, extension, interpolation, tiles))
         return row
+
+    def around(self, nodes: Hashable, make: Callable[[], Floats]) -> Floats:
+        """What a world's nodes show in each direction: made again only where they or their images are others."""
+        shown = [record.pixels for record in self.records]
+        images, pixels = self._around_before.get(nodes, ([], None))
+        is_same = len(images) == len(shown) and all(map(operator.is_, images, shown))
+        if pixels is None or not is_same:
+            pixels = make()
+        self.cache.around[nodes] = shown, pixels
+        return pixels
 
     def has_alpha(self, image: Any, row: int) -> bool:
         """Whether some pixel of an image, which has this row, is not opaque."""

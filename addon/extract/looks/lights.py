@@ -176,11 +176,18 @@ def _record(value: Value, reader: ValueReader, images: ImageReader) -> WorldReco
     if found is not None:
         row, color, rotation = found
         return WorldRecord(color, row, rotation)
-    values = reader.nodes.evaluate(value.operand, images.arguments(), [_directions()], _WIDTH * _HEIGHT)
-    pixels = np.ones((_HEIGHT, _WIDTH, 4), np.float32)
-    pixels[..., :3] = values[:, : values.shape[1]].reshape(_HEIGHT, _WIDTH, -1)[..., :3]
-    np.nan_to_num(pixels, copy=False, nan=0.0, posinf=65504.0, neginf=0.0)
-    images.records.append(ImageRecord("World", 0, np.maximum(pixels, 0.0), "repeat"))
+    operand = value.operand
+
+    def show() -> npt.NDArray[np.float32]:
+        assert isinstance(operand, Output)
+        values = reader.nodes.evaluate(operand, images.arguments(), [_directions()], _WIDTH * _HEIGHT)
+        pixels = np.ones((_HEIGHT, _WIDTH, 4), np.float32)
+        pixels[..., :3] = values.reshape(_HEIGHT, _WIDTH, -1)[..., :3]
+        np.nan_to_num(pixels, copy=False, nan=0.0, posinf=65504.0, neginf=0.0)
+        return np.maximum(pixels, 0.0)
+
+    pixels = images.around(reader.nodes.program(EMISSION=operand), show)
+    images.records.append(ImageRecord("World", 0, pixels, "repeat"))
     return WorldRecord((1.0, 1.0, 1.0), len(images.records) - 1)
 
 
