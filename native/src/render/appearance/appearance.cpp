@@ -199,6 +199,8 @@ void Appearance::finish() {
   const auto program_sets_alpha = [](const auto& program) { return sets_alpha(program.get()); };
   any_transparent_ = std::any_of(alphas.begin(), alphas.end(), is_below_one) ||
                      std::any_of(programs.begin(), programs.end(), program_sets_alpha);
+  bends_normals_ = std::any_of(programs.begin(), programs.end(),
+                               [](const auto& program) { return program->output(MaterialSlot::kNormal) != nullptr; });
   any_holdout_ = std::any_of(holdout.begin(), holdout.end(), [](std::uint8_t flag) { return flag != 0; }) ||
                  std::any_of(material_holdouts.begin(), material_holdouts.end(), is_above_zero);
 }

@@ -196,6 +196,8 @@ struct Appearance {
   [[nodiscard]] Rgba value_of(const Instance& instance, std::size_t number) const noexcept;
   // Whether some material lets anything through.
   [[nodiscard]] bool any_transparent() const noexcept { return any_transparent_; }
+  // Whether nodes of some material bend its normals.
+  [[nodiscard]] bool bends_normals() const noexcept { return bends_normals_; }
   // The row in the material table.
   [[nodiscard]] std::int32_t material_of(const Instance& instance, std::uint32_t primitive) const;
 
@@ -214,7 +216,7 @@ struct Appearance {
   std::vector<MeshAttributes> meshes_;
   std::vector<std::int32_t> mesh_rows_;      // by mesh id: ids are small and never reused
   std::vector<std::int32_t> instance_rows_;  // by instance id
-  bool any_holdout_ = false, any_transparent_ = false;
+  bool any_holdout_ = false, any_transparent_ = false, bends_normals_ = false;
 };
 
 }  // namespace perfect_bvh

@@ -50,7 +50,8 @@ TileRenderer::TileRenderer(const ModeInputs& inputs, const ShutterRays& shutter,
       filter_dimension_(inputs.settings.seed, 0),
       lens_dimension_(inputs.settings.seed, 1),
       time_dimension_(inputs.settings.seed, 2),
-      pass_needs_{.normals = !targets.normal.empty()},
+      pass_needs_{.normals = !targets.normal.empty(),
+                  .materials = !targets.normal.empty() && inputs.appearance.bends_normals()},
       sample_needs_(mode_->needs() | SurfaceNeeds{.normals = targets.any_guides(), .materials = targets.any_guides()}),
       sample_count_(mode_->is_exact() ? 1 : inputs.settings.samples),
       centred_(mode_->is_exact() ||
@@ -129,6 +130,7 @@ void TileRenderer::store_centres(TileScratch& scratch) const {
   const auto store = [&](const auto& rays, const auto& hits, SurfaceNeeds needs) {
     scratch.points.clear();
     find_surfaces(inputs_.snapshot, appearance, needs, rays, hits, scratch.points);
+    if (pass_needs_.materials) scratch.materials.read(inputs_.snapshot, appearance, rays, hits, scratch.points);
     store_passes(targets_, inputs_.snapshot, appearance, shutter_, border_, inputs_.settings.width,
                  {scratch.pixels, rays, hits, scratch.counts, scratch.points});
   };

@@ -61,6 +61,7 @@ struct TileScratch {
   AlignedVector<Vec3f> albedos, normals, albedo_sums, normal_sums;  // if a denoiser's guides are wanted
   AlignedVector<Point2> offsets;                                    // of samples from the centres of their pixels
   ShadeScratch shade;
+  MaterialReader materials;  // if they bend normals
 };
 
 class TileRenderer {

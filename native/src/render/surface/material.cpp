@@ -186,7 +186,8 @@ std::span<Material> MaterialReader::read(const Snapshot& snapshot, const Appeara
     inputs.clear();
     std::size_t last = first;
     for (; last < order_.size() && points[order_[last]].material == row && inputs.count() < kNodeLanes; ++last) {
-      const SurfacePoint& point = points[order_[last]];
+      SurfacePoint& point = points[order_[last]];
+      point.light_normal = point.mesh_normal;  // what was bent before is bent anew
       inputs.add(snapshot.instances[hits[point.ray].instance_index], rays[point.ray], hits[point.ray], point);
     }
     inputs.prepare(program.needs());

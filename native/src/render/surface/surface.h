@@ -103,10 +103,9 @@ inline constexpr Vec3f kPlainColor{0.8f, 0.8f, 0.8f};  // where there is no mate
 // Works out materials, and the normals that their nodes bend; its memory is kept for the next batch.
 class MaterialReader {
  public:
-  // points: of these rays and hits, with all that SurfaceNeeds knows. In their order, until the next call.
-  [[nodiscard]] std::span<Material> read(const Snapshot& snapshot, const Appearance& appearance,
-                                         std::span<const Ray> rays, std::span<const Hit> hits,
-                                         std::span<SurfacePoint> points);
+  // points: of these rays and hits, with normals and materials. In their order, until the next call.
+  std::span<Material> read(const Snapshot& snapshot, const Appearance& appearance, std::span<const Ray> rays,
+                           std::span<const Hit> hits, std::span<SurfacePoint> points);
 
  private:
   std::vector<Material> materials_;
