@@ -231,3 +231,13 @@ def test_needles_whose_normal_is_noise_are_not_judged() -> None:
         wrong += scene.cast_rays(targets - directions, directions, audit=1.0).audit.wrong_rows.size
         scene.remove_instances([instance])
     assert wrong == 0
+
+
+@pytest.mark.parametrize("exponent", [-120, 0, 126, 140, 149, 160])
+def test_a_t_that_is_hardly_a_float_raises_no_alarm(exponent: int) -> None:
+    """Floats below 2^-126 have few bits."""
+    scene = perfect_bvh.Scene()
+    scene.add_instance(scene.add_mesh(np.array([(-1, -1, 0), (1, -1, 0), (0, 1, 0)], np.float32), [[0, 1, 2]]))
+    scene.commit()
+    hits = scene.cast_rays([[0, 0, 1.0]], [[0, 0, -1.5 * 2.0**exponent]], audit=1.0)
+    assert hits.is_hit.all() and hits.audit.wrong_rows.size == 0 and hits.audit.checked_count == 1

@@ -256,7 +256,7 @@ static inline bool intersect_triangle(const TriangleRay& ray, const ExactRay& ex
 // units). Out: surely hit (inside all three edges by more than the margin), surely missed, or neither; t, and by how
 // much a right answer may differ from it.
 
-inline constexpr double kFloatUlp = 0x1p-24;
+inline constexpr double kFloatUlp = 0x1p-24, kLeastFloat = 0x1p-149;
 // Of the margin: what double precision loses where float loses that.
 inline constexpr double kDoubles = 0x1p-22;
 
@@ -318,7 +318,7 @@ struct JudgedHit {
   const Vec3d from_origin[3] = {triangle.corners[0] - ray.origin, triangle.corners[1] - ray.origin,
                                 triangle.corners[2] - ray.origin};
   result.t = dot(triangle.normal, from_origin[0]) / facing;
-  const double rounding = 2.0 * kFloatUlp * std::abs(result.t);
+  const double rounding = 2.0 * kFloatUlp * std::abs(result.t) + kLeastFloat;
   const double moved = margin * std::sqrt(triangle.squared_area) / std::abs(facing);
   result.bound = rounding + moved;
   if (!std::isfinite(result.t) || !std::isfinite(result.bound)) return result;
