@@ -168,6 +168,53 @@ def test_hits_of_moving_shapes_are_exact(shape: str) -> None:
     assert not wrong_answers(scene, met, t, case.origins, case.directions, times=0.5).any()
 
 
+def rays_near_planes(positions: np.ndarray, triangles: np.ndarray, random) -> tuple[F64, F64]:
+    """For each triangle 200 rays through it, from 3 and from 3e6 away, at angles of 2^-48 to 2^-31 to its plane."""
+    corners = np.repeat(positions.astype(np.float64)[triangles], 200, axis=0)
+    side = corners[:, 1] - corners[:, 0]
+    normals = np.cross(side, corners[:, 2] - corners[:, 0])
+    units = normals / np.linalg.norm(normals, axis=1, keepdims=True)
+    along = side / np.linalg.norm(side, axis=1, keepdims=True)
+    turn = random.uniform(0, 2 * np.pi, (len(corners), 1))
+    ways = np.cos(turn) * along + np.sin(turn) * np.cross(units, along)
+    ways += 2.0 ** random.integers(-48, -30, (len(corners), 1)) * units * random.choice([-1, 1], (len(corners), 1))
+    targets = np.einsum("rc,rcx->rx", random.dirichlet([2, 2, 2], len(corners)), corners)
+    origins = targets + random.choice([3.0, 3e6], (len(corners), 1)) * ways
+    return origins, targets - origins
+
+
+@pytest.mark.parametrize("kind", ["at rest", "mirrored", "squeezed", "turning", "bending"])
+def test_front_faces_are_those_that_culling_leaves(kind: str) -> None:
+    """Rays almost in the planes of slivers, whose sides a rounded product of normal and direction does not tell."""
+    random = np.random.default_rng(21)
+    unlike_count = found = 0
+    for _ in range(30):
+        corners = random.normal(size=(3, 3))
+        corners[2] = corners[0] + 0.4 * (corners[1] - corners[0]) + 2.0 ** -random.integers(14, 23) * corners[2]
+        positions = corners.astype(np.float32)
+        origins, directions = rays_near_planes(positions, np.array([[0, 1, 2]]), random)
+        place = np.diag([-1.0 if kind == "mirrored" else 1.0, 1.0, 1.0 if kind == "at rest" else 1e-4, 1.0])
+        scene = perfect_bvh.Scene()
+        mesh = scene.add_mesh(positions, np.array([[0, 1, 2]]))
+        instance = scene.add_instance(mesh, place)
+        if kind == "turning":
+            turned = np.array([(0.0, -1.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0), (0.0, 0.0, 1.0, 0.0), (0, 0, 0, 1.0)])
+            scene.set_instance_motion([instance], np.stack([place[None], (turned @ place)[None]]))
+        if kind == "bending":
+            scene.set_mesh_motion(
+                mesh, np.stack([positions, positions + random.normal(size=(3, 3)).astype(np.float32)])
+            )
+        scene.commit()
+        times = np.where(random.random(len(origins)) < 0.5, 0.0, 2.0**-40).astype(np.float32)
+        rays = {"t_min": -np.inf, "times": times if kind in ("turning", "bending") else 0.0}
+        rays |= {"origins": origins @ place[:3, :3], "directions": directions @ place[:3, :3]}
+        hits = scene.cast_rays(**rays, fields=("front_face", "t_hit"))
+        fronts = scene.cast_rays(**rays, fields=("t_hit",), cull="back").is_hit
+        unlike_count += int((hits.is_hit & (hits.front_face != fronts)).sum())
+        found += int(hits.is_hit.sum())
+    assert unlike_count == 0 and found > 200
+
+
 def test_a_closed_mesh_is_crossed_an_even_number_of_times() -> None:
     """By rays that begin outside and touch no vertex or edge: points of edges are moved into a triangle."""
     positions, triangles = meshes.sphere(9, 8)

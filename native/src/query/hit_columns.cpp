@@ -4,6 +4,7 @@
 #include <array>
 
 #include "math/elementary.h"
+#include "query/facing.h"
 #include "query/round_surface.h"
 #include "query/trace.h"
 
@@ -80,12 +81,6 @@ void store(T* column, std::size_t row, Vec3d value) {
   column[3 * row + 2] = static_cast<T>(value.z);
 }
 
-void store_normal(const HitColumns& out, std::size_t row, const WorldTriangle& triangle, const Ray& ray) {
-  const Vec3d normal = normalized(triangle.scaled_normal());
-  if (out.normals) store(out.normals, row, normal);
-  if (out.front_face) out.front_face[row] = dot(normal, ray.direction) < 0 ? 1 : 0;
-}
-
 void store_round_geometry(const HitColumns& out, std::size_t row, const RoundPoint& point) {
   if (out.normals) store(out.normals, row, point.normal);
   if (out.positions) store(out.positions, row, point.position);
@@ -157,9 +152,11 @@ void store_geometries(const HitColumns& out, const Rows& rows, Placers& placers)
       store_round_geometry(out, row, point);
       continue;
     }
-    if (out.normals || out.front_face) {
-      store_normal(out, row, placers.triangles.place(instance, corners[i], rows.rays[i]), rows.rays[i]);
+    if (out.normals) {
+      const WorldTriangle triangle = placers.triangles.place(instance, corners[i], rows.rays[i]);
+      store(out.normals, row, normalized(triangle.scaled_normal()));
     }
+    if (out.front_face) out.front_face[row] = shows_front(rows.snapshot, hit, corners[i], rows.rays[i]) ? 1 : 0;
     if (out.positions) store(out.positions, row, ray_position(instance, corners[i], hit, rows.rays[i]));
   }
 }
