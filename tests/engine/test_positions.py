@@ -132,3 +132,29 @@ def test_normals_of_tiny_triangles_far_from_the_origin() -> None:
         if hit.is_hit:
             np.testing.assert_allclose(hit.geometric_normals, normal, atol=1e-6)
             assert not hit.front_face
+
+
+@pytest.mark.parametrize("exponent", [0, 100, 126, 140, 149, 160, 400])
+@pytest.mark.parametrize("kind", ["triangle", "point"])
+def test_distances_of_directions_so_long_that_t_is_hardly_a_float(kind, exponent):
+    scene = perfect_bvh.Scene()
+    if kind == "triangle":
+        made = scene.add_mesh(np.array([(-1, -1, 0), (1, -1, 0), (0, 1, 0)], np.float32), np.array([[0, 1, 2]]))
+    else:
+        made = scene.add_points(np.zeros((1, 3)), 0.25)
+    scene.add_instance(made)
+    scene.commit()
+    far = [[0.0, 0.0, 1.0], [0.0, 0.0, -1.0]]
+    hits = scene.cast_rays(far, [[0.0, 0.0, -1.5 * 2.0**exponent]], t_min=-np.inf, fields=("distances", "t_hit"))
+    expected = [1.0, -1.0] if kind == "triangle" else [0.75, -1.25]
+    np.testing.assert_allclose(hits.distances, expected, rtol=2.0**-23)
+
+
+def test_a_ray_that_begins_on_a_surface_is_at_no_distance():
+    """Its point may be some roundings away."""
+    scene = perfect_bvh.Scene()
+    corners = np.array([(100.1, 0.3, 0.7), (101.3, 2.9, 0.4), (99.7, 0.1, 3.3)], np.float32)
+    scene.add_instance(scene.add_mesh(corners, np.array([[0, 1, 2]])))
+    scene.commit()
+    hits = scene.cast_rays(corners, corners[::-1] + (3.0, 1.0, 2.0), t_min=-1e-3, fields=("distances", "t_hit"))
+    assert (hits.distances[hits.t_hit == 0.0] == 0.0).all()

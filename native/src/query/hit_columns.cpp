@@ -2,6 +2,8 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
+#include <limits>
 
 #include "math/elementary.h"
 #include "query/facing.h"
@@ -65,15 +67,6 @@ void store_round_identities(const HitColumns& out, const Rows& rows) {
   }
 }
 
-void store_distances(double* column, const Rows& rows) {
-  for (std::size_t i = 0; i < rows.hits.size(); ++i) {
-    // Not length: the square of a tiny or huge direction is not a number that a double can hold.
-    const Vec3d d = rows.rays[i].direction;
-    const Hit& hit = rows.hits[i];
-    column[i] = hit.found() ? static_cast<double>(hit.t) * hypotenuse(d.x, d.y, d.z) : kInfiniteDistance;
-  }
-}
-
 template <class T>
 void store(T* column, std::size_t row, Vec3d value) {
   column[3 * row] = static_cast<T>(value.x);
@@ -121,7 +114,48 @@ class Placer {
 struct Placers {
   Placer triangles;
   RoundPlacer round;
+
+  [[nodiscard]] RoundPoint place_round(const Instance& instance, const Hit& hit, const Ray& ray) noexcept {
+    return instance.turns != nullptr ? RoundPlacer().place(posed(instance, ray.time), hit, ray)
+                                     : round.place(instance, hit, ray);
+  }
 };
+
+// Of a hit whose t is below a float's normal numbers, from the point that it is at: of a direction longer than 2^100
+// the t says little of how far away that is.
+double distance_to_point(const Instance& instance, const Hit& hit, const Ray& ray, Placers& placers) noexcept {
+  const Vec3d d = ray.direction;
+  const double longest = largest_component(&d.x), factor = __builtin_scalbn(1.0, -__builtin_ilogb(longest));
+  Ray shorter = ray;
+  shorter.direction = d * factor;
+  const Mesh& mesh = instance.blas->mesh;
+  const Vec3d position = mesh.is_round() ? placers.place_round(instance, hit, ray).position
+                                         : ray_position(instance, mesh.triangles[hit.primitive_index], hit, shorter);
+  const Vec3d way = shorter.direction;
+  return dot(position - ray.origin, way) / hypotenuse(way.x, way.y, way.z);
+}
+
+void store_distances(double* column, const Rows& rows) {
+  constexpr float kLeastNormal = std::numeric_limits<float>::min();
+  constexpr double kLeastFloat = 0x1p-149;
+  Placers placers;
+  for (std::size_t i = 0; i < rows.hits.size(); ++i) {
+    const Hit& hit = rows.hits[i];
+    if (!hit.found()) {
+      column[i] = kInfiniteDistance;
+      continue;
+    }
+    // Not length: the square of a tiny or huge direction is not a number that a double can hold.
+    const Vec3d d = rows.rays[i].direction;
+    const double length = hypotenuse(d.x, d.y, d.z);
+    column[i] = static_cast<double>(hit.t) * length;
+    if (std::abs(hit.t) >= kLeastNormal) continue;
+    const Instance& instance = rows.snapshot.instances[hit.instance_index];
+    const double distance = distance_to_point(instance, hit, rows.rays[i], placers);
+    // Of a ray that begins at the surface the point may be further off than t.
+    if (!(std::abs(distance - column[i]) > kLeastFloat * length)) column[i] = distance;
+  }
+}
 
 // The fields that need the triangle's corners, of at most kFetchedHits rows. Of triangles at random every corner is a
 // wait for memory; asked for beforehand, all of them are one.
@@ -146,10 +180,7 @@ void store_geometries(const HitColumns& out, const Rows& rows, Placers& placers)
     }
     const Instance& instance = instances[hit.instance_index];
     if (instance.blas->mesh.is_round()) {
-      const bool turns = instance.turns != nullptr;
-      const RoundPoint point = turns ? RoundPlacer().place(posed(instance, rows.rays[i].time), hit, rows.rays[i])
-                                     : placers.round.place(instance, hit, rows.rays[i]);
-      store_round_geometry(out, row, point);
+      store_round_geometry(out, row, placers.place_round(instance, hit, rows.rays[i]));
       continue;
     }
     if (out.normals) {
