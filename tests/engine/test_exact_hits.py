@@ -215,6 +215,26 @@ def test_front_faces_are_those_that_culling_leaves(kind: str) -> None:
     assert unlike_count == 0 and found > 200
 
 
+@pytest.mark.parametrize("isa", perfect_bvh.available_isas())
+@pytest.mark.parametrize("size", [1e-91, 1e-200, 1e-308, 5e-324])
+def test_components_that_are_too_small_for_exact_products_count_as_zero(size: float, isa: str) -> None:
+    """A ray that they would lead past an edge, or a vertex, hits it."""
+    scene = perfect_bvh.Scene()
+    scene.add_instance(scene.add_mesh(np.array([(0, 0, 0), (1, 0, 0), (0, 1, 0)], np.float32), np.array([[0, 1, 2]])))
+    scene.commit()
+    origins = np.repeat([(0.0, 0.0, 1.0), (0.0, 0.5, 1.0), (0.5, 0.0, 1.0), (0.5, 0.5, 1.0)], 4, axis=0)
+    directions = np.tile([(-size, 0.0, -1.0), (0.0, -size, -1.0), (size, size, -1.0), (-size, size, -1.0)], (4, 1))
+    perfect_bvh.set_active_isa(isa)
+    try:
+        for strategy in ("stream", "packets"):
+            traced = Traced(scene, strategy)
+            assert traced.cast_rays(origins, directions).is_hit.all()
+            assert traced.cast_rays(origins * 2.0**-40, directions * 2.0**-40).is_hit.all()
+    finally:
+        perfect_bvh.set_active_isa(None)
+    assert not scene.cast_rays(origins[:1], [(-1e-80, 0.0, -1.0)]).is_hit.any()
+
+
 def test_a_closed_mesh_is_crossed_an_even_number_of_times() -> None:
     """By rays that begin outside and touch no vertex or edge: points of edges are moved into a triangle."""
     positions, triangles = meshes.sphere(9, 8)

@@ -5,6 +5,7 @@
 #include <atomic>
 #include <cmath>
 #include <limits>
+#include <type_traits>
 
 #include "core/aligned.h"
 #include "core/errors.h"
@@ -35,13 +36,22 @@ inline bool can_hit(Vec3d o, Vec3d d, float t_min, float t_max) noexcept {
   return (zeros.x + zeros.y + zeros.z == 0.0) & (length > 0.0) & (t_min <= t_max);
 }
 
+// What is so short beside the longest component is zero: products of three with it could be smaller than a double holds
+// (math/exact_edges.h), and answers would go by how they are rounded. No floats are.
+Vec3d without_traces(Vec3d d) noexcept {
+  const double least = 0x1p-300 * std::max({std::abs(d.x), std::abs(d.y), std::abs(d.z)});
+  const auto kept = [least](double x) { return std::abs(x) < least ? std::copysign(0.0, x) : x; };
+  return {kept(d.x), kept(d.y), kept(d.z)};
+}
+
 template <class Origin, class Direction>
 std::size_t load(const RayColumns& columns, Vectors<Origin> origins, Vectors<Direction> directions, std::size_t first,
                  std::span<Ray> rays) noexcept {
   std::size_t valid = 0;
   for (std::size_t i = 0; i < rays.size(); ++i) {
     const std::size_t row = first + i;
-    const Vec3d origin = origins[row], direction = directions[row];
+    const Vec3d origin = origins[row], given = directions[row];
+    const Vec3d direction = std::is_same_v<Direction, double> ? without_traces(given) : given;
     const float t_min = columns.t_min[row * columns.t_min_stride], time = columns.times[row * columns.time_stride];
     // No ray of no time hits anything: its range is none.
     constexpr float kNoRange = std::numeric_limits<float>::quiet_NaN();
