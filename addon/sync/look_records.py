@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 import numpy.typing as npt
-from perfect_bvh.nodes import NodeProgram
+
+if TYPE_CHECKING:  # records are there without the engine, too
+    from perfect_bvh.nodes import NodeProgram
 
 Extension = Literal["repeat", "extend", "clip", "mirror"]
 Interpolation = Literal["linear", "closest"]
