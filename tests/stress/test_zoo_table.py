@@ -56,8 +56,11 @@ def test_the_kept_figures_are_those_of_this_engine(case: FailureCase) -> None:
 
 @pytest.mark.parametrize("case", ROUND_CASES, ids=lambda case: case.name)
 def test_the_kept_figures_of_curves_and_points_are_those_of_this_engine(case: RoundCase) -> None:
+    """But for what float32 formulas lose: numpy rounds their sums in another order on other processors."""
     kept = next(each for each in FIGURES["round_cases"] if each["name"] == case.name)
-    assert round_row(case) == kept, "python tests/stress/zoo.py --write"
+    found = round_row(case)
+    assert found["naive"] == pytest.approx(kept["naive"], rel=0.2), "python tests/stress/zoo.py --write"
+    assert found | {"naive": kept["naive"]} == kept, "python tests/stress/zoo.py --write"
     assert kept["as_triangles"] > 0
 
 
