@@ -46,6 +46,7 @@ class SceneParts:
     instances: InstanceRecords
     world: WorldRecord | None
     instance_values: Float32Array | None
+    materials_follow: bool  # other objects, by where these are
     unseen: tuple[UnseenMesh, ...]
     instances_lights: bool
     warnings: tuple[str, ...]
@@ -84,7 +85,8 @@ def remember(
     look = visibility.look
     if shown is None or log is None or look is None:
         return None
-    if parts.instance_values is not None:  # which objects' properties they depend on is not kept
+    # Which objects' places and properties materials depend on is not kept.
+    if parts.instance_values is not None or parts.materials_follow:
         return None
     originals = [obj.original for obj in depsgraph.objects]
     # What is edited or sculpted may change without a notice from Blender: it is read every time.

@@ -152,6 +152,7 @@ def _read_parts(
         instances=instances,
         world=world,
         instance_values=instance_values(materials.sources, columns.of),
+        materials_follow=materials.follow_objects,
         unseen=groups.unseen,
         instances_lights=groups.instances_lights,
         warnings=(*meshes.warnings, *groups.warnings, *map(str, images.not_shown)),

@@ -9,7 +9,7 @@ import bpy
 import numpy as np
 import pytest
 from blender.builders import SQUARE, camera_object, collection, collection_instance, evaluated, mesh_data, mesh_object
-from blender.node_setups import new_red, shader
+from blender.node_setups import add, new_red, shader
 from blender.syncing import height
 from perfect_bvh_addon import AttributeRequest, SceneSync
 from perfect_bvh_addon.events.asking import EvaluationLog
@@ -215,6 +215,25 @@ def test_a_changed_image_is_read(sync: SceneSync, readings: list[bool]) -> None:
     sync.update(evaluated())
     assert readings == [True]
     assert_as_fresh(sync)
+
+
+def test_an_object_that_coordinates_follow_is_never_old(sync: SceneSync, readings: list[bool]) -> None:
+    """Nor does one that is scaled to nothing end the reading."""
+    paint = bpy.data.materials["paint"]
+    if not paint.node_tree:
+        paint.use_nodes = True
+    place = add(paint.node_tree, "TexCoord")
+    place.object = thing("empty")
+    paint.node_tree.links.new(place.outputs["Object"], shader(paint).inputs["Base Color"])
+    sync.update(evaluated())
+    first = sync.record.materials
+    for change in ({"location": (1.0, 2.0, 3.0)}, {"scale": (0.0, 1.0, 1.0)}):
+        for name, value in change.items():
+            setattr(thing("empty"), name, value)
+        sync.update(evaluated())
+        assert sync.record.materials != first
+        first = sync.record.materials
+    assert all(readings)
 
 
 def test_edit_mode_is_read_again(sync: SceneSync, readings: list[bool]) -> None:

@@ -200,7 +200,7 @@ class ImageReader:
         self.not_shown: dict[NotShown, None] = {}  # in the order in which they are met
 
     def row(self, image: Any, extension: Extension = "repeat", interpolation: Interpolation = "linear") -> int:
-        """The row of an image as it is laid over surfaces."""
+        """Return the row of an image with this extension and interpolation."""
         uid = image.original.session_uid
         place = (uid, extension, interpolation)
         row = self._rows.get(place)

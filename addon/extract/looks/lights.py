@@ -168,7 +168,7 @@ def _follow_shader(socket: Any, scope: Scope | None, reader: ValueReader, depth:
 
 
 def _record(value: Value, reader: ValueReader, images: ImageReader) -> WorldRecord:
-    """An image that stands round the scene as it is, or one of what the nodes show in each direction."""
+    """Return the world as a colour, as its one image, or as an image of its nodes' values in each direction."""
     if value.is_even:
         red, green, blue = (max(channel, 0.0) for channel in reader.overall(value))
         return WorldRecord((red, green, blue))

@@ -163,7 +163,7 @@ def _amount(part: Part, kind: str) -> float:
 
 
 def add_translucent(nodes: Nodes, lobes: Lobes, more: Lobes) -> Lobes:
-    """Lobes with what another surface lets through beside them."""
+    """Add what another surface lets through to lobes."""
     return replace(lobes, translucent=nodes.plus(lobes.translucent, more.translucent))
 
 

@@ -34,6 +34,7 @@ class MaterialReader:
         self._override = override
         self._images = images
         self.sources: dict[Source, int] = {}  # what nodes ask of instances, by their rows among the instances' values
+        self.follow_objects = False  # whether materials depend on where other objects are
         if images is not None:
             images.sources = self.sources
         self._rows: dict[int, int] = {}
@@ -67,6 +68,7 @@ class MaterialReader:
         omissions = Omissions("material")
         read = read_surface(material, self._images, omissions, self.sources)
         self.not_shown += omissions.rows(material)
+        self.follow_objects = self.follow_objects or read.values.follows_objects
         if read.surface.has_volume:
             self._volumes.add(row)
         record = _with_surface(record, read)

@@ -32,7 +32,6 @@ from .node_values import HALF, ValueReader
 from .values import ImageRows, Nodes, Source, Value, constant, is_number
 
 BLACK: Operand = (0.0, 0.0, 0.0)
-WHITE: Operand = (1.0, 1.0, 1.0)
 
 LEAST_IOR = 1e-5
 _DEEPEST = 64
@@ -44,7 +43,7 @@ class Surface:
     """base, emission: colours; emission is radiance of what is there. alpha: 0 to 1.
 
     lobes: what of it mirrors, refracts and lets light through. normal: None for that of the mesh. hair: what curves of
-    it are instead; hair_base: the base colour that its record means. holdout: of what is there, how much cuts a hole
+    it are instead. holdout: of what is there, how much cuts a hole
     into the image; a number for all of the surface. has_volume: it is nothing but the border of one, and shows nothing.
     """
 
@@ -219,7 +218,7 @@ class _SurfaceReader:
         return {"roughness": roughness, "lossy_facets": float(is_lossy)}
 
     def _share(self, socket: Any, unknown: float, scope: Scope | None) -> Operand:
-        """Read a number of 0 to 1; what is none is 0."""
+        """Read a number and clamp it to 0 to 1."""
         return self._nodes.clamp(self._values.number(socket, unknown, scope))
 
     def _least(self, number: Operand, least: float) -> Operand:

@@ -150,12 +150,9 @@ def _map_range(reader: ValueReader, node: Any, output: Any, scope: Scope | None)
     made = made if is_vector else channels_of(made, 0)
     if node.clamp and node.interpolation_type in {"LINEAR", "STEPPED"}:
         low, high = values[3].operand, values[4].operand
-        pick = reader.nodes.add if is_vector else None
-        least = _extreme(reader.nodes, low, high, "MINIMUM", pick is not None)
-        most = _extreme(reader.nodes, low, high, "MAXIMUM", pick is not None)
-        made = _extreme(
-            reader.nodes, _extreme(reader.nodes, made, least, "MAXIMUM", is_vector), most, "MINIMUM", is_vector
-        )
+        least, most = (_extreme(reader.nodes, low, high, mode, is_vector) for mode in ("MINIMUM", "MAXIMUM"))
+        above = _extreme(reader.nodes, made, least, "MAXIMUM", is_vector)
+        made = _extreme(reader.nodes, above, most, "MINIMUM", is_vector)
     return Value(made)
 
 

@@ -29,7 +29,8 @@ def _coordinates(reader: ValueReader, node: Any, output: Any, scope: Scope | Non
     if kind == "Object" and node.object is None:
         return reader.input("OBJECT")
     if kind == "Object":
-        inverse = np.linalg.inv(np.array(node.object.matrix_world, np.float64))
+        reader.follows_objects = True
+        inverse = np.array(node.object.matrix_world.inverted_safe(), np.float64)
         return reader.work("transform", reader.input("POSITION"), numbers=inverse[:3].ravel().tolist())
     if kind == "Normal":
         return reader.input("OBJECT_NORMAL")
@@ -118,7 +119,7 @@ def _light_path(reader: ValueReader, node: Any, output: Any, scope: Scope | None
 
 @reads("ATTRIBUTE", "VERTEX_COLOR")
 def _attribute(reader: ValueReader, node: Any, output: Any, scope: Scope | None) -> Value:
-    """What a mesh was painted with, or what an object or its instancer has; a number of a mesh is a guess."""
+    """What a mesh has, or what an object or its instancer has; of the alpha of a mesh's colours nothing is read."""
     kind = getattr(node, "attribute_type", "GEOMETRY")
     if kind in ATTRIBUTE_KINDS:
         found = reader.ask(Source(ATTRIBUTE_KINDS[kind], node.attribute_name))
@@ -130,6 +131,7 @@ def _attribute(reader: ValueReader, node: Any, output: Any, scope: Scope | None)
     if kind != "GEOMETRY" or reader.omissions.kind != "material":
         return reader.fallback
     if output.identifier == "Alpha":
+        reader.omissions.note(f"Alpha of {node.bl_label}", "1 is")
         return constant(1.0)
     if not name and node.type == "ATTRIBUTE":
         return constant(0.0, 0.0, 0.0)
@@ -187,10 +189,10 @@ def _bump(reader: ValueReader, node: Any, output: Any, scope: Scope | None) -> V
     normal = reader.normal(node.inputs["Normal"], scope)
     if height.is_guess or height.is_even:
         return Value(normal, height.is_guess)
-    beside = [reader.nodes.shifted(height.operand, side) for side in (1, 2)]
+    shifted = [reader.nodes.shifted(height.operand, side) for side in (1, 2)]
     ways = [reader.input("SIDE", number=side) for side in (1, 2)]
     far = reader.nodes.times(distance.operand, -1.0) if node.invert else distance.operand
-    return reader.work("bump", strength, far, height.operand, *beside, normal, *ways)
+    return reader.work("bump", strength, far, height.operand, *shifted, normal, *ways)
 
 
 @reads("LIGHT_FALLOFF")

@@ -76,7 +76,7 @@ class Nodes(NodeBuilder):
         return self.add("vector_math", above, most, 0.0, 0.0, mode="MINIMUM")
 
     def mix(self, share: Operand, one: Operand, other: Operand, mode: str = "MIX") -> Operand:
-        """`share` is taken as it is; see the instruction "mix"."""
+        """Blend two values; `share` is not clamped."""
         if mode == "MIX" and (is_number(share, 0.0) or one == other):
             return one
         if mode == "MIX" and is_number(share, 1.0):
@@ -88,12 +88,10 @@ class Nodes(NodeBuilder):
         self, weights: tuple[Operand, Operand], values: tuple[Operand, Operand], otherwise: Operand
     ) -> Operand:
         """The mean of two values by weights of 0 or more; by the share `otherwise` of the second where both are 0."""
+        if is_number(weights[0], 0.0) and is_number(weights[1], 0.0):
+            return self.mix(otherwise, *values)
         if values[0] == values[1] or is_number(weights[1], 0.0):
-            return (
-                values[0]
-                if not (is_number(weights[0], 0.0) and values[0] != values[1])
-                else self.mix(otherwise, *values)
-            )
+            return values[0]
         if is_number(weights[0], 0.0):
             return values[1]
         whole = self.plus(*weights)
