@@ -31,7 +31,7 @@ class PERFECT_BVH_OT_bench(Ticking, bpy.types.Operator):
     """Steps through the measurements in a timer."""
 
     bl_idname = "perfect_bvh.bench"
-    bl_label = "Bench This Scene"
+    bl_label = "Benchmark This Scene"
     bl_description = (
         "Measure what builders and policies cost and gain on this scene, and show it as a table. "
         "Where matplotlib is installed, the Image Editor shows charts of it too"
@@ -215,13 +215,13 @@ class PERFECT_BVH_OT_compare(Ticking, bpy.types.Operator):
     def _tick(self, context: bpy.types.Context) -> set[str] | None:
         if self._work.is_running:
             context.window_manager.progress_update(100 * self._work.share)
-            self._tell(context, f"Comparing trees {self._work.share:.0%}: Esc stops it")
+            self._tell(context, f"Comparing builders {self._work.share:.0%} | Esc: Cancel")
             return None
         self._end(context)
         return self._finish(context)
 
     def _stopped(self) -> str:
-        return "Comparing was stopped"
+        return "Comparison canceled"
 
     def _finish(self, context: bpy.types.Context) -> set[str]:
         import perfect_bvh

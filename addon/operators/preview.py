@@ -1,7 +1,7 @@
 """The button Render View to Image: what a 3D viewport shows in the Image Editor, whatever the render engine is.
 
 In a window it works while Blender goes on: trees are built beside it, the image is refined in steps of a timer, each
-round is shown, and Esc stops it with what it has. Without one it does the same in one go, through the scene's camera.
+round is shown, and Esc cancels it and keeps the last round. Without one it does the same in one go, through the scene's camera.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ class PERFECT_BVH_OT_preview(Ticking, bpy.types.Operator):
     bl_label = "Render View to Image"
     bl_description = (
         "Render what the 3D viewport shows into an image, and show it in the Image Editor. A Rendered viewport has its "
-        "own Render Pass and lighting, any other these settings"
+        "own Mode and lighting, any other these settings"
     )
     bl_options: ClassVar = {"REGISTER"}
 
@@ -79,8 +79,7 @@ class PERFECT_BVH_OT_preview(Ticking, bpy.types.Operator):
 
     def _stopped(self) -> str:
         count = None if self._refinement is None else self._refinement.sample_count
-        when = "before there was an image" if count is None else f"after {count} samples"
-        return f"Rendering the view was stopped {when}"
+        return "Canceled before the first sample" if not count else f"Canceled after {count} samples"
 
     def _attempt(self, work: Callable[[], None]) -> bool:
         """Whether it has succeeded; the reason is reported if not."""
@@ -159,7 +158,7 @@ class PERFECT_BVH_OT_preview(Ticking, bpy.types.Operator):
             state = f"Building trees {self._view.building.share:.0%}"
         else:
             state = f"Rendering the view: sample {self._refinement.sample_count}/{self._refinement.view.plan.samples}"
-        self._tell(context, f"{state}: Esc stops it")
+        self._tell(context, f"{state} | Esc: Cancel")
 
     def _end(self, context: bpy.types.Context) -> None:
         if self._refinement is None:

@@ -45,7 +45,7 @@ class PERFECT_BVH_OT_scan(Ticking, bpy.types.Operator):
 
     bl_idname = "perfect_bvh.scan"
     bl_label = "Scan"
-    bl_description = "Cast the sensor's rays, and make a point cloud or files of what they meet. Esc stops it"
+    bl_description = "Cast the sensor's rays and save their hits as a point cloud or files. Esc cancels"
     bl_options: ClassVar = {"REGISTER", "UNDO"}
 
     # Blender evaluates these annotations, and the scanner's module needs the native engine.
@@ -62,11 +62,11 @@ class PERFECT_BVH_OT_scan(Ticking, bpy.types.Operator):
         scene = context.scene
         settings = scene.perfect_bvh.scan
         if context.mode != "OBJECT":
-            return "Points are added as an object: leave the mode of the active one first"
+            return "Switch to Object Mode first: the points are added as an object"
         if settings.sensor is None and not has_camera(scene):
-            return "There is neither a sensor nor an active camera"
+            return "No sensor: choose a Sensor Object, or add a camera"
         if not settings.use_points and not settings.use_files:
-            return "Nothing would be made: choose Points in Scene, Files, or both"
+            return "Nothing to output: enable Add Point Cloud or Write Files"
         if settings.use_points and scene.library is not None:
             return "The scene is linked from another file: nothing can be added to it"
         return None
@@ -152,7 +152,7 @@ class PERFECT_BVH_OT_scan(Ticking, bpy.types.Operator):
     def _show_state(self, context: bpy.types.Context) -> None:
         built = self._job.built_share
         state = "Scanning" if built is None else f"Building trees {built:.0%}"
-        self._tell(context, f"{state}{self._job.where}: Esc stops it")
+        self._tell(context, f"{state}{self._job.where} | Esc: Cancel")
 
     def _end(self, context: bpy.types.Context) -> None:
         self._steps.close()
@@ -245,7 +245,7 @@ class PointsJob:
 
     def stopped(self) -> str:
         """What to tell who has stopped it."""
-        return "The scan was stopped: nothing was made"
+        return "Scan canceled: nothing was written"
 
     def result(self) -> tuple[list[tuple[str, PointCloud]], list[str]]:
         """Points to be added, with the names of their objects, and warnings."""
@@ -301,7 +301,7 @@ class FilesJob:
     @property
     def where(self) -> str:
         """What is worked on, for the status bar."""
-        return f", piece {self._outcome.number} of {len(self._work.pieces)}"
+        return f" file {self._outcome.number} of {len(self._work.pieces)}"
 
     def steps(self) -> Generator[float, None, None]:
         """Yields the share done, 0 to 1."""
@@ -322,10 +322,8 @@ class FilesJob:
 
     def stopped(self) -> str:
         """What to tell who has stopped it."""
-        how = "Start Scan goes on" if self._resumes else "Start Scan goes on if Resume is chosen"
-        done = self._outcome.there
-        count = f"{done} of {len(self._work.pieces)} pieces {'is' if done == 1 else 'are'} whole"
-        return f"The scan was stopped: {count} in {self._folder}; {how}"
+        how = "Start Scan continues" if self._resumes else "To continue, enable Resume and press Start Scan"
+        return f"Scan canceled: {self._outcome.there} of {len(self._work.pieces)} files written to {self._folder}. {how}"
 
     def result(self) -> tuple[list[tuple[str, PointCloud]], list[str]]:
         """Points to be added, with the names of their objects, and warnings."""

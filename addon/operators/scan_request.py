@@ -257,7 +257,7 @@ class PERFECT_BVH_OT_color_points(Checked, bpy.types.Operator):
 
         if context.mode != "OBJECT":
             return "Points can be colored in Object Mode only"
-        return None if may_have_points() else "There is no scan whose points could be colored"
+        return None if may_have_points() else "No scan to color"
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         from ..scanning.point_data import color_points
@@ -265,7 +265,7 @@ class PERFECT_BVH_OT_color_points(Checked, bpy.types.Operator):
         settings = context.scene.perfect_bvh.scan
         scans, colored = _chosen(context), []
         if not scans:
-            self.report({"ERROR"}, "There is no scan in this view layer whose points could be colored")
+            self.report({"ERROR"}, "No scan to color in this view layer")
         for scan in scans:
             try:
                 color_points(scan.data, settings.point_color, settings.point_column)
@@ -275,7 +275,7 @@ class PERFECT_BVH_OT_color_points(Checked, bpy.types.Operator):
                 colored.append(scan.name)
         if not colored:
             return {"CANCELLED"}
-        self.report({"INFO"}, f"{', '.join(colored)}: points are colored anew")
+        self.report({"INFO"}, f"Recolored {len(colored)} point cloud{'s' if len(colored) != 1 else ''}")
         return {"FINISHED"}
 
 

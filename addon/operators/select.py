@@ -97,7 +97,7 @@ def _is_of(block: Any, session_uid: int) -> bool:
 
 
 # Select updated ------------------------------------------------------------------------------------------------------
-# A row of What Was Updated, clicked: its objects are selected, or what shows them.
+# A row of Scene Updates, clicked: its objects are selected, or what shows them.
 
 
 class PERFECT_BVH_OT_select_updated(bpy.types.Operator):
@@ -105,7 +105,7 @@ class PERFECT_BVH_OT_select_updated(bpy.types.Operator):
 
     bl_idname = "perfect_bvh.select_updated"
     bl_label = "Select Objects"
-    bl_description = "Select the objects of the active row of What Was Updated"
+    bl_description = "Select the objects of the active row of Scene Updates"
     bl_options: ClassVar = {"REGISTER", "UNDO"}
 
     @classmethod
@@ -116,7 +116,7 @@ class PERFECT_BVH_OT_select_updated(bpy.types.Operator):
         rows = rows_of(context.scene)
         row = None if rows is None else row_of(rows, rows.active)
         if rows is None or row is None:
-            self.report({"WARNING"}, "No row of What Was Updated is chosen")
+            self.report({"WARNING"}, "Choose a row of Scene Updates first")
             return {"CANCELLED"}
         rows.note = _select(context.view_layer, rows, row)
         if rows.note:

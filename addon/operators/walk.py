@@ -95,7 +95,7 @@ def _move(walk: ShownWalk, to: str) -> None:
 
 TIMER_SECONDS = 0.05
 PICKING = "Walk a Ray: click a pixel of a 3D viewport; Esc cancels"
-WALKING = "Walk a Ray: Left and Right step, with Shift box by box, Space plays, click another pixel; Esc ends"
+WALKING = "Left/Right: step, Shift: next box, Space: play, Click: other pixel, Esc: end"
 KEYS = {
     "LEFT_ARROW": "PREVIOUS",
     "RIGHT_ARROW": "NEXT",
@@ -219,7 +219,7 @@ class PERFECT_BVH_OT_walk_ray(Checked, bpy.types.Operator):
         reading: Reading = self._reading
         walk = reading.walk(context)
         if walk is None:
-            ticking.tell(context, f"{reading.state}: Esc stops it")
+            ticking.tell(context, f"{reading.state} | Esc: Cancel")
             return
         self._reading, self._walk, self._knows_it_is_old = None, walk, False
         walk_view.show(walk)

@@ -75,7 +75,7 @@ class PERFECT_BVH_PT_performance_viewport(EnginePanel, bpy.types.Panel):
     bl_options: ClassVar = set()
 
     def draw(self, context: bpy.types.Context) -> None:
-        settings_layout(self).column(heading="Open").prop(context.screen, opening.PROPERTY, text="Rendered")
+        settings_layout(self).prop(context.screen, opening.PROPERTY, text="Start in Rendered View")
 
 
 class PERFECT_BVH_PT_simplify(RenderPanel, bpy.types.Panel):
@@ -203,7 +203,7 @@ def _draw_max(layout: bpy.types.UILayout, settings: bpy.types.bpy_struct, kind: 
     if not kind:
         layout.prop(settings, "samples", text=name)
         return
-    layout.column(heading=name, align=True).prop(settings, "use_render_samples", text="As Render")
+    layout.column(heading=name, align=True).prop(settings, "use_render_samples", text="Same as Render")
     if not settings.use_render_samples:
         layout.prop(settings, "viewport_samples", text=" ")
 

@@ -157,7 +157,7 @@ class PERFECT_BVH_UL_updates(bpy.types.UIList):
 class PERFECT_BVH_PT_updates(SidebarPanel, bpy.types.Panel):
     """The list, and two sentences about its active row."""
 
-    bl_label = "What Was Updated"
+    bl_label = "Scene Updates"
 
     def draw(self, context: bpy.types.Context) -> None:
         layout, scene = self.layout, context.scene
@@ -166,7 +166,7 @@ class PERFECT_BVH_PT_updates(SidebarPanel, bpy.types.Panel):
             draw_lines(context, layout, "Nothing was rendered with Perfect BVH yet", icon="INFO", inset=TABS)
             return
         if rows is None:
-            layout.label(text="Being listed")
+            layout.label(text="Loading...")
             return
         _draw_heading(context, layout)
         column = layout.column(align=True)
@@ -357,7 +357,7 @@ class PERFECT_BVH_PT_bench(SidebarPanel, bpy.types.Panel):
         text = "Measures builders and policies on this scene for about a minute"
         draw_lines(context, self.layout, text)
         self.layout.operator("perfect_bvh.bench", icon="TIME")
-        draw_messages_of(context, self.layout, "Bench This Scene")
+        draw_messages_of(context, self.layout, "Benchmark This Scene")
         results = last_results(context.scene.session_uid)
         if results is not None:
             draw_table(self.layout, results.table)

@@ -19,7 +19,7 @@ from .reports import TreePanel
 class PERFECT_BVH_PT_overlay(bpy.types.Panel):
     """The trees' boxes, level by level, with any render engine."""
 
-    bl_label = "Tree Overlay"
+    bl_label = "BVH Boxes"
     bl_space_type = "VIEW_3D"
     bl_region_type = "HEADER"
     bl_parent_id = "VIEW3D_PT_overlay"
@@ -83,7 +83,7 @@ class PERFECT_BVH_PT_shading_lighting(ShadingPanel, bpy.types.Panel):
 class PERFECT_BVH_PT_shading_render_pass(ShadingPanel, bpy.types.Panel):
     """What this viewport shows."""
 
-    bl_label = "Render Pass"
+    bl_label = "Mode"
 
     def draw(self, context: bpy.types.Context) -> None:
         self.layout.prop(context.space_data.shading.perfect_bvh, "mode", text="")

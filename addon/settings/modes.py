@@ -87,7 +87,7 @@ MODES: tuple[Mode, ...] = (
         normals=True,
         offers_grey=True,
     ),
-    Mode("normal", 3, "Normal", "World-space shading normals, their -1..1 as 0..1", "Raw", normals=True),
+    Mode("normal", 3, "Normal", "World-space shading normals, remapped from -1..1 to 0..1", "Raw", normals=True),
     Mode(
         "uv",
         10,

@@ -90,7 +90,7 @@ class PERFECT_BVH_AP_preferences(bpy.types.AddonPreferences):
         name="Cache (MB)",
         description=(
             "Megabytes for the trees and images of all scenes and view layers together; 0 for no limit. Beyond that "
-            "those used longest ago are dropped, and read again when they are shown"
+            "the least recently used data is dropped and read again when it is shown"
         ),
         default=DEFAULT_CACHE_SIZE,
         min=0,

@@ -43,7 +43,7 @@ class PERFECT_BVH_PG_scan(bpy.types.PropertyGroup):
         description="Which rays are cast: those of a camera, of a LiDAR with numbers of your own, or of a known sensor",
         items=[
             ("CAMERA", "Camera Grid", "One ray through the center of each pixel of the camera's picture", 0),
-            ("LIDAR", "Spinning LiDAR", "Lines one above the other that turn about the sensor's axis: your numbers", 1),
+            ("LIDAR", "Custom Spinning LiDAR", "A column of beams that turns about the sensor's axis, with your own numbers", 1),
             *sensor_items(),
             ("FILE", "From File...", "A sensor of your own, as a TOML file describes it", 2),
         ],
@@ -56,7 +56,7 @@ class PERFECT_BVH_PG_scan(bpy.types.PropertyGroup):
         options=PATH_OPTIONS,
     )
     sensor: bpy.props.PointerProperty(
-        name="Carried By",
+        name="Sensor Object",
         description=(
             "Object that carries the sensor; the camera of each frame if empty. A camera looks along its own -Z with "
             "+Y up, anything else along +Y with +Z up"
@@ -160,7 +160,7 @@ class PERFECT_BVH_PG_scan(bpy.types.PropertyGroup):
         max=1000,
     )
     use_points: bpy.props.BoolProperty(
-        name="Points in Scene",
+        name="Add Point Cloud",
         description="Add the points to the scene, as an object. Those of many frames take much memory",
         default=True,
     )
@@ -177,7 +177,7 @@ class PERFECT_BVH_PG_scan(bpy.types.PropertyGroup):
         search_options={"SUGGESTION"},
     )
     use_files: bpy.props.BoolProperty(
-        name="Files", description="Write the points into files of some frames each", default=False
+        name="Write Files", description="Write the points to files, several frames per file", default=False
     )
     folder: bpy.props.StringProperty(
         name="Folder",

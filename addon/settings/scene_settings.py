@@ -196,7 +196,7 @@ class PERFECT_BVH_PG_settings(bpy.types.PropertyGroup):
         unit="TIME_ABSOLUTE",
     )
     seed: bpy.props.IntProperty(
-        name="Seed", description="Another number gives another pattern of noise", default=0, min=0
+        name="Seed", description="Seed of the noise pattern", default=0, min=0
     )
     ao_distance: bpy.props.FloatProperty(
         name="AO Distance",

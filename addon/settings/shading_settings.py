@@ -12,7 +12,7 @@ from .scene_settings import MODE_ITEMS, RenderSettings, read_settings
 AS_RENDER = "RENDER"
 # Its number must be no mode's, of which there may be more one day.
 _MODE_ITEMS = [
-    (AS_RENDER, "As Render", "What a render shows: the mode in the Render properties", 1000),
+    (AS_RENDER, "Same as Render", "What a render shows: the mode in the Render properties", 1000),
     *MODE_ITEMS,
 ]
 

@@ -36,7 +36,7 @@ class PERFECT_BVH_PG_overlay(bpy.types.PropertyGroup):
         update=redraw_for_setting,
     )
     use_all_to_level: bpy.props.BoolProperty(
-        name="All to Level",
+        name="Show Parent Levels",
         description="Draw the nodes above the level as well",
         default=False,
         update=redraw_for_setting,
@@ -46,7 +46,7 @@ class PERFECT_BVH_PG_overlay(bpy.types.PropertyGroup):
         description="What the colors of the boxes mean",
         items=[
             ("LEVEL", "Level", "How deep in the tree a box is", 0),
-            ("OVERLAP", "Overlap", "How much of a box its siblings cover as well: blue none, red all of it", 1),
+            ("OVERLAP", "Overlap", "Overlap with sibling boxes: blue none, red all of the box", 1),
             ("COST", "Cost", "What a random ray spends on a box: blue least, red most", 2),
         ],
         default="LEVEL",

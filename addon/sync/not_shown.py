@@ -30,7 +30,7 @@ _WHAT_TO_DO: dict[Kind, str] = {
     "shape": "Give its mesh by other modifiers what it lacks",
     "material": "Bake what is not shown into an image texture, or leave it as it is",
     "image": "File > External Data > Find Missing Files looks for it in a folder",
-    "light": "Set it up without that, or leave it as it is",
+    "light": "Remove it, or ignore this message",
     "world": "Bake what is not shown into an environment texture, or leave it as it is",
     "setting": "Turn it off, or leave it as it is",
 }

@@ -110,7 +110,7 @@ def test_the_command_line_names_what_is_not_shown_once(small_file: Path, tmp_pat
     bpy.ops.object.volume_add()
     bpy.context.object.name = "Smoke"
     assert told_of_two_frames(tmp_path, capsys) == [
-        "Smoke: a volume has no triangles; left out",
+        "Smoke: volumes are not supported; left out",
         "Wall: Ambient Occlusion is not shown; its flat colour is",
     ]
 

@@ -181,7 +181,7 @@ def test_the_button_reports_without_a_window(ball: Any) -> None:
 def test_the_button_goes_on_beside_blender_and_shows_what_it_finds(ball: Any, shown: list[Any]) -> None:
     operator, window = begun()
     while operator.modal(window, TIMER) == {"RUNNING_MODAL"}:
-        assert window.status is not None and "Esc stops it" in window.status
+        assert window.status is not None and "Esc: Cancel" in window.status
         time.sleep(0.005)
     (comparison,) = shown
     assert window.status is None and window.timers == 0

@@ -119,7 +119,7 @@ def nothing_is_there() -> None:
     ("call", "spoil", "reason"),
     [
         ("preview", nothing_is_there, "neither a 3D viewport nor a camera"),
-        ("scan", nothing_is_there, "neither a sensor nor an active camera"),
+        ("scan", nothing_is_there, "No sensor: choose a Sensor Object"),
         ("scan", edit_a_mesh, "leave the mode"),
         ("select_updated", edit_a_mesh, "in Object Mode only"),
         ("select_not_shown", edit_a_mesh, "in Object Mode only"),

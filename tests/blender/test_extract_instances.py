@@ -290,7 +290,7 @@ def test_what_has_no_surface_is_named(scene: Any) -> None:
     bpy.ops.object.speaker_add()
     record = read_scene(evaluated())
     assert counts_of(record) == {"thing": 1}
-    assert [warning.split(": ")[1] for warning in record.warnings] == ["a volume has no triangles; left out"]
+    assert [warning.split(": ")[1] for warning in record.warnings] == ["volumes are not supported; left out"]
 
 
 def test_a_background_scene_is_part_of_the_picture(scene: Any) -> None:

@@ -100,7 +100,7 @@ def test_escape_before_there_is_an_image_says_so(gate: Gate, cube) -> None:
     operator, window = press()
     tick_until_half(operator, window)
     assert operator.modal(window, ESCAPE) == {"CANCELLED"}
-    assert operator.reports == [("INFO", "Rendering the view was stopped before there was an image")]
+    assert operator.reports == [("INFO", "Canceled before the first sample")]
     assert (window.status, window.timers, building_threads()) == (None, 0, 0)
     assert NAME not in bpy.data.images
     gate.open()
@@ -116,7 +116,7 @@ def test_escape_while_it_is_refined_keeps_what_there_is(cube, scene) -> None:
         assert operator.modal(window, TIMER) == {"RUNNING_MODAL"}
     assert operator.modal(window, ESCAPE) == {"CANCELLED"}
     count = operator._refinement.sample_count
-    assert operator.reports == [("INFO", f"Rendering the view was stopped after {count} samples")]
+    assert operator.reports == [("INFO", f"Canceled after {count} samples")]
     assert pixels().any()
 
 
@@ -133,7 +133,7 @@ def test_closing_the_window_of_the_image_stops_it(cube, scene, monkeypatch: pyte
     windows.remove(opened)
     assert operator.modal(window, TIMER) == {"CANCELLED"}
     assert operator.reports == [
-        ("INFO", f"Rendering the view was stopped after {operator._refinement.sample_count} samples")
+        ("INFO", f"Canceled after {operator._refinement.sample_count} samples")
     ]
     assert (window.status, window.timers) == (None, 0)
 

@@ -251,7 +251,7 @@ def test_escape_stops_a_build_and_makes_nothing(gate: Gate, room, pressed) -> No
     assert operator.modal(window, MOUSE) == {"PASS_THROUGH"}
     count = len(bpy.data.objects)
     assert operator.modal(window, ESCAPE) == {"CANCELLED"}
-    assert operator.reports == [("INFO", "The scan was stopped: nothing was made")]
+    assert operator.reports == [("INFO", "Scan canceled: nothing was written")]
     assert (len(bpy.data.objects), window.status, window.timers, building_threads()) == (count, None, 0, 0)
 
 

@@ -177,7 +177,7 @@ def test_esc_leaves_whole_pieces_and_start_goes_on(small_file: Path) -> None:
     operator, window = started()
     tick_until(operator, window, lambda: (folder / "points_0003-0004.json").exists())
     assert operator.modal(window, ESCAPE) == {"CANCELLED"}
-    told = f"The scan was stopped: 2 of 3 pieces are whole in {folder}; Start Scan goes on"
+    told = f"Scan canceled: 2 of 3 files written to {folder}. Start Scan continues"
     assert operator.reports == [("INFO", told)]
     assert window.timers == 0 and window.status is None and bpy.context.scene.frame_current == 1
     kept = contents(folder)
@@ -197,8 +197,8 @@ def test_the_status_bar_tells_which_piece_is_worked_on(small_file: Path) -> None
     seen: list[str | None] = []
     tick_until(operator, window, lambda: seen.append(window.status) or "piece 3 of 3" in (window.status or ""))
     operator.modal(window, ESCAPE)
-    assert seen[0] == "Scanning, piece 1 of 3: Esc stops it"
-    assert {text.rpartition("piece ")[2] for text in seen if text} == {f"{n} of 3: Esc stops it" for n in (1, 2, 3)}
+    assert seen[0] == "Scanning file 1 of 3 | Esc: Cancel"
+    assert {text.rpartition("file ")[2] for text in seen if text} == {f"{n} of 3 | Esc: Cancel" for n in (1, 2, 3)}
 
 
 def test_two_scans_do_not_write_into_one_folder(small_file: Path) -> None:
@@ -275,7 +275,7 @@ def test_an_edit_during_the_scan_ends_it_with_the_pieces_before(small_file: Path
     [
         ({"folder": ""}, "Choose a folder for the files"),
         ({"folder": "small.blend"}, "is a file: choose a folder"),
-        ({"use_files": False}, "Nothing would be made: choose Points in Scene, Files, or both"),
+        ({"use_files": False}, "Nothing to output: enable Add Point Cloud or Write Files"),
         ({"frame_end": -3}, "The range must end at or after its start, 1: got -3"),
         ({"sensor_file": ""}, "Choose a sensor's file, or another sensor"),
         ({"sensor_file": "small.blend"}, "A sensor's file ends in .toml, got 'small.blend'"),

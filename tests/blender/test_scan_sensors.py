@@ -29,7 +29,7 @@ def test_every_sensor_that_is_brought_is_in_the_list_with_its_source() -> None:
         sensor = load_sensor(name)
         assert found[name].name.lower() == sensor.title.lower()
         assert found[name].description[1:] == sensor.source[1:]
-    assert found["spinning-16"].name == "Spinning LiDAR of 16 Lines"
+    assert found["spinning-16"].name == "16-Line Spinning LiDAR"
 
 
 def test_sensors_keep_their_numbers_in_files() -> None:

@@ -91,12 +91,12 @@ def test_a_scan_of_nothing_says_so_and_makes_nothing(room) -> None:
 
 def test_the_button_needs_a_sensor_and_object_mode(room) -> None:
     room.camera = None
-    with pytest.raises(RuntimeError, match="neither a sensor nor an active camera"):
+    with pytest.raises(RuntimeError, match="No sensor: choose a Sensor Object"):
         bpy.ops.perfect_bvh.scan()
     room.camera = bpy.data.objects["Camera"]
     bpy.context.view_layer.objects.active = bpy.data.objects["Red"]
     bpy.ops.object.mode_set(mode="EDIT")
-    with pytest.raises(RuntimeError, match="leave the mode of the active one first"):
+    with pytest.raises(RuntimeError, match="Switch to Object Mode first"):
         bpy.ops.perfect_bvh.scan()
     bpy.ops.object.mode_set(mode="OBJECT")
 

@@ -1,4 +1,4 @@
-"""What Was Updated as a list: which rows it has, which of them stays chosen, and what choosing a row selects."""
+"""Scene Updates as a list: which rows it has, which of them stays chosen, and what choosing a row selects."""
 
 from __future__ import annotations
 

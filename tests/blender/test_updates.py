@@ -1,4 +1,4 @@
-"""What Was Updated: which objects are named with what, and what is said of them."""
+"""Scene Updates: which objects are named with what, and what is said of them."""
 
 from __future__ import annotations
 

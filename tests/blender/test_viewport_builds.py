@@ -56,7 +56,7 @@ def test_trees_that_take_long_are_built_beside_it(cube, gate: Gate) -> None:
     assert shown.screen == []
     gate.open()
     np.testing.assert_array_equal(shown.finish(), fresh())
-    assert shown.viewport.state == "Finished 2/2"
+    assert shown.viewport.state == "Done (2 samples)"
 
 
 def test_trees_of_a_filter_that_is_lifted_are_built_no_further(cube, gate: Gate, monkeypatch) -> None:

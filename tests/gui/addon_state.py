@@ -45,7 +45,7 @@ def viewports() -> list[Any]:
 
 def all_finished() -> bool:
     found = viewports()
-    return bool(found) and all(v.state.startswith("Finished") and not v.is_working for v in found)
+    return bool(found) and all(v.state.startswith("Done") and not v.is_working for v in found)
 
 
 def finished(what: str) -> Step:

@@ -74,7 +74,7 @@ def stop_a_preview_while_it_builds() -> Step:
         yield from wait_until(lambda: not is_working(), "Escape does not stop the build of a preview")
         yield from wait_until(lambda: not is_building(), "the build goes on after Escape")
         check(name not in bpy.data.images, "a preview that was stopped while it built has made an image")
-        yield from wait_for_report("Rendering the view was stopped before there was an image")
+        yield from wait_for_report("Canceled before the first sample")
         gate.open()
         settings().samples, settings().preview_percentage = 2, 20
         yield from find_and_press_preview()

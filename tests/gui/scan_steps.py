@@ -25,7 +25,7 @@ def scans() -> list[bpy.types.Object]:
 def was_stopped(what: str) -> Step:
     """By the user; nothing has come of it."""
     yield from wait_until(lambda: not is_working(), f"Escape does not stop {what}")
-    yield from wait_for_report("The scan was stopped: nothing was made")
+    yield from wait_for_report("Scan canceled: nothing was written")
     check(not scans(), f"{what} was stopped, but has made an object")
 
 
@@ -46,7 +46,7 @@ def color_points_anew() -> Step:
         area = area_of("VIEW_3D")
         forget_reports()
         yield from find_and_press(area, "perfect_bvh.color_points", COLUMN_OF_REFRESH)
-        yield from wait_for_report("points are colored anew")
+        yield from wait_for_report("Recolored 1 point cloud")
 
     yield from open_sidebar("Scan", work)
 

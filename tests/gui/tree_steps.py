@@ -65,7 +65,7 @@ def compare_two_trees() -> Step:
         yield from press_in_sidebar(area, "perfect_bvh.compare")
         yield from gate.wait("building two trees")
         yield from press_key("Escape")
-        yield from wait_for_report("Comparing was stopped")
+        yield from wait_for_report("Comparison canceled")
     check(view.shown() is None and not is_working(), "comparing was stopped, but goes on")
     yield from press_in_sidebar(area, "perfect_bvh.compare")
     yield from wait_until(view.shown, "no trees are shown")

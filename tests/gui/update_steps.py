@@ -1,4 +1,4 @@
-"""What Was Updated, in the sidebar: rows are chosen with the mouse, and select their objects."""
+"""Scene Updates, in the sidebar: rows are chosen with the mouse, and select their objects."""
 
 from __future__ import annotations
 

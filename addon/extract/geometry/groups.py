@@ -23,12 +23,12 @@ NOT_SHOWN = -1
 _NO_PARENT = -1
 # Data that renderers show and rays do not meet; everything else without a mesh is silently no surface.
 _UNREADABLE_TYPES = {
-    "VOLUME": "a volume has no triangles",
+    "VOLUME": "volumes are not supported",
     "GREASEPENCIL": "grease pencil strokes are not triangles",
 }
 # What users can do about those that are not simply converted.
 _ADVICE = {
-    "a volume has no triangles": "Make a mesh of it with the modifier Volume to Mesh to have its surface shown",
+    "volumes are not supported": "Add a Volume to Mesh modifier to show its surface",
 }
 _OF_SCANS = "its points are not rendered; 3D viewports show them"
 _OF_EDITED_HAIR = "its particle hair is not shown in Edit and Particle Edit Mode"

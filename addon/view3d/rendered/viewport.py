@@ -236,7 +236,9 @@ class Viewport:
         if (failure := self.failure) is not None:
             return failure
         done, wanted = self._refinement.sample_count, self._refinement.view.plan.samples
-        return f"{'Finished' if self._refinement.is_finished else 'Sample'} {done}/{wanted}"
+        if self._refinement.is_finished:
+            return f"Done ({done} sample{'s' if done != 1 else ''})"
+        return f"Sample {done}/{wanted}" if done else "Preview"
 
     def _tell(self, problem: BaseException) -> str:
         """Of what the thread has met, where nobody else would see it."""
