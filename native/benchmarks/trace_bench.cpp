@@ -9,7 +9,7 @@
 //                    around the origin, from inside; prints how many pass through
 //   --reinsert N     reinsertion passes for our tree
 //   --inside         the camera stands inside the box     --filling          or so near that the mesh fills the view
-//   --expected-rays N  what our trees are told; without: nothing         --noisy  measure whatever the load
+//   --noisy          measure whatever the load
 //   --visits         tells how many nodes our rays visit and how many triangles they test, counted in another run
 //
 // Casts the same rays with every competitor (ray_race.h), each in its own format. Ratios are to the first one: Embree's
@@ -18,7 +18,6 @@
 #include <cstdio>
 #include <cstring>
 #include <memory>
-#include <optional>
 #include <stdexcept>
 
 #include "arguments.h"
@@ -43,7 +42,6 @@ struct Options : CommonOptions {
   std::vector<std::size_t> batches{kBatch};
   std::uint32_t reinsert = 0;
   std::size_t leaks = 0;
-  std::optional<double> expected_rays;
   View view = View::kOutside;
   bool counts_visits = false;
 
@@ -70,8 +68,6 @@ void set(Options& options, Arguments& arguments) {
     options.peers = arguments.list();
   } else if (name == "--reinsert") {
     options.reinsert = static_cast<std::uint32_t>(std::stoul(arguments.value()));
-  } else if (name == "--expected-rays") {
-    options.expected_rays = std::stod(arguments.value());
   } else if (name == "--leaks") {
     options.leaks = std::stoul(arguments.value());
   } else if (name == "--inside") {
@@ -132,7 +128,7 @@ std::vector<Competitor> make_competitors(const Options& options, const Mesh& mes
   }
   BuildConfig config;
   config.optimize_passes = options.reinsert;
-  const auto scene = committed(mesh, config, Usage::kStatic, options.expected_rays);
+  const auto scene = committed(mesh, config);
   add_ours(list, options, scene);
   const WideBvh& wide = scene->blases.front()->wide;
   std::printf("  ours: %zu nodes, %zu leaves (%.2f triangles), depth %u, %.1f bytes a triangle with the mesh\n",

@@ -35,16 +35,13 @@ std::shared_ptr<const Snapshot> snapshot_over(std::shared_ptr<const Mesh> mesh, 
   return snapshot;
 }
 
-std::shared_ptr<const Snapshot> committed(const Mesh& mesh, const BuildConfig& config, Usage usage,
-                                          std::optional<double> expected_rays) {
+std::shared_ptr<const Snapshot> committed(const Mesh& mesh, const BuildConfig& config, Usage usage) {
   ThreadPool pool(1);
   CancelToken cancel;
   Scene scene;
   const std::int32_t mesh_id = scene.add_mesh(mesh, config, usage);
   scene.add_instances(std::vector<InstanceInput>{{mesh_id, Affine{}, ~0u, std::nullopt}});
-  CommitOptions options;
-  options.expected_rays = expected_rays;
-  scene.commit(pool, cancel, options);
+  scene.commit(pool, cancel, CommitOptions{});
   return scene.snapshot();
 }
 

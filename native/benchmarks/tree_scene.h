@@ -2,7 +2,6 @@
 #pragma once
 
 #include <memory>
-#include <optional>
 
 #include "blas/build_tree.h"
 #include "builders/builder.h"
@@ -13,9 +12,8 @@ namespace perfect_bvh::bench {
 
 [[nodiscard]] std::shared_ptr<const Snapshot> snapshot_over(std::shared_ptr<const Mesh> mesh, WideBvh wide);
 
-// As a user would have it: added, and committed on one thread, which may be told how many rays will follow.
+// As a user would have it: added, and committed on one thread.
 [[nodiscard]] std::shared_ptr<const Snapshot> committed(const Mesh& mesh, const BuildConfig& config,
-                                                        Usage usage = Usage::kStatic,
-                                                        std::optional<double> expected_rays = {});
+                                                        Usage usage = Usage::kStatic);
 
 }  // namespace perfect_bvh::bench

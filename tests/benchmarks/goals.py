@@ -59,7 +59,6 @@ def main() -> None:
     add("--instances", type=int, nargs="+", default=[1000, 10_000, 100_000, 1_000_000], metavar="N")
     add("--subdivide", type=int, default=2, metavar="N", help="times the last given mesh, for a large one; 0: no")
     add("--tables", nargs="+", choices=TABLES, default=list(TABLES), help="which to measure")
-    add("--expected-rays", type=float, metavar="N", help="what our trees that rays are cast at are told; else nothing")
     add("--beside", type=Path, metavar="OTHER.json", help="of an earlier run: tell how far this one is from it")
     parser.set_defaults(size="1250x800")  # a million rays
     chosen = options.parse(parser)
@@ -105,8 +104,6 @@ def measure_rays(meshes: Sequence[BenchMesh], run: Run) -> list[Row]:
     isas = dict.fromkeys((perfect_bvh.active_isa(), *(["avx2"] if "avx2" in perfect_bvh.available_isas() else [])))
     words = ["--rounds", str(run.chosen.rounds), "--size", run.chosen.size, "--batches", ",".join(map(str, BATCHES))]
     words += ["--peers", ",".join(EMBREE), "--isas", ",".join(isas)]
-    if run.chosen.expected_rays is not None:
-        words += ["--expected-rays", str(run.chosen.expected_rays)]
     rows = []
     for mesh in meshes:
         found = run.native.run("trace_bench", mesh, [*words, "--inside" if mesh.is_inside else "--filling"])
