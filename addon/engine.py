@@ -6,11 +6,12 @@ each frame. A begun result is always ended: without that Blender crashes when it
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
-from typing import TypeVar
+from typing import TYPE_CHECKING, TypeVar
 
 import bpy
 import numpy as np
@@ -24,12 +25,18 @@ from .settings.scene_settings import ENGINE_NAME, preview_settings
 from .statistics import messages
 from .statistics.last_result import FrameStatistics, edits_of, remember
 from .statistics.not_shown import line_in_viewports, tell
-from .statistics.words import reason_of, sentence
+from .statistics.words import clock, memory, reason_of, sentence
 from .sync.not_shown import summarize
 from .sync.records import CameraRecord
 from .view3d.rendered.viewport import Viewport
 
+if TYPE_CHECKING:
+    from .live.scene_sync import SceneSync
+
 T = TypeVar("T")
+
+STATUS_SECONDS = 0.25
+LEAST_DONE = 0.1  # of a frame, before the time that remains is estimated
 
 # Without a window rounds are not shown: the image is written when it is finished.
 SHOWS_ROUNDS = not bpy.app.background
@@ -60,6 +67,39 @@ def attend(job: RenderJob) -> Iterator[RenderJob]:
         yield job
     finally:
         _job = previous
+
+
+class RenderStatus:
+    """Says what a render does in the render window, the status bar and the console, in the form that Cycles uses."""
+
+    def __init__(self, engine: bpy.types.RenderEngine, sync: SceneSync) -> None:
+        self._engine, self._sync = engine, sync
+        self._started = time.monotonic()
+        self._text, self._stage = "", ""
+        self._next = 0.0
+
+    def tell(self, text: str) -> None:
+        """The stage and how far it is, such as "Sample 3/16"."""
+        self._text = text
+        if text.split()[0] != self._stage:
+            self._stage, self._next = text.split()[0], 0.0
+            self.show(0.0)
+
+    def show(self, done: float) -> None:
+        """At most every STATUS_SECONDS, but each new stage at once. done: of the frame, 0 to 1."""
+        now = time.monotonic()
+        if now < self._next:
+            return
+        self._next = now + STATUS_SECONDS
+        seconds = now - self._started
+        parts = [f"Time: {clock(seconds)}"]
+        if done >= LEAST_DONE:
+            parts.append(f"Remaining: {clock(seconds * (1.0 - done) / done)}")
+        parts += [f"Mem: {memory(self._sync.byte_count)}", self._text]
+        self._send(" | ".join(parts))
+
+    def _send(self, text: str) -> None:
+        self._engine.update_stats("", text)
 
 
 class PerfectBVHRenderEngine(bpy.types.RenderEngine):
@@ -227,11 +267,14 @@ class PerfectBVHRenderEngine(bpy.types.RenderEngine):
         job, scene = _job or RenderJob(), depsgraph.scene
         job.frame = None
         try:
+            sync = sync_of(depsgraph)
+            status = RenderStatus(self, sync)
             job.frame = render_frame(
-                sync_of(depsgraph),
+                sync,
                 depsgraph,
                 plan,
-                progress=lambda done: self._advance(job, done),
+                progress=lambda done: self._advance(job, status, done),
+                tell=status.tell,
                 show=show,
                 camera=camera,
                 frame_set=self.frame_set,
@@ -262,7 +305,8 @@ class PerfectBVHRenderEngine(bpy.types.RenderEngine):
         if line := summarize(not_shown):
             self.report({"WARNING"}, f"{line}: see Not Shown in the Render properties")
 
-    def _advance(self, job: RenderJob, done: float) -> bool:
+    def _advance(self, job: RenderJob, status: RenderStatus, done: float) -> bool:
+        status.show(done)
         self.update_progress(done)
         wants_more = job.progress is None or job.progress(done)
         return wants_more and not self.test_break()

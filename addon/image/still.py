@@ -22,9 +22,13 @@ if TYPE_CHECKING:
 
 
 Progress = Callable[[float], bool]
+Tell = Callable[[str], object]
 FrameSet = Callable[[int, float], object]
 CameraReader = Callable[["bpy.types.Depsgraph"], "CameraRecord | None"]
 Images = dict[str, npt.NDArray[Any]]
+
+# Where a frame's progress bar stands when the trees are built, and when the last sample is traced if denoising follows.
+BUILT, TRACED = 0.05, 0.9
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,16 +58,18 @@ def bring_in_step(
     plan: RenderPlan,
     *,
     progress: Progress | None = None,
+    tell: Tell | None = None,
     camera: CameraReader | None = None,
     frame_set: FrameSet | None = None,
 ) -> SyncReport:
     """Reads of an evaluated depsgraph what the plan needs, and builds its trees. The arguments: see `render_frame`."""
     sync.request(plan.attributes, only=True)
-    # The bar stays at its beginning meanwhile, but a long build can be cancelled.
+    if tell is not None:
+        tell("Reading")
     return sync.update(
         depsgraph,
         plan.expected_rays,
-        progress=None if progress is None else lambda _: progress(0.0),
+        progress=_part(progress, tell, (0.0, BUILT), lambda done: f"Building BVHs {done:.0%}"),
         camera=camera,
         size=plan.frame,
         shutter=None if plan.motion is None else (plan.motion.begin, plan.motion.end),
@@ -77,22 +83,48 @@ def render_frame(
     plan: RenderPlan,
     *,
     progress: Progress | None = None,
+    tell: Tell | None = None,
     show: Callable[[Images], None] | None = None,
     camera: CameraReader | None = None,
     frame_set: FrameSet | None = None,
 ) -> Frame:
-    """Brings a sync's scene in step with an evaluated depsgraph and traces what is planned.
+    """Synchronizes a scene with an evaluated depsgraph and traces the planned image.
 
-    progress: called with 0..1, False cancels. show: called with the images each time they have become better, and at
-    the end. camera: reads the camera of a depsgraph, instead of the scene's. frame_set: what evaluates the depsgraph at
-    another frame and subframe, for motion; None for the scene's own `frame_set`.
+    Args:
+        sync: Holds the scene; what stays from frame to frame is not read again.
+        depsgraph: The evaluated scene.
+        plan: What is traced.
+        progress: Called with 0..1 of the whole frame; returning False cancels.
+        tell: Called with a short text for users each time before `progress`: "Reading", "Building BVHs 40%",
+            "Sample 3/16" or "Denoising".
+        show: Called with the images after each round of samples.
+        camera: Reads the camera of a depsgraph; None for the scene's camera.
+        frame_set: Evaluates the depsgraph at another frame and subframe, for motion; None for the scene's own.
 
-    Raises ValueError if the scene has no usable camera, `perfect_bvh.Cancelled`, and what the engine raises.
+    Raises:
+        ValueError: If the scene has no usable camera.
+        perfect_bvh.Cancelled: If `progress` returned False.
+        EngineError, MemoryError: From the engine.
     """
-    report = bring_in_step(sync, depsgraph, plan, progress=progress, camera=camera, frame_set=frame_set)
+    report = bring_in_step(sync, depsgraph, plan, progress=progress, tell=tell, camera=camera, frame_set=frame_set)
     if sync.camera is None:
         raise ValueError(missing_camera(depsgraph.scene, sync))
-    return _trace(sync, plan, depsgraph.scene.frame_current_final, report, progress, show)
+    return _trace(sync, plan, depsgraph.scene.frame_current_final, report, progress, tell, show)
+
+
+def _part(
+    progress: Progress | None, tell: Tell | None, span: tuple[float, float], text: Callable[[float], str]
+) -> Progress | None:
+    """The progress of a stage, from 0 to 1, which covers a span of the frame's. text: what it tells."""
+    if progress is None:
+        return None
+
+    def advance(done: float) -> bool:
+        if tell is not None:
+            tell(text(done))
+        return progress(span[0] + done * (span[1] - span[0]))
+
+    return advance
 
 
 def _trace(
@@ -101,10 +133,15 @@ def _trace(
     frame: float,
     report: SyncReport,
     progress: Progress | None,
+    tell: Tell | None,
     show: Callable[[Images], None] | None,
 ) -> Frame:
     """The images of a scene that is in step, which has a camera. The arguments are those of `render_frame`."""
     import perfect_bvh
+
+    traced = TRACED if plan.is_denoised else 1.0
+    sampled = _part(progress, tell, (BUILT, traced), lambda done: f"Sample {round(done * plan.samples)}/{plan.samples}")
+    denoised_part = _part(progress, tell, (traced, 1.0), lambda _: "Denoising")
 
     assert sync.camera is not None
     start = time.perf_counter()
@@ -126,7 +163,7 @@ def _trace(
         time_limit=plan.settings.time_limit,
         sampling=sampling,
         noise=noise,
-        progress=progress,
+        progress=sampled,
         shutter=shutter,
         audit=audit,
         **plan.options,
@@ -135,13 +172,15 @@ def _trace(
             show(images)
         # The renderer asks at intervals of time; a quick round would not be asked about at all.
         share = 1.0 if sampling is not None and sampling.is_finished else done / plan.samples
-        if progress is not None and not progress(share) and share < 1.0:
+        if sampled is not None and not sampled(share) and share < 1.0:
             raise perfect_bvh.Cancelled("the render was cancelled")
-    # The bar stays at its end during what follows the last sample, which can be cancelled, too.
-    at_end = None if progress is None else lambda _: progress(1.0)
+    # Counting what the image cost is short, but can be cancelled.
+    at_end = None if progress is None else lambda _: progress(traced)
     costs = trace_costs(sync.scene, sync.camera, plan.size, sync.appearance, plan.settings.threads, at_end, shutter)
     seconds = time.perf_counter() - start - (audit.seconds if audit else 0.0)
-    denoised = _denoise(plan, images, noise if done > 1 else None, done, at_end)
+    denoised = _denoise(plan, images, noise if done > 1 else None, done, denoised_part)
+    if progress is not None:
+        progress(1.0)  # the denoiser may end without saying so; there is nothing left to cancel
     statistics = FrameStatistics(
         frame=frame,
         size=plan.size,

@@ -35,6 +35,15 @@ def duration(milliseconds: float, digits: int = 2) -> str:
     return f"{minutes} min" if minutes < MOST_MINUTES else f"{minutes // 60:,} h {minutes % 60} min"
 
 
+def clock(seconds: float) -> str:
+    """Hours if there are any, minutes and seconds, as Blender writes times: "01:23.45" or "2:01:23.45"."""
+    hundredths = round(seconds * 100.0)
+    minutes, hundredths = divmod(hundredths, 6000)
+    hours, minutes = divmod(minutes, 60)
+    time = f"{minutes:02}:{hundredths // 100:02}.{hundredths % 100:02}"
+    return f"{hours}:{time}" if hours else time
+
+
 def rate(rays_per_second: float, digits: int = 2) -> str:
     """Such as "950 rays/s", "24 k rays/s" or "3.1 M rays/s"."""
     for unit, size in (("M ", 1e6), ("k ", 1e3)):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import re
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import partial
@@ -19,6 +20,7 @@ from perfect_bvh_addon import engine  # noqa: E402
 from perfect_bvh_addon.engine import RenderJob, attend  # noqa: E402
 from perfect_bvh_addon.extract import camera  # noqa: E402
 from perfect_bvh_addon.extract.camera import border_pixels, panorama_settings  # noqa: E402
+from perfect_bvh_addon.image import still  # noqa: E402
 from perfect_bvh_addon.image.progressive import SHOW_SECONDS  # noqa: E402
 from perfect_bvh_addon.statistics import last_result  # noqa: E402
 
@@ -272,6 +274,24 @@ def test_progress_rises_to_one_and_cancel_stops(scene) -> None:
     assert render().frame is not None
 
 
+def test_a_render_says_what_it_does(scene, monkeypatch) -> None:
+    """Each stage once at least, in order, and the bar moves while it denoises."""
+    told: list[str] = []
+    moments: list[float] = []
+    monkeypatch.setattr(engine, "STATUS_SECONDS", 0.0)
+    monkeypatch.setattr(engine.RenderStatus, "_send", lambda self, text: told.append(text))
+    scene.perfect_bvh.samples, scene.perfect_bvh.use_noise_threshold = 4, False
+    bpy.ops.mesh.primitive_grid_add(x_subdivisions=700, y_subdivisions=700)  # whose tree takes long enough to be told
+    assert render(RenderJob(progress=lambda done: moments.append(done) is None)).frame is not None
+    stages = [text.rpartition(" | ")[2] for text in told]
+    kinds = list(dict.fromkeys(stage.split()[0] for stage in stages))
+    assert kinds == ["Reading", "Building", "Sample", "Denoising"]
+    assert "Sample 4/4" in stages
+    assert all(re.match(r"Time: 00:\d\d\.\d\d \| ", text) for text in told)
+    assert re.search(r"\| Remaining: \d\d:\d\d\.\d\d \| Mem: [\d.]+ (KiB|MiB) \| Denoising$", told[-1])
+    assert any(still.TRACED < done < 1.0 for done in moments)
+
+
 def test_a_render_works_out_its_size_once(scene, monkeypatch) -> None:
     asked: list[tuple[int, int]] = []
     resolution = camera._resolution
@@ -291,7 +311,7 @@ def test_a_build_can_be_cancelled(scene) -> None:
     job = render(RenderJob(progress=stop))
     assert job.is_cancelled
     assert job.frame is None
-    assert asked == [0.0]
+    assert len(asked) == 1 and asked[0] < still.BUILT
     assert render().frame.statistics.report.finishes_earlier_update
 
 
