@@ -1,27 +1,28 @@
-"""Point clouds as files of the formats that others read; each by the library that its field keeps. Knows no Blender.
+"""Writes point clouds to files that other programs read. Needs no Blender.
 
-The ending of the name chooses: .npz holds everything and needs no library; .ply, .las and .laz, .csv and .parquet, and
-.h5 need those of `pip install 'perfect-bvh[data]'`. Names of objects and materials, and what labels stand for, stand
-beside the columns where a format has a place for them.
+The suffix of the file name chooses the format. .npz, .ply, .las and .csv need no library; .laz, .parquet and .h5 need
+those of `pip install 'perfect-bvh[data]'`. The names of objects, materials and labels are stored beside the columns
+where a format has a place for them.
 """
 
 from __future__ import annotations
 
+import csv
 import importlib.util
+import io
 import json
 import os
 import re
-import sys
 from collections.abc import Callable, Iterable, Mapping
-from datetime import date
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import numpy as np
 import numpy.typing as npt
 
 from ..settings.scan_choices import MODULES
-from ..support.files import data_library, replacing
+from ..support.files import data_library, how_to_install, replacing
+from .las import LasPoints, write_las
 from .point_cloud import AXES, COLUMNS, SINGULAR, PointCloud, column_names
 
 # What the columns of labels are called in each format of point clouds. Knows no Blender.
@@ -77,9 +78,18 @@ def label_columns(labels: Iterable[str], suffix: str) -> dict[str, str]:
 
 LAS_STEP = 1e-4  # of coordinates, in world units: LAS keeps them as whole numbers
 MOST_LAS_STEPS = 2**31 - 1
-LAS_DATE = date(2000, 1, 1)  # whenever they are written: the same points are the same bytes
+CSV_ROWS = 65_536  # that are text at a time
+PLY_TYPES = {
+    "i1": "char",
+    "u1": "uchar",
+    "i2": "short",
+    "u2": "ushort",
+    "i4": "int",
+    "u4": "uint",
+    "f4": "float",
+    "f8": "double",
+}
 Float64Array = npt.NDArray[np.float64]
-MOST_IN_A_RECORD = 65_535  # bytes; longer texts go on in the next one of their name
 
 
 def save_cloud(cloud: PointCloud, path: str | os.PathLike[str]) -> Path:
@@ -116,10 +126,7 @@ def how_to_get(suffix: str) -> str | None:
     missing = [name for name in names if importlib.util.find_spec(name) is None]
     if not missing:
         return None
-    return (
-        f"{suffix[1:]} needs {' and '.join(missing)}, which Blender comes without. To get it: "
-        f"{sys.executable} -m pip install {' '.join(missing)}"
-    )
+    return f"{suffix[1:].upper()} files need {' and '.join(missing)}. {how_to_install(*missing)}"
 
 
 def _library(name: str) -> Any:
@@ -155,43 +162,41 @@ def _npz(cloud: PointCloud, path: Path) -> None:
 
 
 def _ply(cloud: PointCloud, path: Path) -> None:
-    plyfile = _library("plyfile")
     labels = label_columns(cloud.labels, ".ply")
     table = _table(cloud, labels)
     table["ray_id"] = table["ray_id"].astype(np.float64)  # PLY has no whole numbers of 64 bits
-    rows = np.empty(len(cloud), [(name, values.dtype) for name, values in table.items()])
+    rows = np.empty(len(cloud), [(name, values.dtype.newbyteorder("<")) for name, values in table.items()])
     for name, values in table.items():
         rows[name] = values
-    comments = [f"{name} {text}" for name, text in _facts(cloud, labels).items()]
-    plyfile.PlyData([plyfile.PlyElement.describe(rows, "vertex")], comments=comments, byte_order="<").write(str(path))
+    lines = ["ply", "format binary_little_endian 1.0"]
+    lines += [f"comment {name} {text}" for name, text in _facts(cloud, labels).items()]
+    lines += [f"element vertex {len(rows)}"]
+    lines += [f"property {PLY_TYPES[values.dtype.str[1:]]} {name}" for name, values in table.items()]
+    with path.open("wb") as file:
+        file.write("\n".join([*lines, "end_header", ""]).encode("ascii"))
+        file.write(rows.tobytes())
 
 
 def _las(cloud: PointCloud, path: Path) -> None:
-    laspy = _library("laspy")
-    header = laspy.LasHeader(point_format=6, version="1.4")
-    header.generating_software = "Perfect BVH"
-    header.offsets, header.scales = _las_steps(cloud)
-    own, labels = {"x", "y", "z", "time", "intensity", "return_id", "return_count"}, label_columns(cloud.labels, ".las")
-    extra = {name: values for name, values in _table(cloud, labels).items() if name not in own}
-    header.add_extra_dims([laspy.ExtraBytesParams(name, values.dtype) for name, values in extra.items()])
-    header.creation_date = LAS_DATE
-    for name, text in _facts(cloud, labels).items():  # a record holds no more
-        whole = text.encode()
-        parts = [whole[first : first + MOST_IN_A_RECORD] for first in range(0, max(len(whole), 1), MOST_IN_A_RECORD)]
-        header.vlrs.extend(
-            laspy.vlrs.VLR(user_id="Perfect BVH", record_id=number, description=name, record_data=part)
-            for number, part in enumerate(parts)
-        )
-    points = laspy.LasData(header)
-    points.x, points.y, points.z = cloud.positions.T
-    points.gps_time = cloud.times
-    points.intensity = np.round(np.clip(cloud.intensities, 0.0, 1.0) * 65535.0).astype(np.uint16)
-    points.return_number = (cloud.return_ids + 1).astype(np.uint8)
-    points.number_of_returns = cloud.return_counts.astype(np.uint8)
-    for name, values in extra.items():
-        points[name] = values
     with path.open("wb") as file:
-        points.write(file, do_compress=path.suffix.lower() == ".laz")
+        _write_las(cloud, file)
+
+
+def _laz(cloud: PointCloud, path: Path) -> None:
+    laspy, whole = _library("laspy"), io.BytesIO()
+    _write_las(cloud, whole)
+    whole.seek(0)
+    with path.open("wb") as file:
+        laspy.read(whole).write(file, do_compress=True)
+
+
+def _write_las(cloud: PointCloud, file: BinaryIO) -> None:
+    labels = label_columns(cloud.labels, ".las")
+    own = {"x", "y", "z", "time", "intensity", "return_id", "return_count"}
+    extra = {name: values for name, values in _table(cloud, labels).items() if name not in own}
+    numbers, counts = cloud.return_ids + 1, cloud.return_counts
+    points = LasPoints(cloud.positions, *_las_steps(cloud), cloud.times, cloud.intensities, numbers, counts)
+    write_las(file, points, extra, _facts(cloud, labels))
 
 
 def _las_steps(cloud: PointCloud) -> tuple[Float64Array, Float64Array]:
@@ -210,17 +215,26 @@ def _las_steps(cloud: PointCloud) -> tuple[Float64Array, Float64Array]:
     return offsets, np.maximum(LAS_STEP, reach / (MOST_LAS_STEPS - 1))  # a step less: the quotient rounds
 
 
-def _arrow(cloud: PointCloud) -> Any:
-    pyarrow, labels = _library("pyarrow"), label_columns(cloud.labels, ".parquet")
-    return pyarrow.table(_table(cloud, labels)).replace_schema_metadata(_facts(cloud, labels))
-
-
 def _csv(cloud: PointCloud, path: Path) -> None:
-    _library("pyarrow.csv").write_csv(_arrow(cloud), path)
+    table = _table(cloud, label_columns(cloud.labels, ".csv"))
+    with path.open("w", encoding="utf-8", newline="") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(table)
+        for first in range(0, len(cloud), CSV_ROWS):  # as text they take many times their memory
+            writer.writerows(zip(*(_texts(values[first : first + CSV_ROWS]) for values in table.values()), strict=True))
+
+
+def _texts(values: npt.NDArray[Any]) -> list[Any]:
+    """The shortest texts that read back as the same numbers."""
+    if values.dtype == np.float32:
+        return list(values.astype("U16"))
+    return list(values.tolist())
 
 
 def _parquet(cloud: PointCloud, path: Path) -> None:
-    _library("pyarrow.parquet").write_table(_arrow(cloud), path)
+    pyarrow, labels = _library("pyarrow"), label_columns(cloud.labels, ".parquet")
+    table = pyarrow.table(_table(cloud, labels)).replace_schema_metadata(_facts(cloud, labels))
+    _library("pyarrow.parquet").write_table(table, path)
 
 
 def _hdf5(cloud: PointCloud, path: Path) -> None:
@@ -241,7 +255,7 @@ WRITERS: dict[str, Callable[[PointCloud, Path], None]] = {
     ".npz": _npz,
     ".ply": _ply,
     ".las": _las,
-    ".laz": _las,
+    ".laz": _laz,
     ".csv": _csv,
     ".parquet": _parquet,
     ".h5": _hdf5,

@@ -25,13 +25,13 @@ class CloudFormat:
 
 
 CLOUD_FORMATS = (
-    CloudFormat("npz", "NumPy", "An .npz file with all columns and names; needs no library"),
-    CloudFormat("ply", "PLY", "Polygon file format, with all columns; by the library plyfile", ("plyfile",)),
-    CloudFormat("las", "LAS", "As surveyors exchange point clouds; by the library laspy", ("laspy",)),
-    CloudFormat("laz", "LAZ", "LAS, compressed; by the libraries laspy and lazrs", ("laspy", "lazrs")),
-    CloudFormat("csv", "CSV", "A table as text, with commas between; by the library pyarrow", ("pyarrow.csv",)),
-    CloudFormat("parquet", "Parquet", "A compressed table of columns; by the library pyarrow", ("pyarrow.parquet",)),
-    CloudFormat("h5", "HDF5", "An array for each column; by the library h5py", ("h5py",)),
+    CloudFormat("npz", "NumPy", "NumPy archive (.npz) with all columns and names"),
+    CloudFormat("ply", "PLY", "Binary polygon file (.ply) with all columns"),
+    CloudFormat("las", "LAS", "LAS 1.4, the exchange format of surveyors"),
+    CloudFormat("laz", "LAZ", "Compressed LAS. Needs the libraries laspy and lazrs", ("laspy", "lazrs")),
+    CloudFormat("csv", "CSV", "Text table with commas"),
+    CloudFormat("parquet", "Parquet", "Compressed table. Needs the library pyarrow", ("pyarrow.parquet",)),
+    CloudFormat("h5", "HDF5", "One array per column. Needs the library h5py", ("h5py",)),
 )
 MODULES = {f".{one.name}": one.modules for one in CLOUD_FORMATS}
 

@@ -39,14 +39,36 @@ def write_arrays(path: Path, arrays: Mapping[str, npt.NDArray[Any]], *, is_compr
 
 
 def data_library(name: str, who_needs: str) -> Any:
-    """A module of the extra `data`. who_needs: it, as in "EXR files need OpenEXR".
+    """Imports a module of the extra `data`.
 
-    Raises ImportError, which says that and what to install.
+    Args:
+        name: Of the module, such as "PIL.Image".
+        who_needs: The start of the message, such as "EXR files need OpenEXR".
+
+    Raises:
+        ImportError: If it is not installed; says how to install it.
     """
     try:
         return importlib.import_module(name)
     except ImportError as error:
-        raise ImportError(f"{who_needs}: pip install 'perfect-bvh[data]'") from error
+        package = PACKAGES.get(name.partition(".")[0], name.partition(".")[0])
+        raise ImportError(f"{who_needs}. {how_to_install(package)}") from error
+
+
+PACKAGES = {"PIL": "pillow"}  # whose names differ from their modules'
+
+
+def how_to_install(*packages: str) -> str:
+    """Says which command installs packages where this Python, or this Blender, imports them from."""
+    bpy = sys.modules.get("bpy")
+    names = " ".join(packages)
+    if bpy is None or not bpy.app.binary_path:  # Blender's module in an environment of the user's
+        return f'Install them with: "{sys.executable}" -m pip install {names}'
+    folder = bpy.utils.user_resource("SCRIPTS", path="modules")
+    version = ".".join(map(str, sys.version_info[:2]))
+    # Any Python's pip will do: Blender's own often has none.
+    options = f'--only-binary=:all: --python-version {version} --target "{folder}"'
+    return f"Install them with: python3 -m pip install {options} {names}. Then restart Blender"
 
 
 # Paths ---------------------------------------------------------------------------------------------------------------

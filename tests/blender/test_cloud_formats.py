@@ -184,6 +184,30 @@ def test_files_are_the_same_on_every_day(tmp_path: Path) -> None:
     assert points.header.creation_date == date(2000, 1, 1)
 
 
+@pytest.mark.parametrize("suffix", [".npz", ".ply", ".las", ".csv"])
+def test_formats_without_a_library(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, suffix: str) -> None:
+    def refuse(name: str) -> Any:
+        raise ImportError(name)
+
+    monkeypatch.setattr(formats, "_library", refuse)
+    check_format(suffix)
+    assert formats.how_to_get(suffix) is None
+    assert save_cloud(cloud(), tmp_path / f"points{suffix}").stat().st_size > 10_000
+
+
+def test_las_counts_points_by_return(tmp_path: Path) -> None:
+    """And says where the points lie; a 16th return is stored as the 15th."""
+    made = cloud()
+    numbers = np.where(np.arange(257) % 3 == 2, 20, np.arange(257) % 3).astype(np.int32)
+    made = replace(made, return_ids=numbers, return_counts=np.full(257, 21, np.int32))
+    points = laspy.read(save_cloud(made, tmp_path / "points.las"))
+    assert list(points.header.number_of_points_by_return) == [86, 86, *[0] * 12, 85]
+    assert set(points.number_of_returns) == {15}
+    assert np.allclose(points.header.mins, made.positions.min(axis=0), atol=1e-4)
+    assert np.allclose(points.header.maxs, made.positions.max(axis=0), atol=1e-4)
+    assert points.header.generating_software == "Perfect BVH" and str(points.header.version) == "1.4"
+
+
 def test_hdf5_holds_every_column(tmp_path: Path) -> None:
     made = cloud()
     with h5py.File(save_cloud(made, tmp_path / "points.h5")) as file:
@@ -229,20 +253,20 @@ def test_what_cannot_be_written_is_named(tmp_path: Path, monkeypatch: pytest.Mon
         raise ImportError(name)
 
     monkeypatch.setattr(formats.importlib, "import_module", without)
-    with pytest.raises(ImportError, match=r"laspy: pip install 'perfect-bvh\[data\]'"):
+    with pytest.raises(ImportError, match=r"laspy\. Install them with: .* -m pip install laspy"):
         check_format(".laz")
     check_format(".npz")
 
 
 def test_a_file_that_fails_leaves_the_one_before(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    path = save_cloud(cloud(), tmp_path / "points.ply")
+    path = save_cloud(cloud(), tmp_path / "points.h5")
     before = path.read_bytes()
 
     def fail(*_: Any, **__: Any) -> None:
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr(plyfile.PlyData, "write", fail)
+    monkeypatch.setattr(h5py.File, "create_dataset", fail)
     with pytest.raises(OSError, match="No space left"):
         save_cloud(cloud(9), path)
     assert path.read_bytes() == before
-    assert [entry.name for entry in tmp_path.iterdir()] == ["points.ply"]
+    assert [entry.name for entry in tmp_path.iterdir()] == ["points.h5"]
