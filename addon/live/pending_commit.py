@@ -79,4 +79,4 @@ class PendingCommit:
     @property
     def state(self) -> str | None:
         """How far they are, as words for the user; None if nothing is being built."""
-        return None if self._building is None else f"Building trees {self._building.share:.0%}"
+        return None if self._building is None else f"Building BVHs {self._building.share:.0%}"

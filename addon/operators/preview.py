@@ -1,7 +1,8 @@
 """The button Render View to Image: what a 3D viewport shows in the Image Editor, whatever the render engine is.
 
 In a window it works while Blender goes on: trees are built beside it, the image is refined in steps of a timer, each
-round is shown, and Esc cancels it and keeps the last round. Without one it does the same in one go, through the scene's camera.
+round is shown, and Esc cancels it and keeps the last round. Without one it does the same in one go, through the scene's
+camera.
 """
 
 from __future__ import annotations
@@ -155,7 +156,7 @@ class PERFECT_BVH_OT_preview(Ticking, bpy.types.Operator):
 
     def _show_state(self, context: bpy.types.Context) -> None:
         if self._refinement is None:
-            state = f"Building trees {self._view.building.share:.0%}"
+            state = f"Building BVHs {self._view.building.share:.0%}"
         else:
             state = f"Rendering the view: sample {self._refinement.sample_count}/{self._refinement.view.plan.samples}"
         self._tell(context, f"{state} | Esc: Cancel")

@@ -151,8 +151,8 @@ class PERFECT_BVH_OT_scan(Ticking, bpy.types.Operator):
 
     def _show_state(self, context: bpy.types.Context) -> None:
         built = self._job.built_share
-        state = "Scanning" if built is None else f"Building trees {built:.0%}"
-        self._tell(context, f"{state}{self._job.where} | Esc: Cancel")
+        building = "" if built is None else f" | Building BVHs {built:.0%}"
+        self._tell(context, f"Scanning{self._job.where}{building} | Esc: Cancel")
 
     def _end(self, context: bpy.types.Context) -> None:
         self._steps.close()
@@ -323,7 +323,9 @@ class FilesJob:
     def stopped(self) -> str:
         """What to tell who has stopped it."""
         how = "Start Scan continues" if self._resumes else "To continue, enable Resume and press Start Scan"
-        return f"Scan canceled: {self._outcome.there} of {len(self._work.pieces)} files written to {self._folder}. {how}"
+        return (
+            f"Scan canceled: {self._outcome.there} of {len(self._work.pieces)} files written to {self._folder}. {how}"
+        )
 
     def result(self) -> tuple[list[tuple[str, PointCloud]], list[str]]:
         """Points to be added, with the names of their objects, and warnings."""

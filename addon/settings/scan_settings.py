@@ -43,7 +43,12 @@ class PERFECT_BVH_PG_scan(bpy.types.PropertyGroup):
         description="Which rays are cast: those of a camera, of a LiDAR with numbers of your own, or of a known sensor",
         items=[
             ("CAMERA", "Camera Grid", "One ray through the center of each pixel of the camera's picture", 0),
-            ("LIDAR", "Custom Spinning LiDAR", "A column of beams that turns about the sensor's axis, with your own numbers", 1),
+            (
+                "LIDAR",
+                "Custom Spinning LiDAR",
+                "A column of beams that turns about the sensor's axis, with your own numbers",
+                1,
+            ),
             *sensor_items(),
             ("FILE", "From File...", "A sensor of your own, as a TOML file describes it", 2),
         ],

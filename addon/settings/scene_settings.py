@@ -195,9 +195,7 @@ class PERFECT_BVH_PG_settings(bpy.types.PropertyGroup):
         subtype="TIME_ABSOLUTE",
         unit="TIME_ABSOLUTE",
     )
-    seed: bpy.props.IntProperty(
-        name="Seed", description="Seed of the noise pattern", default=0, min=0
-    )
+    seed: bpy.props.IntProperty(name="Seed", description="Seed of the noise pattern", default=0, min=0)
     ao_distance: bpy.props.FloatProperty(
         name="AO Distance",
         description="How far away a surface still darkens another in clay; 0 is as far as the scene reaches",

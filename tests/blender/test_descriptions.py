@@ -120,7 +120,7 @@ def nothing_is_there() -> None:
     [
         ("preview", nothing_is_there, "neither a 3D viewport nor a camera"),
         ("scan", nothing_is_there, "No sensor: choose a Sensor Object"),
-        ("scan", edit_a_mesh, "leave the mode"),
+        ("scan", edit_a_mesh, "Switch to Object Mode first"),
         ("select_updated", edit_a_mesh, "in Object Mode only"),
         ("select_not_shown", edit_a_mesh, "in Object Mode only"),
     ],

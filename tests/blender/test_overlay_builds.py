@@ -77,7 +77,7 @@ def test_the_last_boxes_are_drawn_in_grey_until_the_new_ones_are_there(scene, mo
     screen.take()
     for _ in range(2):
         overlay.draw(bpy.context, settings)
-        assert overlay.message == "Building trees 50%"
+        assert overlay.message == "Building BVHs 50%"
         assert screen.take() == ([1.0, 1.0], True)
     settings.show_active = False
     overlay.draw(bpy.context, settings)
@@ -134,7 +134,7 @@ def test_boxes_wait_for_trees_that_take_long_and_blender_for_neither(drawn_batch
     shown.draw(bpy.context, settings)
     gate.wait_until_held()
     shown.draw(bpy.context, settings)
-    assert shown.message == "Building trees 50%"
+    assert shown.message == "Building BVHs 50%"
     assert bpy.app.timers.is_registered(scene_overlay.redraw_viewports)
     assert not drawn_batches
     assert building_threads() == 1

@@ -132,9 +132,7 @@ def test_closing_the_window_of_the_image_stops_it(cube, scene, monkeypatch: pyte
     assert operator.modal(window, TIMER) == {"RUNNING_MODAL"}
     windows.remove(opened)
     assert operator.modal(window, TIMER) == {"CANCELLED"}
-    assert operator.reports == [
-        ("INFO", f"Canceled after {operator._refinement.sample_count} samples")
-    ]
+    assert operator.reports == [("INFO", f"Canceled after {operator._refinement.sample_count} samples")]
     assert (window.status, window.timers) == (None, 0)
 
 
@@ -274,7 +272,7 @@ def test_a_large_mesh_is_given_up_and_shown_the_next_time(scene, cube, monkeypat
     operator, window = press()
     gate.wait_until_held()
     assert operator.modal(window, TIMER) == {"RUNNING_MODAL"}
-    assert window.status.startswith("Building trees")
+    assert window.status.startswith("Building BVHs")
     assert operator.modal(window, ESCAPE) == {"CANCELLED"}
     assert not building_threads()
     gate.open()

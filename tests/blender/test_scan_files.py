@@ -195,7 +195,7 @@ def test_esc_leaves_whole_pieces_and_start_goes_on(small_file: Path) -> None:
 def test_the_status_bar_tells_which_piece_is_worked_on(small_file: Path) -> None:
     operator, window = started()
     seen: list[str | None] = []
-    tick_until(operator, window, lambda: seen.append(window.status) or "piece 3 of 3" in (window.status or ""))
+    tick_until(operator, window, lambda: seen.append(window.status) or "file 3 of 3" in (window.status or ""))
     operator.modal(window, ESCAPE)
     assert seen[0] == "Scanning file 1 of 3 | Esc: Cancel"
     assert {text.rpartition("file ")[2] for text in seen if text} == {f"{n} of 3 | Esc: Cancel" for n in (1, 2, 3)}
@@ -308,6 +308,6 @@ def test_a_format_without_its_library_is_named_with_how_to_get_it(small_file: Pa
         bpy.ops.perfect_bvh.scan()
     told = " ".join(drawn(panels.output.PERFECT_BVH_PT_scan))
     monkeypatch.undo()
-    assert "laz needs laspy and lazrs" in told and "-m pip install laspy lazrs" in told
+    assert "LAZ files need laspy and lazrs" in told and "-m pip install laspy lazrs" in told
     scan_settings().file_format = "npz"
     assert "-m pip install" not in " ".join(drawn(panels.output.PERFECT_BVH_PT_scan))

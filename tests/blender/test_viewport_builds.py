@@ -52,7 +52,7 @@ def test_trees_that_take_long_are_built_beside_it(cube, gate: Gate) -> None:
     gate.wait_until_held()
     for _ in range(5):
         assert shown.redraw()
-        assert shown.viewport.state == "Building trees 50%"
+        assert shown.viewport.state == "Building BVHs 50%"
     assert shown.screen == []
     gate.open()
     np.testing.assert_array_equal(shown.finish(), fresh())
@@ -149,7 +149,7 @@ def test_viewports_that_share_the_trees_wait_for_the_same(cube, gate: Gate) -> N
     gate.wait_until_held(2)
     for shown in (first, second):
         assert shown.redraw()
-        assert shown.viewport.state == "Building trees 50%"
+        assert shown.viewport.state == "Building BVHs 50%"
     assert building_threads() == 1
     gate.open()
     expected = fresh()
@@ -167,7 +167,7 @@ def test_a_view_without_updates_waits_for_what_another_has_begun(cube, gate: Gat
     second.update()
     gate.wait_until_held()
     assert first.redraw()
-    assert first.viewport.state == "Building trees 50%"
+    assert first.viewport.state == "Building BVHs 50%"
     np.testing.assert_array_equal(first.screen[-1], before)
     gate.open()
     np.testing.assert_array_equal(first.finish(), fresh())
@@ -180,7 +180,7 @@ def test_what_one_gives_up_is_restarted(cube, gate: Gate) -> None:
     assert shown.redraw()
     sync_of(bpy.context.evaluated_depsgraph_get()).stop_building()
     assert shown.redraw()
-    assert shown.viewport.state.startswith("Building trees")
+    assert shown.viewport.state.startswith("Building BVHs")
     gate.open()
     np.testing.assert_array_equal(shown.finish(), fresh())
 

@@ -37,7 +37,7 @@ def test_a_click_walks_the_pixels_ray(viewport: Viewport) -> None:
     viewport.click()
     walk = walk_view.shown()
     assert walk is not None and walk.steps[-1].sentence == "The nearest hit is Cube"
-    assert viewport.cursor == "DEFAULT" and "Esc ends" in viewport.context.status
+    assert viewport.cursor == "DEFAULT" and "Esc: end" in viewport.context.status
     assert walk.ray.at(walk.ray.end(-1))[2] == pytest.approx(1.0, abs=1e-5)  # t is a float, and the ray begins far away
     viewport.click(101, 51)  # beside the cube
     other = walk_view.shown()
@@ -143,7 +143,7 @@ def test_trees_are_waited_for_no_longer_where_their_viewport_is_closed(
     viewport: Viewport, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     read = SimpleNamespace(scene_uid=bpy.context.scene.session_uid)
-    waits = {"state": "Building trees", "walk": lambda context: None, "stop": lambda: None}
+    waits = {"state": "Building BVHs", "walk": lambda context: None, "stop": lambda: None}
     reading = SimpleNamespace(address=7, read=read, **waits)
     monkeypatch.setattr(walk_reading, "read_pixel", lambda *_: reading)
     assert viewport.send("LEFTMOUSE") == {"RUNNING_MODAL"}
@@ -201,7 +201,7 @@ def test_a_scene_that_changes_while_trees_are_built_is_noticed(
     gate = Gate(monkeypatch)
     try:
         assert viewport.send("LEFTMOUSE") == {"RUNNING_MODAL"}
-        assert viewport.operator._reading is not None and "Building trees" in viewport.context.status
+        assert viewport.operator._reading is not None and "Building BVHs" in viewport.context.status
         assert viewport.send("TIMER") == {"PASS_THROUGH"} and not viewport.operator.reports
         if change == "an edit":
             bpy.data.objects["Cube"].location.z = 3.0

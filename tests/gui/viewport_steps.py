@@ -185,7 +185,7 @@ def build_beside_the_viewport() -> Step:
     def show(gate: Gate) -> Step:
         yield from watch_a_build("viewport", gate)
         (shown,) = viewports()
-        check(shown.state.startswith("Building trees"), f"the viewport says {shown.state!r}")
+        check(shown.state.startswith("Building BVHs"), f"the viewport says {shown.state!r}")
         check(np.array_equal(image(), before), "the last image is gone before there is another")
         gate.open()
         settings().samples = 2

@@ -251,7 +251,7 @@ class Reading:
     @property
     def state(self) -> str:
         """How far the trees are, as words for the user."""
-        return self.trees.state or "Building trees"
+        return self.trees.state or "Building BVHs"
 
     def stop(self) -> None:
         """Its trees are not waited for any more; whoever else needs them has them built."""
