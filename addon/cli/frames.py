@@ -274,5 +274,6 @@ def _end(work: PieceWork, outcome: Outcome) -> int:
     if outcome.is_stopped:
         sys.stderr.write(f"perfect-bvh: stopped; {outcome.there} of {total} pieces are there; --resume goes on\n")
         return EXIT_INTERRUPTED
-    work.join()
+    with explained():
+        work.join()
     return 0

@@ -83,14 +83,14 @@ def _open(job: dict[str, Any], stop: StopRequest) -> PieceWork:
     from .blender import open_scene
     from .commands import scan_work
     from .frames import RenderWork
-    from .labels import LabelsWork
+    from .labels import labels_work
 
     if perfect_bvh.__version__ != job["version"]:
         raise CommandError(f"it has version {perfect_bvh.__version__} of Perfect BVH, not {job['version']}")
     arguments = argparse.Namespace(**{name: _tuple(value) for name, value in job["arguments"].items()})
     scene = open_scene(Path(arguments.file), arguments)
     learn_checksums(job["checksums"])
-    jobs: dict[str, Job] = {"scan": scan_work, "labels": LabelsWork, "render": RenderWork}
+    jobs: dict[str, Job] = {"scan": scan_work, "labels": labels_work, "render": RenderWork}
     work = jobs[arguments.command](scene, stop, arguments)
     other = find_difference(job["inputs"], work.place.inputs)
     if other is not None:

@@ -3,6 +3,7 @@
 label_image  casts a ray through each pixel's centre and lists all surfaces on it, with their normals and uvs
 labels       the result as arrays and as an .npz file: masks, which may overlap, and what the numbers stand for
 files        one labelled image as .npz, .npy, PNG and EXR, and what their numbers mean. Knows no Blender.
+piece_labels labels of many frames into a folder, piece by piece
 coco         many labelled images as one file of the format of COCO. Knows no Blender.
 """
 

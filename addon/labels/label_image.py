@@ -9,14 +9,14 @@ import numpy as np
 import numpy.typing as npt
 
 from ..extract.camera import check_resolution, image_window
-from ..extract.label_values import OBJECT, LabelReader
+from ..extract.label_values import OBJECT, LabelReader, LabelReading
 from ..support.memory import check_fits
 from ..sync.lookup import MISS, IdRows, LabelColumn
 from ..sync.records import VISIBLE_TO_CAMERA, AttributeRequest
 from .labels import Labels, distinct, find_things, masks_of
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable, Generator, Iterator, Sequence
 
     import bpy
     from perfect_bvh import Camera, Hits, Intersections, Snapshot
@@ -80,6 +80,8 @@ RAYS_IN_A_STEP = 1 << 17
 BYTES_A_PIXEL, BYTES_A_LAYER = 200, 8
 NEIGHBOURS = (-1.0, 1.0)  # frames, between which flow is asked for
 MIDDLE = 0.5
+BUILT = 0.3  # of the whole: when the trees are built
+WAIT_SECONDS = 0.02  # for them, at a time
 LISTED = ("instance_ids", "t_hit")  # of all surfaces; the rest only of the nearest
 FIELDS = ("instance_ids", "mesh_ids", "primitive_ids", "primitive_uvs", "geometric_normals", "positions", "t_hit")
 
@@ -128,12 +130,10 @@ def label_image(
     from ..live.scene_view import SceneView
 
     check_count("label_image", "layers", layers, 1, 1000)
-    classes = LabelReader("label_image", (OBJECT if category is None else category,), as_names=True)
-    others = LabelReader("label_image", labels)
+    classes, others = _readers(category, labels)
 
     def label(of: bpy.types.Depsgraph, frame_set: Callable[[int, float], object] | None) -> Labels:
-        view = {"camera": camera, "size": size, "shutter": NEIGHBOURS if flow else None}
-        view["frame_set"] = frame_set if flow else None
+        view = _view_of(camera, size, flow, frame_set)
         return _label_depsgraph(of, sync, view, layers, classes, others, threads, progress)
 
     if depsgraph is not None:
@@ -148,8 +148,90 @@ def label_image(
     return scene.read(label_moment)
 
 
+def label_steps(
+    depsgraph: bpy.types.Depsgraph,
+    sync: SceneSync,
+    *,
+    camera: bpy.types.Object | None = None,
+    size: tuple[int, int] | None = None,
+    layers: int = 1,
+    category: str | None = None,
+    labels: Sequence[str] = (),
+    flow: bool = False,
+    frame_set: Callable[[int, float], object] | None = None,
+    threads: int = 0,
+) -> Generator[float, None, Labels]:
+    """Does what `label_image` does in steps, between which Blender's user goes on.
+
+    Reads Blender before its first `yield`, and nothing of the depsgraph after that. Yields the share done, 0 to 1;
+    returns the labels. Closing it cancels. sync: one that does not watch Blender; the rest and what is raised are those
+    of `label_image`.
+    """
+    classes, others = _readers(category, labels)
+    view = _view_of(camera, size, flow, frame_set)
+    sync.request(READ)
+    building = sync.begin_update(depsgraph, **view)
+    try:
+        asked = _Asked(depsgraph, sync, view, layers, classes, others, threads)
+        yield 0.0
+        while not building.wait(WAIT_SECONDS):
+            yield BUILT * building.share
+        building.result()
+    finally:
+        sync.stop_building()
+    labelling = asked.labelling()
+    for share in labelling.steps():
+        yield BUILT + (1.0 - BUILT) * share
+    return labelling.result()
+
+
+def _readers(category: str | None, labels: Sequence[str]) -> tuple[LabelReader, LabelReader]:
+    classes = LabelReader("label_image", (OBJECT if category is None else category,), as_names=True)
+    return classes, LabelReader("label_image", labels)
+
+
+def _view_of(
+    camera: bpy.types.Object | None,
+    size: tuple[int, int] | None,
+    flow: bool,
+    frame_set: Callable[[int, float], object] | None,
+) -> dict[str, Any]:
+    """Arguments of `SceneSync.update`."""
+    shutter = NEIGHBOURS if flow else None
+    return {"camera": camera, "size": size, "shutter": shutter, "frame_set": frame_set if flow else None}
+
+
 def _no_camera(scene: bpy.types.Scene, reason: str) -> str:
     return f"label_image: scene {scene.name!r} has no camera that can be used: {reason}"
+
+
+class _Asked:
+    """What is labelled, read from Blender. Raises ValueError for a camera or a size that cannot be used."""
+
+    def __init__(
+        self,
+        depsgraph: bpy.types.Depsgraph,
+        sync: SceneSync,
+        view: dict[str, Any],
+        layers: int,
+        classes: LabelReader,
+        others: LabelReader,
+        threads: int,
+    ) -> None:
+        if sync.camera is None:
+            raise ValueError(_no_camera(depsgraph.scene, sync.warnings[-1] if sync.warnings else "it has none"))
+        try:
+            if view["size"] is None:
+                check_resolution(depsgraph.scene_eval)
+            window = image_window(depsgraph.scene_eval, sync.size)
+        except ValueError as error:
+            raise ValueError(f"label_image: {error}") from None
+        width, height = sync.size
+        bytes_needed = width * height * (BYTES_A_PIXEL + BYTES_A_LAYER * layers)
+        check_fits(f"label_image: {width:,} x {height:,} pixels", bytes_needed, "choose a smaller size")
+        values = classes.read(depsgraph), others.read(depsgraph)
+        flow = view["shutter"] is not None
+        self.labelling = lambda: _Labelling(sync, sync.camera, sync.size, window, layers, flow, threads, *values)
 
 
 def _label_depsgraph(
@@ -170,21 +252,10 @@ def _label_depsgraph(
     own = SceneSync(READ, watch=False) if sync is None else sync
     own.request(READ)
     try:
-        own.update(depsgraph, **view, progress=share_of(progress, 0.0, 0.3))
-        if own.camera is None:
-            raise ValueError(_no_camera(depsgraph.scene, own.warnings[-1] if own.warnings else "it has none"))
-        try:
-            if view["size"] is None:
-                check_resolution(depsgraph.scene_eval)
-            window = image_window(depsgraph.scene_eval, own.size)
-        except ValueError as error:
-            raise ValueError(f"label_image: {error}") from None
-        width, height = own.size
-        bytes_needed = width * height * (BYTES_A_PIXEL + BYTES_A_LAYER * layers)
-        check_fits(f"label_image: {width:,} x {height:,} pixels", bytes_needed, "choose a smaller size")
-        labelling = _Labelling(own, own.camera, own.size, window, layers, view["shutter"] is not None, threads)
-        labelling.run(share_of(progress, 0.3, 0.7))
-        return labelling.result(classes, others, depsgraph)
+        own.update(depsgraph, **view, progress=share_of(progress, 0.0, BUILT))
+        labelling = _Asked(depsgraph, own, view, layers, classes, others, threads).labelling()
+        labelling.run(share_of(progress, BUILT, 1.0 - BUILT))
+        return labelling.result()
     finally:
         if sync is None:
             own.close()
@@ -195,6 +266,7 @@ class _Labelling:
     """Of one synced scene, block of rows after block of rows.
 
     frame: (width, height) of the whole image. window: (left, right, bottom, top), the pixels of it that are labelled.
+    classes: the one label that says categories. others: the further ones.
     """
 
     sync: SceneSync
@@ -204,6 +276,8 @@ class _Labelling:
     layers: int
     flow: bool
     threads: int
+    classes: LabelReading
+    others: LabelReading
     owners: list[npt.NDArray[np.int64]] = field(default_factory=list)  # whose pixel, block by block ...
     pixels: list[npt.NDArray[np.int64]] = field(default_factory=list)  # ... and which
 
@@ -227,16 +301,21 @@ class _Labelling:
 
     def run(self, progress: Progress | None) -> None:
         """Casts all rays and keeps what they meet."""
+        for share in self.steps():
+            if progress is not None and progress(share) is False:
+                import perfect_bvh
+
+                raise perfect_bvh.Cancelled("labelling was cancelled")
+
+    def steps(self) -> Iterator[float]:
+        """The same in steps; yields the share done."""
         width, height = self.size
         snapshot = self.sync.scene.snapshot()
         step = max(1, RAYS_IN_A_STEP // width)
         for first in range(0, height, step):
             rows = slice(first, min(first + step, height))
             self._label(snapshot, rows)
-            if progress is not None and progress(rows.stop / height) is False:
-                import perfect_bvh
-
-                raise perfect_bvh.Cancelled("labelling was cancelled")
+            yield rows.stop / height
 
     def _label(self, snapshot: Snapshot, rows: slice) -> None:
         rows_cut, columns = self.cut
@@ -299,14 +378,14 @@ class _Labelling:
         normals[away] *= -1.0
         return normals
 
-    def result(self, classes: LabelReader, others: LabelReader, depsgraph: bpy.types.Depsgraph) -> Labels:
-        """What was kept, by the things that were met. classes: reads the one label that says categories."""
+    def result(self) -> Labels:
+        """What was kept, by the things that were met."""
         width, height = self.size
         owners, pixels = np.concatenate(self.owners), np.concatenate(self.pixels)
         present = distinct(owners).astype(np.int32)
         present_rows = IdRows(present)
-        (category,) = classes.read(depsgraph).of(self.sync.record).values()
-        labels = others.read(depsgraph).of(self.sync.record)
+        (category,) = self.classes.of(self.sync.record).values()
+        labels = self.others.of(self.sync.record)
         things, categories = find_things(self.sync, present, category, labels)
         rows = self.instance_rows.find(self.instances, "label_image: instance")
 

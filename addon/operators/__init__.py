@@ -3,6 +3,8 @@
 preview       *Render View to Image*
 scan_button   *Scan*
 scan_request  what its panel asks for, checked
+label_button  *Label Images*
+piece_jobs    what *Scan* and *Label Images* share
 measure       *Bench*, and the comparison of two trees
 select        selects objects that are not shown, or were updated
 walk          keys of the walk of a ray
@@ -14,11 +16,10 @@ from __future__ import annotations
 import bpy
 
 from ..bench import results
-from . import measure, preview, scan_button, scan_request, select, ticking, walk
+from . import label_button, measure, preview, scan_button, scan_request, select, ticking, walk
 
-_CLASSES = tuple(
-    operator for module in (preview, scan_button, scan_request, measure, select, walk) for operator in module.CLASSES
-)
+_MODULES = (preview, scan_button, scan_request, label_button, measure, select, walk)
+_CLASSES = tuple(operator for module in _MODULES for operator in module.CLASSES)
 
 
 def register() -> None:

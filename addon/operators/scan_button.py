@@ -9,8 +9,6 @@ from __future__ import annotations
 
 import time
 from collections.abc import Generator
-from contextlib import closing
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import bpy
@@ -18,7 +16,7 @@ import bpy
 from ..settings.scan_settings import label_names
 from ..statistics import messages
 from ..statistics.words import duration
-from ..support.files import prepare_folder
+from .piece_jobs import JobOperator, PiecesJob, prepare_free_folder
 from .scan_request import (
     ScannedFile,
     check_colors,
@@ -29,7 +27,6 @@ from .scan_request import (
     sensor_of,
     threads_of,
 )
-from .ticking import Ticking
 
 if TYPE_CHECKING:
     from ..pieces.piece import Piece
@@ -37,10 +34,7 @@ if TYPE_CHECKING:
     from ..scanning.outcomes import RayCounts
 
 
-STEP_SECONDS = 0.1
-
-
-class PERFECT_BVH_OT_scan(Ticking, bpy.types.Operator):
+class PERFECT_BVH_OT_scan(JobOperator, bpy.types.Operator):
     """Steps through a scan in a timer."""
 
     bl_idname = "perfect_bvh.scan"
@@ -49,11 +43,10 @@ class PERFECT_BVH_OT_scan(Ticking, bpy.types.Operator):
     bl_options: ClassVar = {"REGISTER", "UNDO"}
 
     # Blender evaluates these annotations, and the scanner's module needs the native engine.
-    _job: Any
     _file: Any
     _colors: tuple[str, str]
-    _steps: Generator[float, None, None]
     _started: float
+    doing = "Scanning"
 
     @classmethod
     def _find_complaint(cls, context: bpy.types.Context) -> str | None:
@@ -106,58 +99,9 @@ class PERFECT_BVH_OT_scan(Ticking, bpy.types.Operator):
         self._steps = self._job.steps()
         return True
 
-    def _run(self) -> float | None:
-        """All steps, in one go."""
-        done: float | None = 0.0
-        while done is not None and done < 1.0:
-            done = self._step(STEP_SECONDS)
-        return done
-
-    def _step(self, seconds: float) -> float | None:
-        """Work for about `seconds`; the share done, None if the scan has failed, with the reason reported."""
-        import perfect_bvh
-
-        deadline = time.perf_counter() + seconds
-        try:
-            for done in self._steps:
-                # While trees are built there is nothing to do but let Blender go on.
-                if time.perf_counter() >= deadline or self._job.built_share is not None:
-                    # The last step is over when the iterator is: it sets the frame back.
-                    return min(done, 0.999)
-        except OSError as problem:
-            # The points are kept if they are asked for: only a file is missing.
-            self._kept = self._job.result()[0]
-            self._complain(problem)
-            return None
-        except (ValueError, perfect_bvh.EngineError, MemoryError) as problem:
-            self._complain(problem)
-            return None
-        return 1.0
-
-    def _tick(self, context: bpy.types.Context) -> set[str] | None:
-        done = self._step(STEP_SECONDS)
-        if done is None:
-            self._end(context)
-            return self._give_up(context)
-        context.window_manager.progress_update(100 * done)
-        self._show_state(context)
-        if done < 1.0:
-            return None
-        self._end(context)
-        return self._finish(context)
-
-    def _stopped(self) -> str:
-        return str(self._job.stopped())
-
-    def _show_state(self, context: bpy.types.Context) -> None:
-        built = self._job.built_share
-        building = "" if built is None else f" | Building BVHs {built:.0%}"
-        self._tell(context, f"Scanning{self._job.where}{building} | Esc: Cancel")
-
-    def _end(self, context: bpy.types.Context) -> None:
-        self._steps.close()
-        self._job.release()
-        self._end_ticking(context)
+    def _keep(self) -> None:
+        """The points are kept if they are asked for: only a file is missing."""
+        self._kept = self._job.result()[0]
 
     def _finish(self, context: bpy.types.Context) -> set[str]:
         clouds, warnings = self._job.result()
@@ -207,9 +151,6 @@ CLASSES = (PERFECT_BVH_OT_scan,)
 # The work of the Scan button, in steps: points of all frames at once, or pieces of the frames into files.
 
 
-_folders_in_use: set[Path] = set()
-
-
 class PointsJob:
     """All points, as one object. Raises ValueError for what cannot be scanned."""
 
@@ -221,7 +162,7 @@ class PointsJob:
         self._scanner: Any = Scanner(
             sensor_of(settings),
             settings.sensor,
-            frames=frames_of(scene),
+            frames=frames_of(scene, settings),
             steps_per_frame=settings.steps_per_frame,
             threads=threads_of(scene),
             labels=label_names(settings),
@@ -265,14 +206,13 @@ class PointsJob:
         return f"{names[0]}: {found}, {duration(1e3 * seconds)}"
 
 
-class FilesJob:
+class FilesJob(PiecesJob):
     """Pieces of the frames, as files, and as objects as well if that is asked for: one a piece.
 
     Raises ValueError for what cannot be scanned and for a folder of another scan, OSError for one that takes no files.
     """
 
     def __init__(self, scene: bpy.types.Scene, file: ScannedFile) -> None:
-        from ..pieces.work import Outcome
         from ..scanning.piece_scan import ScanWork
 
         settings = scene.perfect_bvh.scan
@@ -280,52 +220,13 @@ class FilesJob:
             check_colors(settings)
         plan, carrier = plan_of(scene), settings.sensor
         plan.scanner(plan.pieces()[0], carrier)  # what cannot be scanned is refused before a folder is made
-        self._folder: Path = folder_of(settings).resolve()
-        if self._folder in _folders_in_use:
-            raise ValueError(f"Another scan is writing into {self._folder}: let it end, or stop it with Esc")
-        prepare_folder(self._folder)
+        folder = folder_of(settings.folder)
+        prepare_free_folder(folder)
         self._file = file
         self._keeps = settings.use_points
         self._clouds: list[tuple[str, PointCloud]] = []
-        place = plan.folder(self._folder, file.inputs_of(plan, carrier))
-        place.prepare(plan.pieces(), resume=settings.use_resume)
-        self._work = ScanWork(plan, carrier, place, self._take)
-        self._outcome = Outcome()
-        self._resumes = settings.use_resume
-        _folders_in_use.add(self._folder)
-
-    @property
-    def built_share(self) -> float | None:
-        return self._work.built_share
-
-    @property
-    def where(self) -> str:
-        """What is worked on, for the status bar."""
-        return f" file {self._outcome.number} of {len(self._work.pieces)}"
-
-    def steps(self) -> Generator[float, None, None]:
-        """Yields the share done, 0 to 1."""
-        from ..pieces.work import do_pieces
-
-        scene = self._work.view.find()
-        frame = scene.frame_current, scene.frame_subframe, scene.camera.session_uid if scene.camera else 0
-        try:
-            with closing(do_pieces(self._work, self._outcome)) as steps:
-                for done in steps:
-                    yield done / len(self._work.pieces)
-        finally:
-            self._work.view.set_frame_back(*frame)
-
-    def release(self) -> None:
-        """At the end, however it came: other scans may write there."""
-        _folders_in_use.discard(self._folder)
-
-    def stopped(self) -> str:
-        """What to tell who has stopped it."""
-        how = "Start Scan continues" if self._resumes else "To continue, enable Resume and press Start Scan"
-        return (
-            f"Scan canceled: {self._outcome.there} of {len(self._work.pieces)} files written to {self._folder}. {how}"
-        )
+        place = plan.folder(folder, file.inputs_of(lambda arguments: plan.inputs(arguments, carrier)))
+        super().__init__(ScanWork(plan, carrier, place, self._take), folder, settings.use_resume)
 
     def result(self) -> tuple[list[tuple[str, PointCloud]], list[str]]:
         """Points to be added, with the names of their objects, and warnings."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import secrets
+from collections.abc import Callable
 from pathlib import Path
 from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any, ClassVar
@@ -68,9 +69,8 @@ def parse_elevations(text: str) -> tuple[float, ...]:
         ) from problem
 
 
-def frames_of(scene: bpy.types.Scene) -> tuple[int, int] | None:
-    """The first and the last one; None for the current one alone."""
-    settings = scene.perfect_bvh.scan
+def frames_of(scene: bpy.types.Scene, settings: bpy.types.PropertyGroup) -> tuple[int, int] | None:
+    """The first and the last one; None for the current one alone. settings: of scans or of labels."""
     if settings.frames == "CURRENT":
         return None
     if settings.frames == "SCENE":
@@ -95,7 +95,8 @@ def plan_of(scene: bpy.types.Scene) -> ScanPlan:
     from ..scanning.formats import check_format
     from ..scanning.piece_scan import ScanPlan
 
-    settings, frames = scene.perfect_bvh.scan, frames_of(scene)
+    settings = scene.perfect_bvh.scan
+    frames = frames_of(scene, settings)
     suffix = f".{settings.file_format}"
     try:
         check_format(suffix, label_names(settings))
@@ -116,11 +117,11 @@ def plan_of(scene: bpy.types.Scene) -> ScanPlan:
     )
 
 
-def folder_of(settings: bpy.types.PropertyGroup) -> Path:
-    """Where files go."""
-    if not settings.folder.strip():
+def folder_of(text: str) -> Path:
+    """Where files go, from a panel's field."""
+    if not text.strip():
         raise ValueError("Choose a folder for the files")
-    path = absolute(settings.folder)
+    path = absolute(text).resolve()
     if path.exists() and not path.is_dir():
         raise ValueError(f"{path} is a file: choose a folder")
     return path
@@ -188,8 +189,11 @@ class ScannedFile:
             _watch.known[self._uid] = (state, f"edited {_session} {state}")
         self._name = _watch.known[self._uid][1]
 
-    def inputs_of(self, plan: ScanPlan, carrier: bpy.types.Object | None) -> dict[str, Any]:
-        """What pieces are made from, as the command line has it of a file that is saved."""
+    def inputs_of(self, inputs_of: Callable[[SimpleNamespace], dict[str, Any]], **choices: Any) -> dict[str, Any]:
+        """What pieces are made from, as the command line has it of a file that is saved.
+
+        inputs_of: makes that of the command's arguments. choices: those that panels have.
+        """
         from ..extract.label_values import find_missing_libraries
 
         path = Path(bpy.data.filepath)
@@ -197,8 +201,9 @@ class ScannedFile:
             file=path,
             autoexec=bpy.context.preferences.filepaths.use_scripts_auto_execute,
             allow_missing=bool(find_missing_libraries()),
+            **choices,
         )
-        inputs = plan.inputs(arguments, carrier)
+        inputs = inputs_of(arguments)
         if self._name:
             inputs["files"][path.name or "not saved"] = self._name
         return inputs

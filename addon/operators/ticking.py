@@ -58,7 +58,7 @@ def forget() -> None:
 
 TIMER_SECONDS = 0.01
 # Whose names errors begin with, for scripts.
-FUNCTIONS = ("scan", "bench", "compare")
+FUNCTIONS = ("scan", "bench", "compare", "label_image")
 
 
 def sentence_of(problem: BaseException | str) -> str:

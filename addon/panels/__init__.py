@@ -34,6 +34,7 @@ CLASSES = (
     *objects.WORLD_CLASSES,
     *viewports.SHADING_CLASSES,
     *output.SCAN_CLASSES,
+    *output.LABEL_CLASSES,
     *reports.BENCH_CLASSES,
     *reports.UPDATES_CLASSES,
     *reports.TREES_CLASSES,

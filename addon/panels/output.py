@@ -92,7 +92,38 @@ def _draw_files(context: bpy.types.Context, layout: bpy.types.UILayout, settings
     layout.prop(settings, "use_resume")
 
 
+class PERFECT_BVH_PT_label_images(SidebarPanel, bpy.types.Panel):
+    """What is labelled, as which files, and the button."""
+
+    bl_label = "Label Images"
+    bl_options: ClassVar = {"DEFAULT_CLOSED"}
+
+    def draw(self, context: bpy.types.Context) -> None:
+        layout = settings_layout(self)
+        settings = context.scene.perfect_bvh.label_images
+        layout.prop(settings, "camera")
+        layout.prop(settings, "frames")
+        column = layout.column(align=True)
+        if settings.frames == "RANGE":
+            column.prop(settings, "frame_start")
+            column.prop(settings, "frame_end")
+        layout.prop(settings, "use_render_size")
+        if not settings.use_render_size:
+            column = layout.column(align=True)
+            column.prop(settings, "width")
+            column.prop(settings, "height", text="Y")
+        layout.prop(settings, "category")
+        layout.prop(settings, "layers")
+        layout.column(align=True).prop(settings, "formats")
+        layout.prop(settings, "use_coco")
+        layout.prop(settings, "folder")
+        layout.prop(settings, "use_resume")
+        layout.operator("perfect_bvh.label_images", text="Start Labels", icon="IMAGE_DATA")
+        draw_messages_of(context, layout, "Label Images")
+
+
 SCAN_CLASSES = (PERFECT_BVH_PT_scan,)
+LABEL_CLASSES = (PERFECT_BVH_PT_label_images,)
 
 
 # View layer ----------------------------------------------------------------------------------------------------------

@@ -5,6 +5,7 @@ So the command line can list them at once. Numbers of items are what .blend file
 
 from __future__ import annotations
 
+import re
 import tomllib
 import zlib
 from dataclasses import dataclass
@@ -111,8 +112,12 @@ Item = tuple[str, str, str, int]
 
 
 def sensor_names() -> tuple[str, ...]:
-    """Those that the add-on brings, in the order of their names."""
-    return tuple(sorted(path.stem for path in FOLDER.glob(f"*{SUFFIX}")))
+    """Those that the add-on brings, in the order of their names; numbers in them count as numbers."""
+
+    def parts(name: str) -> list[tuple[int, str]]:
+        return [(int(part), "") if part.isdigit() else (-1, part) for part in re.split(r"(\d+)", name)]
+
+    return tuple(sorted((path.stem for path in FOLDER.glob(f"*{SUFFIX}")), key=parts))
 
 
 def read_sensor_file(path: Path) -> dict[str, Any]:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import bpy
 
+from .label_settings import PERFECT_BVH_PG_label_images
 from .modes import DEFAULT_MODE, MODES
 from .scan_settings import PERFECT_BVH_PG_scan
 from .view_settings import CLASSES as TREE_CLASSES
@@ -94,6 +95,9 @@ class PERFECT_BVH_PG_settings(bpy.types.PropertyGroup):
 
     scan: bpy.props.PointerProperty(
         name="Scan", description="What the Scan button casts, and what it makes of it", type=PERFECT_BVH_PG_scan
+    )
+    label_images: bpy.props.PointerProperty(
+        name="Label Images", description="What the Label Images button writes", type=PERFECT_BVH_PG_label_images
     )
     overlay: bpy.props.PointerProperty(
         name="Overlay", description="Which boxes of the trees 3D viewports show", type=PERFECT_BVH_PG_overlay
@@ -256,7 +260,13 @@ def preview_settings() -> RenderSettings:
     )
 
 
-CLASSES = (PERFECT_BVH_PG_scan, PERFECT_BVH_PG_overlay, *TREE_CLASSES, PERFECT_BVH_PG_settings)
+CLASSES = (
+    PERFECT_BVH_PG_scan,
+    PERFECT_BVH_PG_label_images,
+    PERFECT_BVH_PG_overlay,
+    *TREE_CLASSES,
+    PERFECT_BVH_PG_settings,
+)
 
 
 def register() -> None:

@@ -206,7 +206,7 @@ def test_what_the_engine_fails_by_is_told(
     def fail(*_: object, **__: object) -> None:
         raise error
 
-    monkeypatch.setattr(SceneSync, "update", fail)
+    monkeypatch.setattr(SceneSync, "begin_update", fail)
     assert run("labels", small_file, "-o", tmp_path / "out", "--frames", "1-2", "-q") == 2
     told = capfd.readouterr().err
     assert "frames 1-2" in told and said in told

@@ -19,7 +19,7 @@ from perfect_bvh_addon.view3d import pointer  # noqa: E402
 OPERATORS = [
     found
     for module in (
-        *(operators.preview, operators.scan_button, operators.scan_request, operators.measure),
+        *(operators.preview, operators.scan_button, operators.scan_request, operators.label_button, operators.measure),
         *(operators.select, operators.walk, pointer),
     )
     for found in vars(module).values()

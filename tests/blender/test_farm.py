@@ -60,7 +60,7 @@ if "perfect_bvh_addon.cli.piece_child" in sys.orig_argv:
     from perfect_bvh_addon.live.scene_sync import SceneSync
     def fail(*_, **__):
         raise RuntimeError("nothing can be read")
-    SceneSync.update = fail
+    SceneSync.begin_update = fail
 """
 GIVES_BACK = """
 import os, sys
@@ -544,7 +544,7 @@ def test_a_blender_of_a_worker_reads_no_file_again_that_the_run_has_read(
     from perfect_bvh_addon.cli import build_parser
     from perfect_bvh_addon.cli.blender import StopRequest, open_scene
     from perfect_bvh_addon.cli.farm.run import _job_of
-    from perfect_bvh_addon.cli.labels import LabelsWork
+    from perfect_bvh_addon.cli.labels import labels_work
     from perfect_bvh_addon.pieces import piece
 
     read: list[str] = []
@@ -559,7 +559,7 @@ def test_a_blender_of_a_worker_reads_no_file_again_that_the_run_has_read(
     arguments = build_parser("perfect-bvh").parse_args(asked)
     try:
         scene = open_scene(Path(arguments.file), arguments)
-        job = json.loads(json.dumps(_job_of(LabelsWork(scene, StopRequest(), arguments), arguments, 1)))
+        job = json.loads(json.dumps(_job_of(labels_work(scene, StopRequest(), arguments), arguments, 1)))
         assert sorted(read) == ["linked.blend", "wood.png"]
         piece._known.clear()  # as in the worker's process
         assert child._open(job, StopRequest()).place.inputs == job["inputs"]

@@ -15,8 +15,7 @@ import perfect_bvh_addon  # noqa: E402
 from blender.command_lines import run  # noqa: E402
 from blender.long_builds import ESCAPE, TIMER, FakeOperator, FakeWindow, patiently  # noqa: E402
 from blender.sensor_flight import SENSOR, contents, save_flight  # noqa: E402
-from perfect_bvh_addon.operators import scan_button as scan_operator  # noqa: E402
-from perfect_bvh_addon.operators import scan_request  # noqa: E402
+from perfect_bvh_addon.operators import piece_jobs, scan_request  # noqa: E402
 from perfect_bvh_addon.operators.scan_button import PERFECT_BVH_OT_scan  # noqa: E402
 from perfect_bvh_addon.scanning.point_data import colors_of_column  # noqa: E402
 
@@ -33,7 +32,7 @@ def small_file(tmp_path: Path) -> Iterator[Path]:
 @pytest.fixture(autouse=True)
 def steps_are_short(monkeypatch: pytest.MonkeyPatch) -> None:
     """Each tick of the timer ends where it can: what is under way does not hang on how quick the machine is."""
-    monkeypatch.setattr(scan_operator, "STEP_SECONDS", 0.0)
+    monkeypatch.setattr(piece_jobs, "STEP_SECONDS", 0.0)
 
 
 def open_again(path: Path) -> None:
@@ -203,7 +202,7 @@ def test_the_status_bar_tells_which_piece_is_worked_on(small_file: Path) -> None
 
 def test_two_scans_do_not_write_into_one_folder(small_file: Path) -> None:
     operator, window = started()
-    with pytest.raises(RuntimeError, match=r"Another scan is writing into .*panel: let it end"):
+    with pytest.raises(RuntimeError, match=r"Files are being written into .*panel: wait for the end"):
         bpy.ops.perfect_bvh.scan()
     operator.modal(window, ESCAPE)
     assert bpy.ops.perfect_bvh.scan() == {"FINISHED"}

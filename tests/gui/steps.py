@@ -19,6 +19,7 @@ import comb_steps
 import data_preview_steps
 import example_steps
 import file_steps
+import label_steps
 import motion_steps
 import overlay_steps
 import panel_steps
@@ -59,6 +60,7 @@ STEPS = (
     scan_steps.stop_a_scan,
     scan_steps.stop_a_scan_while_it_builds,
     scan_steps.scan,
+    label_steps.label_images,
     bad_use_steps.scan_onto_bad_disks,
     bad_use_steps.delete_and_undo_while_scanning,
     overlay_steps.show_the_top_level,
@@ -117,6 +119,7 @@ MAIN_STEPS = (
     panel_steps.press_the_main_panels_buttons,
     panel_steps.show_the_viewport,
     scan_steps.scan,
+    label_steps.label_images,
     render_steps.press_preview,
     render_steps.render,
     render_steps.cancel_a_render,

@@ -1,0 +1,185 @@
+"""The button Label Images: exact ids, masks and depths of what a camera sees, written to files frame by frame.
+
+In a window it works in steps of a timer while Blender's user goes on, and Esc cancels it and keeps whole files. Without
+one, or when a script calls it, it does the same in one go. The last frame's labels are shown in the Image Editor.
+"""
+
+from __future__ import annotations
+
+import time
+from typing import TYPE_CHECKING, Any, ClassVar
+
+import bpy
+import numpy as np
+
+from ..statistics.words import duration
+from .piece_jobs import JobOperator, PiecesJob, prepare_free_folder
+from .preview import show_in_editor
+from .scan_request import ScannedFile, folder_of, frames_of, threads_of
+
+if TYPE_CHECKING:
+    from ..labels import Labels
+    from ..labels.piece_labels import LabelPlan
+
+PIECE = 10  # frames; what is canceled loses no more than that
+OBJECTS, DEPTH = "Labels: Objects", "Labels: Depth"  # of the images
+
+
+class PERFECT_BVH_OT_label_images(JobOperator, bpy.types.Operator):
+    """Steps through labelled frames in a timer."""
+
+    bl_idname = "perfect_bvh.label_images"
+    bl_label = "Label Images"
+    bl_description = "Write exact object ids, masks and depth of what the camera sees. Esc cancels"
+    bl_options: ClassVar = {"REGISTER"}
+    doing = "Labelling"
+    _started: float
+
+    @classmethod
+    def _find_complaint(cls, context: bpy.types.Context) -> str | None:
+        from ..extract.camera import has_camera
+
+        settings = context.scene.perfect_bvh.label_images
+        if settings.camera is None and not has_camera(context.scene):
+            return "No camera: choose a Camera, or add one"
+        if not settings.formats and not settings.use_coco:
+            return "Nothing to output: choose a format"
+        return None
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        if not self._begin(context):
+            return {"CANCELLED"}
+        try:
+            done = self._run()
+        finally:
+            self._end(context)
+        return self._give_up(context) if done is None else self._finish(context)
+
+    def _begin(self, context: bpy.types.Context) -> bool:
+        self._forget_complaints()
+        self._started = time.perf_counter()
+        try:
+            self._job = LabelsJob(context.scene, context.view_layer)
+        except (ValueError, ImportError, OSError) as problem:
+            self._complain(problem)
+            return False
+        self._steps = self._job.steps()
+        return True
+
+    def _finish(self, context: bpy.types.Context) -> set[str]:
+        for warning in self._job.warnings:
+            self._complain(warning, "WARNING")
+        images = show_labels(self._job.last)
+        if images and not bpy.app.background and context.window is not None:
+            show_in_editor(context, images[0])
+        self.report({"INFO"}, self._job.summary(time.perf_counter() - self._started))
+        return {"FINISHED"}
+
+
+class LabelsJob(PiecesJob):
+    """Labels of the frames that the panel asks for.
+
+    Raises ValueError for what cannot be labelled and for a folder of other files, ImportError for a missing library,
+    OSError for a folder that takes no files.
+    """
+
+    noun = "Labels"
+
+    def __init__(self, scene: bpy.types.Scene, view_layer: bpy.types.ViewLayer) -> None:
+        from ..extract.scene_in_time import has_simulations
+        from ..labels.piece_labels import BEFORE, WHAT, LabelWork
+        from ..live.scene_view import SceneView
+        from ..pieces.piece import PieceFolder, scene_inputs
+
+        settings, plan = scene.perfect_bvh.label_images, plan_of(scene)
+        folder = folder_of(settings.folder)
+        prepare_free_folder(folder)
+        camera = "" if settings.camera is None else settings.camera.name
+        begins = min(plan.frames) if has_simulations(scene) else None
+        choices = {"size": plan.size, "category": plan.category, "layers": plan.layers, "format": list(plan.formats)}
+        choices |= {"labels": [], "flow": False, "viewport": False, "no_coco": not plan.has_coco}
+        choices |= {"depth_scale": plan.depth_scale, "camera": camera}
+        inputs = ScannedFile(scene, view_layer).inputs_of(
+            lambda arguments: scene_inputs(arguments, *choices, begins=begins), **choices
+        )
+        place = PieceFolder(folder, inputs, BEFORE, WHAT)
+        work = LabelWork(SceneView("labels", scene, view_layer), plan, place, camera, self._take)
+        self.last: Labels | None = None
+        """Of the last frame that was labelled; None if all files were there."""
+        super().__init__(work, folder, settings.use_resume)
+
+    @property
+    def warnings(self) -> list[str]:
+        """Of all frames, each once."""
+        return list(self._outcome.warnings)
+
+    def steps(self) -> Any:
+        """Yields the share done, 0 to 1; joins the pieces in the end."""
+        yield from super().steps()
+        self._work.join()
+
+    def summary(self, seconds: float) -> str:
+        """What was written, in a sentence."""
+        frames = self._outcome.counts.get("frames", 0)
+        return f"Labelled {frames} frame{'s' if frames != 1 else ''} into {self._folder}, {duration(1e3 * seconds)}"
+
+    def _take(self, _frame: int, labels: Labels) -> None:
+        self.last = labels
+
+
+def plan_of(scene: bpy.types.Scene) -> LabelPlan:
+    """What the panel asks for. Raises ValueError, and ImportError with what to install."""
+    from ..labels.coco import check_coco
+    from ..labels.files import FORMATS as ORDER
+    from ..labels.files import check_formats
+    from ..labels.piece_labels import LabelPlan
+
+    settings = scene.perfect_bvh.label_images
+    frames = frames_of(scene, settings)
+    formats = tuple(name for name in ORDER if name in settings.formats)
+    check_formats(formats)
+    if settings.use_coco:
+        check_coco()
+    return LabelPlan(
+        frames=(scene.frame_current,) if frames is None else tuple(range(frames[0], frames[1] + 1)),
+        formats=formats,
+        size=None if settings.use_render_size else (settings.width, settings.height),
+        layers=settings.layers,
+        category=settings.category.strip() or None,
+        has_coco=settings.use_coco,
+        piece=PIECE,
+        threads=threads_of(scene),
+    )
+
+
+def show_labels(labels: Labels | None) -> list[bpy.types.Image]:
+    """Puts labels into images of Blender's: objects as colours, depth from white (near) to black."""
+    if labels is None:
+        return []
+    from ..scanning.point_data import colors_of_column
+
+    height, width = labels.thing_ids.shape
+    colors = colors_of_column(labels.thing_ids.ravel(), "ids").reshape(height, width, 4)
+    is_there = labels.thing_ids >= 0
+    depth = np.zeros((height, width, 4), np.float32)
+    depth[..., 3] = 1.0
+    if is_there.any():
+        near, far = labels.depth[is_there].min(), labels.depth[is_there].max()
+        grey = 1.0 - 0.9 * (labels.depth - near) / max(float(far - near), 1e-9)
+        depth[..., :3] = np.where(is_there, grey, 0.0)[..., None]
+    return [_store(OBJECTS, colors), _store(DEPTH, depth)]
+
+
+def _store(name: str, pixels: Any) -> bpy.types.Image:
+    height, width = pixels.shape[:2]
+    image = bpy.data.images.get(name)
+    if image is None or image.source != "GENERATED" or not image.is_float or image.library is not None:
+        image = bpy.data.images.new(name, width, height, float_buffer=True)
+    elif tuple(image.size) != (width, height):
+        image.scale(width, height)
+    image.pixels.foreach_set(np.ascontiguousarray(pixels[::-1], np.float32).ravel())
+    image.update()
+    return image
+
+
+CLASSES = (PERFECT_BVH_OT_label_images,)

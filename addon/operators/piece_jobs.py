@@ -1,0 +1,153 @@
+"""What the buttons Scan and Label Images share: a job in steps of a timer, and pieces of frames in files."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Generator
+from contextlib import closing
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, ClassVar
+
+import bpy
+
+from ..support.files import prepare_folder
+from .ticking import Ticking
+
+if TYPE_CHECKING:
+    from ..pieces.work import PieceWork
+
+STEP_SECONDS = 0.1
+
+
+class JobOperator(Ticking):
+    """Steps through a job, which has `steps`, `release`, `stopped`, `built_share` and `where` as `PiecesJob` has.
+
+    doing: the verb in the status bar.
+    """
+
+    doing: ClassVar[str]
+    _job: Any
+    _steps: Any  # a generator; Blender evaluates annotations
+
+    def _run(self) -> float | None:
+        """All steps, in one go."""
+        done: float | None = 0.0
+        while done is not None and done < 1.0:
+            done = self._step(STEP_SECONDS)
+        return done
+
+    def _step(self, seconds: float) -> float | None:
+        """Work for about `seconds`; the share done, None if the scan has failed, with the reason reported."""
+        import perfect_bvh
+
+        deadline = time.perf_counter() + seconds
+        try:
+            for done in self._steps:
+                # While trees are built there is nothing to do but let Blender go on.
+                if time.perf_counter() >= deadline or self._job.built_share is not None:
+                    # The last step is over when the iterator is: it sets the frame back.
+                    return min(done, 0.999)
+        except OSError as problem:
+            self._keep()
+            self._complain(problem)
+            return None
+        except (ValueError, perfect_bvh.EngineError, MemoryError) as problem:
+            self._complain(problem)
+            return None
+        return 1.0
+
+    def _tick(self, context: bpy.types.Context) -> set[str] | None:
+        done = self._step(STEP_SECONDS)
+        if done is None:
+            self._end(context)
+            return self._give_up(context)
+        context.window_manager.progress_update(100 * done)
+        self._show_state(context)
+        if done < 1.0:
+            return None
+        self._end(context)
+        return self._finish(context)
+
+    def _stopped(self) -> str:
+        return str(self._job.stopped())
+
+    def _show_state(self, context: bpy.types.Context) -> None:
+        built = self._job.built_share
+        building = "" if built is None else f" | Building BVHs {built:.0%}"
+        self._tell(context, f"{self.doing}{self._job.where}{building} | Esc: Cancel")
+
+    def _end(self, context: bpy.types.Context) -> None:
+        self._steps.close()
+        self._job.release()
+        self._end_ticking(context)
+
+    def _keep(self) -> None:
+        """A file could not be written: what is kept of the rest."""
+
+    def _give_up(self, context: bpy.types.Context) -> set[str]:
+        """What Blender is to be told when it has failed."""
+        return {"CANCELLED"}
+
+    def _finish(self, context: bpy.types.Context) -> set[str]:
+        """The same when it is done."""
+        raise NotImplementedError
+
+
+_folders_in_use: set[Path] = set()
+
+
+def prepare_free_folder(folder: Path) -> None:
+    """Makes a folder. Raises ValueError if another job writes there, OSError if it cannot be made."""
+    if folder in _folders_in_use:
+        raise ValueError(f"Files are being written into {folder}: wait for the end, or cancel that with Esc")
+    prepare_folder(folder)
+
+
+class PiecesJob:
+    """Pieces of the frames, as files.
+
+    noun: what the job is called. resumes: whether it was asked to keep what is there.
+    """
+
+    noun: ClassVar[str] = "Scan"
+
+    def __init__(self, work: PieceWork, folder: Path, resumes: bool) -> None:
+        from ..pieces.work import Outcome
+
+        work.place.prepare(work.pieces, *work.joined, resume=resumes)
+        self._work, self._folder, self._resumes = work, folder, resumes
+        self._outcome = Outcome()
+        _folders_in_use.add(folder)
+
+    @property
+    def built_share(self) -> float | None:
+        return getattr(self._work, "built_share", None)
+
+    @property
+    def where(self) -> str:
+        """What is worked on, for the status bar."""
+        return f" file {self._outcome.number} of {len(self._work.pieces)}"
+
+    def steps(self) -> Generator[float, None, None]:
+        """Yields the share done, 0 to 1."""
+        from ..pieces.work import do_pieces
+
+        scene = self._work.view.find()
+        frame = scene.frame_current, scene.frame_subframe, scene.camera.session_uid if scene.camera else 0
+        try:
+            with closing(do_pieces(self._work, self._outcome)) as steps:
+                for done in steps:
+                    yield done / len(self._work.pieces)
+        finally:
+            self._work.view.set_frame_back(*frame)
+
+    def release(self) -> None:
+        """At the end, however it came: other scans may write there."""
+        _folders_in_use.discard(self._folder)
+
+    def stopped(self) -> str:
+        """What to tell who has stopped it."""
+        start = f"Start {self.noun}"
+        how = f"{start} continues" if self._resumes else f"To continue, enable Resume and press {start}"
+        count = f"{self._outcome.there} of {len(self._work.pieces)} files"
+        return f"{self.noun} canceled: {count} written to {self._folder}. {how}"

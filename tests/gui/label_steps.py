@@ -1,0 +1,38 @@
+"""The Label Images button: run to its end, and what the Image Editor shows then."""
+
+from __future__ import annotations
+
+import shutil
+import tempfile
+from pathlib import Path
+
+import bpy
+from addon_state import forget_reports, module, settings, wait_for_report
+from driver import Step, check, redrawn, screenshot, wait_until
+from places import area_of, context_of
+
+
+def label_images() -> Step:
+    names = module("operators.label_button")
+    folder = Path(tempfile.mkdtemp())
+    settings().label_images.folder = str(folder)
+    forget_reports()
+    with bpy.context.temp_override(**context_of(area_of("VIEW_3D"))):
+        bpy.ops.perfect_bvh.label_images("INVOKE_DEFAULT")
+    yield from wait_for_report("Labelled 1 frame into")
+
+    def shows_labels() -> bool:
+        areas = [area for window in bpy.context.window_manager.windows for area in window.screen.areas]
+        shown = [area.spaces.active.image for area in areas if area.type == "IMAGE_EDITOR"]
+        return bpy.data.images[names.OBJECTS] in shown
+
+    yield from wait_until(shows_labels, "no Image Editor shows the labels")
+    yield from redrawn()
+    screenshot("label_images")
+    check(len(list(folder.glob("labels_*.npz"))) == 1, f"files: {list(folder.iterdir())}")
+    settings().label_images.folder = ""
+    shutil.rmtree(folder)
+    for window in list(bpy.context.window_manager.windows)[1:]:  # the one that was opened for the image
+        with bpy.context.temp_override(window=window):
+            bpy.ops.wm.window_close()
+    yield from redrawn()
