@@ -15,6 +15,15 @@ ALL_POLICIES = (*FIXED_POLICIES, "governed")
 RESTRUCTURED = ("rebuilt", "partly_rebuilt", "rotated")
 NOTHING_MOVES = "Nothing moves in these frames: trees are built once and kept."
 NOTICEABLE = 1.05  # a difference below that is not worth a change
+# Of builders, as the panel Compare lists them.
+LABELS = {
+    "auto": "Automatic",
+    "median": "Median Split",
+    "sweep": "Full Sweep",
+    "binned": "Binned",
+    "spatial": "Spatial Splits",
+    "fast": "Fast",
+}
 FEWEST_ROUNDS = 3  # that tell a difference from the machine's whims
 TOO_LITTLE = "Too few rounds to tell builders apart: let it run longer."
 
@@ -63,9 +72,12 @@ def _builder_advice(figures: Figures) -> str:
         return TOO_LITTLE
     # Two builders differ only where the slow rounds of the one are still faster than the fast ones of the other.
     if speeds[best] < NOTICEABLE * speeds["auto"] or trace[best]["high"] > trace["auto"]["low"]:
-        return "Leave the builder to the engine: no other makes this scene's rays reliably faster."
+        return "Keep the builder Automatic: no other makes this scene's rays reliably faster."
     faster, dearer = speeds[best] / speeds["auto"], ready[best]["typical"] / ready["auto"]["typical"]
-    return f"BuildConfig(builder={best!r}) makes rays {faster:.2f} times as fast, for {dearer:.1f} times the build."
+    return (
+        f"{LABELS[best]} makes rays {faster:.2f} times as fast and takes {dearer:.1f} times as long to build. "
+        f"Scripts choose it with BuildConfig(builder={best!r})."
+    )
 
 
 def _time_advice(figures: Figures) -> str:
@@ -74,16 +86,16 @@ def _time_advice(figures: Figures) -> str:
         return TOO_LITTLE
     few, many = (_reliably_best(figures, rows, rays) for rays in (1e5, 1e9))
     if few == many == "auto":
-        return "Leave the builder to the engine, however many rays are cast: no other is noticeably less work."
+        return "Keep the builder Automatic for any number of rays: no other takes noticeably less time in all."
     if few == many:
-        return f"However many rays are cast, '{few}' trees are the least work here."
+        return f"{LABELS[few]} takes the least time in all here, for any number of rays."
     step = 10.0**0.02
     rays = 1e5
     while rays < 1e9 and total_ms(figures, rows[many], rays) > total_ms(figures, rows[few], rays):
         rays *= step
     return (
-        f"Up to about {_rays(rays)} rays '{few}' trees are the least work, '{many}' ones beyond: "
-        "tell update(expected_rays=...) how many you cast."
+        f"{LABELS[few]} takes the least time in all up to about {_rays(rays)} rays, {LABELS[many]} beyond. "
+        "Renders and scans choose by their rays; scripts pass expected_rays to update()."
     )
 
 
@@ -100,7 +112,7 @@ def _answer_advice(figures: Figures) -> str:
     if not answers["checked"] and answers["not_judged"]:
         return "No answer is checked: all rays come near curves or points, which are not judged."
     if not answers["checked"]:
-        return "The scene is too large to check an answer without a tree in this time: give --seconds more."
+        return "The scene is too large to check an answer without a tree in this time. On the command line, raise --seconds."
     if answers["wrong"]:
         return f"{answers['wrong']} of {answers['checked']:,} checked answers are wrong: please report this scene."
     return (
@@ -117,9 +129,9 @@ def _frame_advice(figures: Figures) -> str:
     if not _moves(rows):
         return NOTHING_MOVES
     if ratio <= NOTICEABLE:
-        return "Leave the policy to the governor: over these frames no fixed one is noticeably less work."
+        return "Keep the automatic updates: over these frames neither refitting nor rebuilding always is noticeably faster."
     share = 100.0 * (ratio - 1.0)
-    return f"To {better} always would be {share:.0f} % less work over these frames than the governor."
+    return f"Over these frames, to {better} always would take {share:.0f} % less time than the automatic updates."
 
 
 def _decay_advice(figures: Figures) -> str:

@@ -163,7 +163,7 @@ class PERFECT_BVH_PT_updates(SidebarPanel, bpy.types.Panel):
         layout, scene = self.layout, context.scene
         statistics, rows = last_statistics(scene), rows_of(scene)
         if statistics is None:
-            draw_lines(context, layout, "Nothing was rendered with Perfect BVH yet", icon="INFO", inset=TABS)
+            draw_lines(context, layout, "Render, or switch a viewport to Rendered, with Perfect BVH: the list shows what was updated", icon="INFO", inset=TABS)
             return
         if rows is None:
             layout.label(text="Loading...")
@@ -351,18 +351,18 @@ NOT_SHOWN_LISTS = (PERFECT_BVH_UL_not_shown,)
 class PERFECT_BVH_PT_bench(SidebarPanel, bpy.types.Panel):
     """Measures the scene and shows what that has found."""
 
-    bl_label = "Bench"
+    bl_label = "Benchmark"
 
     def draw(self, context: bpy.types.Context) -> None:
-        text = "Measures builders and policies on this scene for about a minute"
-        draw_lines(context, self.layout, text)
+        text = "Measures for about a minute which BVH builder and which kind of update suit this scene"
+        draw_lines(context, self.layout, text, inset=TABS)
         self.layout.operator("perfect_bvh.bench", icon="TIME")
         draw_messages_of(context, self.layout, "Benchmark This Scene")
         results = last_results(context.scene.session_uid)
         if results is not None:
             draw_table(self.layout, results.table)
             for sentence in dict.fromkeys(results.advice.values()):
-                draw_lines(context, self.layout, sentence, icon="INFO")
+                draw_lines(context, self.layout, sentence, icon="INFO", inset=TABS)
 
 
 def draw_table(layout: bpy.types.UILayout, rows: Sequence[Row]) -> None:
