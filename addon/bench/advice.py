@@ -112,7 +112,7 @@ def _answer_advice(figures: Figures) -> str:
     if not answers["checked"] and answers["not_judged"]:
         return "No answer is checked: all rays come near curves or points, which are not judged."
     if not answers["checked"]:
-        return "The scene is too large to check an answer without a tree in this time. On the command line, raise --seconds."
+        return "The scene is too large to check an answer in this time. On the command line, raise --seconds."
     if answers["wrong"]:
         return f"{answers['wrong']} of {answers['checked']:,} checked answers are wrong: please report this scene."
     return (
@@ -129,7 +129,7 @@ def _frame_advice(figures: Figures) -> str:
     if not _moves(rows):
         return NOTHING_MOVES
     if ratio <= NOTICEABLE:
-        return "Keep the automatic updates: over these frames neither refitting nor rebuilding always is noticeably faster."
+        return "Keep the automatic updates: in these frames neither refitting nor rebuilding always is faster."
     share = 100.0 * (ratio - 1.0)
     return f"Over these frames, to {better} always would take {share:.0f} % less time than the automatic updates."
 

@@ -163,7 +163,13 @@ class PERFECT_BVH_PT_updates(SidebarPanel, bpy.types.Panel):
         layout, scene = self.layout, context.scene
         statistics, rows = last_statistics(scene), rows_of(scene)
         if statistics is None:
-            draw_lines(context, layout, "Render, or switch a viewport to Rendered, with Perfect BVH: the list shows what was updated", icon="INFO", inset=TABS)
+            draw_lines(
+                context,
+                layout,
+                "Render with Perfect BVH to see what was updated",
+                icon="INFO",
+                inset=TABS,
+            )
             return
         if rows is None:
             layout.label(text="Loading...")
