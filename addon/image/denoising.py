@@ -27,8 +27,10 @@ Image = npt.NDArray[np.float32]
 
 # How images are denoised, from so many samples a pixel on; viewports as if they had one. "high" lowers errors by some
 # 10 %, which is worth it where it is a small part of the whole (of images 480 pixels wide it takes 0.7 s more). Guides
-# are blended from so many samples, neighbours' too, that they soon pass for free of noise.
+# are blended from so many samples, neighbours' too, that they soon pass for free of noise, but not where motion or a
+# lens blurs them: there grain would stay in the image.
 WAYS: tuple[tuple[int, DenoiseQuality, Prefilter], ...] = ((1, "fast", "fast"), (16, "high", "none"))
+BLURRED: Prefilter = "accurate"  # of so many samples, instead of "none"
 # That tells how much noise comes through, of which a rough idea is enough.
 QUICK: DenoiseQuality = "fast"
 # Of OpenImageDenoise: the images, and what the layers of its network hold; it cuts large images into tiles.
@@ -54,12 +56,14 @@ class ImageDenoiser:
 
     Made on Blender's main thread or within a render.
 
-    samples: how many each pixel has; 1 where that changes, see `WAYS`.
+    samples: how many each pixel has; 1 where that changes, see `WAYS`. is_blurred: whether motion or a lens blurs some.
     """
 
-    def __init__(self, plan: RenderPlan, samples: int = 1) -> None:
+    def __init__(self, plan: RenderPlan, samples: int = 1, *, is_blurred: bool = False) -> None:
         self._plan = plan
         _, self._quality, self._prefilter = next(way for way in reversed(WAYS) if samples >= way[0])
+        if is_blurred and self._prefilter == "none":
+            self._prefilter = BLURRED
         self._libraries = denoiser_libraries()  # Blender is asked here: images may be denoised on any thread
         self._denoisers: dict[DenoiseQuality, Denoiser] = {}
 

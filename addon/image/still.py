@@ -178,7 +178,8 @@ def _trace(
     at_end = None if progress is None else lambda _: progress(traced)
     costs = trace_costs(sync.scene, sync.camera, plan.size, sync.appearance, plan.settings.threads, at_end, shutter)
     seconds = time.perf_counter() - start - (audit.seconds if audit else 0.0)
-    denoised = _denoise(plan, images, noise if done > 1 else None, done, denoised_part)
+    is_blurred = sync.camera.lens is not None or (plan.motion is not None and plan.motion.blurs)
+    denoised = _denoise(plan, images, noise if done > 1 else None, done, is_blurred, denoised_part)
     if progress is not None:
         progress(1.0)  # the denoiser may end without saying so; there is nothing left to cancel
     statistics = FrameStatistics(
@@ -202,12 +203,17 @@ def _trace(
 
 
 def _denoise(
-    plan: RenderPlan, images: Images, noise: Images | None, samples: int, progress: Progress | None
+    plan: RenderPlan,
+    images: Images,
+    noise: Images | None,
+    samples: int,
+    is_blurred: bool,
+    progress: Progress | None,
 ) -> Denoised:
     """As the plan says."""
     if not plan.is_denoised:
         return Denoised(images["combined"], None, 0.0)
-    return ImageDenoiser(plan, samples).denoise(images, noise, progress)
+    return ImageDenoiser(plan, samples, is_blurred=is_blurred).denoise(images, noise, progress)
 
 
 def missing_camera(scene: bpy.types.Scene, sync: SceneSync) -> str:

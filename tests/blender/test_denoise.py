@@ -19,6 +19,7 @@ from oracles.cycles import write_multilayer  # noqa: E402
 from oracles.exr import read_exr  # noqa: E402
 from perfect_bvh import _oidn  # noqa: E402
 from perfect_bvh.denoise import DenoiseQuality, denoise  # noqa: E402
+from perfect_bvh_addon.image import denoising  # noqa: E402
 from perfect_bvh_addon.image.denoising import ImageDenoiser  # noqa: E402
 from perfect_bvh_addon.image.plan import GUIDES, NOISY, RenderPlan, plan_render, plan_view  # noqa: E402
 from perfect_bvh_addon.settings import preferences  # noqa: E402
@@ -101,6 +102,36 @@ def test_what_is_opaque_or_not_there_stays_so(scene: bpy.types.Scene) -> None:
         np.testing.assert_allclose(made[surely, 3], alpha, atol=0.02)
     assert not made[made[..., 3] == 0.0].any()
     assert made[..., 3].min() >= 0.0 and made[..., 3].max() <= 1.0
+
+
+@pytest.mark.parametrize("blur", ["motion", "lens"])
+def test_what_is_blurred_keeps_no_grain(scene: bpy.types.Scene, monkeypatch: pytest.MonkeyPatch, blur: str) -> None:
+    """Where guides are noise themselves: nearer to the converged image than with guides that are taken as they are."""
+    cube, plane = bpy.data.objects["Cube"], bpy.data.objects["Plane"]
+    for obj, color in ((cube, (0.8, 0.2, 0.05, 1.0)), (plane, (0.1, 0.4, 0.6, 1.0))):
+        material = bpy.data.materials.new(obj.name)
+        material.use_nodes = True
+        material.node_tree.nodes["Principled BSDF"].inputs["Base Color"].default_value = color
+        obj.data.materials.append(material)
+    if blur == "motion":
+        for frame, x in ((0, -1.5), (2, 1.5)):
+            cube.location.x = x
+            cube.keyframe_insert("location", frame=frame)
+        scene.render.use_motion_blur, scene.render.motion_blur_shutter = True, 1.0
+        scene.frame_set(1)
+    else:
+        lens = scene.camera.data.dof
+        lens.use_dof, lens.focus_distance, lens.aperture_fstop = True, 4.0, 0.05
+    few = {"samples": 16, "use_noise_threshold": False}
+    truth = combined(scene, samples=512, use_noise_threshold=False, use_denoising=False)
+    made = combined(scene, **few)
+    monkeypatch.setattr(denoising, "BLURRED", "none")
+    grainy = combined(scene, **few)
+
+    def error(image: np.ndarray) -> float:
+        return float(np.sqrt(np.mean((image[..., :3] - truth[..., :3]) ** 2)))
+
+    assert error(made) < error(grainy)
 
 
 def test_one_denoiser_serves_a_view_as_it_gets_better(scene: bpy.types.Scene) -> None:
