@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Generator
-from contextlib import closing
+from collections.abc import Generator, Iterator
+from contextlib import closing, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import bpy
+from bpy.app.handlers import persistent
 
 from ..support.files import prepare_folder
 from .ticking import Ticking
 
 if TYPE_CHECKING:
+    from ..live.scene_view import SceneView
     from ..pieces.work import PieceWork
 
 STEP_SECONDS = 0.1
@@ -93,6 +95,44 @@ class JobOperator(Ticking):
         raise NotImplementedError
 
 
+@contextmanager
+def saved_at_the_users_frame(view: SceneView) -> Iterator[None]:
+    """Files that are saved meanwhile store the frame where the scene is now, not that of the job.
+
+    Blender evaluates the stored frame when it opens a file; so nothing is evaluated here, and the job goes on.
+    """
+    scene = view.find()
+    users = scene.frame_current, scene.frame_subframe
+    jobs = users
+
+    def swap(frame: tuple[int, float]) -> tuple[int, float]:
+        scene = view.find()
+        before = scene.frame_current, scene.frame_subframe
+        scene.frame_current, scene.frame_subframe = frame
+        return before
+
+    @persistent
+    def before_saving(*_: object) -> None:
+        nonlocal jobs
+        jobs = swap(users)
+
+    @persistent
+    def after_saving(*_: object) -> None:
+        swap(jobs)
+
+    handlers = bpy.app.handlers
+    pairs = ((handlers.save_pre, before_saving), (handlers.save_post, after_saving))
+    failed = getattr(handlers, "save_post_fail", None)
+    for listed, handler in (*pairs, *([(failed, after_saving)] if failed is not None else [])):
+        listed.append(handler)
+    try:
+        yield
+    finally:
+        for listed, handler in (*pairs, *([(failed, after_saving)] if failed is not None else [])):
+            if handler in listed:  # opening a file may have removed it
+                listed.remove(handler)
+
+
 _folders_in_use: set[Path] = set()
 
 
@@ -135,7 +175,7 @@ class PiecesJob:
         scene = self._work.view.find()
         frame = scene.frame_current, scene.frame_subframe, scene.camera.session_uid if scene.camera else 0
         try:
-            with closing(do_pieces(self._work, self._outcome)) as steps:
+            with saved_at_the_users_frame(self._work.view), closing(do_pieces(self._work, self._outcome)) as steps:
                 for done in steps:
                     yield done / len(self._work.pieces)
         finally:

@@ -16,7 +16,7 @@ import bpy
 from ..settings.scan_settings import label_names
 from ..statistics import messages
 from ..statistics.words import duration
-from .piece_jobs import JobOperator, PiecesJob, prepare_free_folder
+from .piece_jobs import JobOperator, PiecesJob, prepare_free_folder, saved_at_the_users_frame
 from .scan_request import (
     ScannedFile,
     check_colors,
@@ -92,7 +92,11 @@ class PERFECT_BVH_OT_scan(JobOperator, bpy.types.Operator):
         self._colors = settings.point_color, settings.point_column
         self._file = ScannedFile(context.scene, context.view_layer) if settings.use_files else None
         try:
-            self._job = PointsJob(context.scene) if self._file is None else FilesJob(context.scene, self._file)
+            self._job = (
+                PointsJob(context.scene, context.view_layer)
+                if self._file is None
+                else FilesJob(context.scene, self._file)
+            )
         except (ValueError, OSError) as problem:
             self._complain(problem)
             return False
@@ -154,11 +158,14 @@ CLASSES = (PERFECT_BVH_OT_scan,)
 class PointsJob:
     """All points, as one object. Raises ValueError for what cannot be scanned."""
 
-    def __init__(self, scene: bpy.types.Scene) -> None:
+    def __init__(self, scene: bpy.types.Scene, view_layer: bpy.types.ViewLayer) -> None:
+        from ..live.scene_view import SceneView
         from ..scanning import Scanner
 
         settings = scene.perfect_bvh.scan
         check_colors(settings)
+        self._view = SceneView("scan", scene, view_layer)
+        self._file = None if frames_of(scene, settings) is None else ScannedFile(scene, view_layer)
         self._scanner: Any = Scanner(
             sensor_of(settings),
             settings.sensor,
@@ -179,7 +186,8 @@ class PointsJob:
 
     def steps(self) -> Generator[float, None, None]:
         """Yields the share done, 0 to 1."""
-        yield from self._scanner.steps()
+        with saved_at_the_users_frame(self._view):
+            yield from self._scanner.steps()
 
     def release(self) -> None:
         """At the end, however it came."""
@@ -191,9 +199,12 @@ class PointsJob:
     def result(self) -> tuple[list[tuple[str, PointCloud]], list[str]]:
         """Points to be added, with the names of their objects, and warnings."""
         cloud = self._scanner.result()
+        warnings = list(cloud.warnings)
+        if self._file is not None and self._file.was_edited:
+            warnings.append("The scene was edited during the scan: points of later frames show the edit")
         if not len(cloud):
-            return [], [*cloud.warnings, "No points were made"]
-        return [("Scan", cloud)], list(cloud.warnings)
+            return [], [*warnings, "No points were made"]
+        return [("Scan", cloud)], warnings
 
     def ray_outcomes(self) -> RayCounts:
         """What became of the rays."""

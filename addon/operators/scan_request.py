@@ -208,9 +208,14 @@ class ScannedFile:
             inputs["files"][path.name or "not saved"] = self._name
         return inputs
 
+    @property
+    def was_edited(self) -> bool:
+        """Whether the scene was edited since this was made."""
+        return is_dirty() and edit_count(self._uid) != self._edits
+
     def check_unedited(self, frame: int) -> None:
         """Raises ValueError if the scene was edited meanwhile. frame: from which on pieces are not written."""
-        if is_dirty() and edit_count(self._uid) != self._edits:
+        if self.was_edited:
             raise ValueError(
                 f"The scene was edited during the scan: the pieces from frame {frame} on are not written. Start again, "
                 "after saving it if scripts have edited it"

@@ -200,6 +200,23 @@ def test_the_status_bar_tells_which_piece_is_worked_on(small_file: Path) -> None
     assert {text.rpartition("file ")[2] for text in seen if text} == {f"{n} of 3 | Esc: Cancel" for n in (1, 2, 3)}
 
 
+@pytest.mark.parametrize("as_files", [True, False])
+def test_a_file_that_is_saved_meanwhile_stores_the_users_frame(small_file: Path, as_files: bool) -> None:
+    scan_settings().use_files, scan_settings().use_points = as_files, not as_files
+    scene = bpy.context.scene
+    scene.frame_set(2)
+    operator, window = started()
+    tick_until(operator, window, lambda: scene.frame_current > 3)
+    there, saved = scene.frame_current, small_file.parent / "saved.blend"
+    bpy.ops.wm.save_as_mainfile(filepath=str(saved), copy=True)
+    assert scene.frame_current == there
+    assert operator.modal(window, ESCAPE) == {"CANCELLED"}
+    assert scene.frame_current == 2
+    assert not any("saving" in handler.__name__ for handler in bpy.app.handlers.save_pre)
+    open_again(saved)
+    assert bpy.context.scene.frame_current == 2
+
+
 def test_two_scans_do_not_write_into_one_folder(small_file: Path) -> None:
     operator, window = started()
     with pytest.raises(RuntimeError, match=r"Files are being written into .*panel: wait for the end"):
