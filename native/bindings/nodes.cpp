@@ -94,7 +94,7 @@ Array<float> evaluate_nodes(const Array<std::int32_t>& codes, const Array<float>
   for (std::size_t first = 0; first < count; first += kNodeLanes) {
     const std::size_t lanes = std::min(kNodeLanes, count - first);
     inputs.begin(first, lanes);
-    run.run(program, textures, inputs, lanes);
+    run.run(program, program.whole(), textures, inputs, lanes);
     for (std::size_t lane = 0; lane < lanes; ++lane) {
       for (const std::int32_t channel : wanted) *to++ = run.number({channel, 0}, lane);
     }

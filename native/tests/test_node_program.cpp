@@ -65,7 +65,7 @@ TEST(NodeProgram, EveryKindTakesAnyNumber) {
       const NodeProgram program = program_of(kind, mode, numbers_of(shape, shape.numbers < 0));
       for (const float value : {0.0f, -0.0f, 0.3f, -7.5f, 1e-42f, 1e30f, -1e30f, kHuge, -kHuge, kNan}) {
         Given given({value, value * 0.5f, 1.0f, value});
-        run.run(program, {&texture, 1}, given, kNodeLanes);
+        run.run(program, program.whole(), {&texture, 1}, given, kNodeLanes);
         for (int channel = 4; channel < 4 + shape.channels; ++channel) {
           const float first = run.number({channel, 0}, 0), last = run.number({channel, 0}, kNodeLanes - 1);
           EXPECT_TRUE(first == last || (std::isnan(first) && std::isnan(last))) << shape.name << mode << " " << value;
@@ -105,8 +105,29 @@ TEST(NodeProgram, WhatIsNoneIsRefused) {
                             0);
   NodeRun run;
   Given given({});
-  run.run(program, {}, given, 1);
+  run.run(program, program.whole(), {}, given, 1);
   EXPECT_EQ(run.number({3, 0}, 0), 3.0f);
+}
+
+TEST(NodeProgram, AlphaRunsOnlyWhatLeadsToIt) {
+  const std::int32_t input = row_of(NodeKind::kInput), mix = row_of(NodeKind::kMix), set = row_of(NodeKind::kSet);
+  // A uv map in channels 0 to 3 and a position in 4 to 7; a sum of both in 8 to 10, a sum of the uv in 11 to 13.
+  const std::vector<std::int32_t> codes{input, 6, 2, input, 0, 2, mix, 7, 0,  0, 0, 0, 1, 4, 1, mix, 7,
+                                        0,     0, 0, 0,     1, 0, 1,   set, 0, 0, 8, 1, set, 2, 0, 12, 0};
+  const NodeProgram program(codes, std::vector<float>{0, 0, 0, 0}, 0, 0);
+  const NodePart& part = program.alpha();
+  ASSERT_EQ(part.instructions.size(), 2u);
+  EXPECT_EQ(part.instructions[0].first, 0);
+  EXPECT_EQ(part.instructions[1].first, 11);
+  EXPECT_TRUE(program.whole().needs.points);
+  EXPECT_FALSE(part.needs.points);
+  NodeRun whole, alone;
+  Given given({0.25f, 0.5f, 0.0f, 0.0f});
+  whole.run(program, program.whole(), {}, given, 1), alone.run(program, part, {}, given, 1);
+  const NodeOperand& alpha = *program.output(MaterialSlot::kAlpha);
+  EXPECT_GT(alone.number(alpha, 0), 0.5f);
+  EXPECT_EQ(alone.number(alpha, 0), whole.number(alpha, 0));
+  EXPECT_TRUE(NodeProgram(std::span(codes).first(29), std::vector<float>{0, 0, 0, 0}, 0, 0).alpha().instructions.empty());
 }
 
 }  // namespace

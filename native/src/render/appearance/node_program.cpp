@@ -33,6 +33,14 @@ class Codes {
   std::size_t next_ = 0;
 };
 
+void add_needs(const NodeInstruction& instruction, NodeNeeds& needs) noexcept {
+  if (instruction.kind != NodeKind::kInput) return;
+  const auto input = static_cast<NodeInput>(instruction.mode);
+  const bool is_layer = input == NodeInput::kUv || input == NodeInput::kColor || input == NodeInput::kInstance;
+  needs.points = needs.points || !(is_layer || input == NodeInput::kGiven);
+  needs.sides = needs.sides || instruction.numbers[1] != 0.0f || input == NodeInput::kSide;
+}
+
 }  // namespace
 
 NodeProgram::NodeProgram(std::span<const std::int32_t> codes, std::span<const float> numbers, std::size_t images,
@@ -41,10 +49,10 @@ NodeProgram::NodeProgram(std::span<const std::int32_t> codes, std::span<const fl
   Codes read(codes);
   std::size_t operand = 0, number = 0;
   while (!read.at_end()) {
-    const std::size_t row = instructions_.size();
+    const std::size_t row = whole_.instructions.size();
     const std::int32_t kind = read.next();
     require(kind >= 0 && static_cast<std::size_t>(kind) < std::size(kNodeShapes), row, "is of no known kind");
-    NodeInstruction& made = instructions_.emplace_back();
+    NodeInstruction& made = whole_.instructions.emplace_back();
     made.kind = static_cast<NodeKind>(kind);
     const NodeShape& shape = shape_of(made.kind);
     const std::int32_t mode = read.next(), count = read.next();
@@ -77,25 +85,32 @@ NodeProgram::NodeProgram(std::span<const std::int32_t> codes, std::span<const fl
     number += made.numbers.size();
     channels_ += static_cast<std::size_t>(shape.channels);
     require(channels_ <= kMostChannels, row, "is one too many: the program has more than 65,536 channels");
-    note_needs(made);
+    add_needs(made, whole_.needs);
+    if (made.kind == NodeKind::kSet) outputs_[made.mode] = made.operands.data();
   }
+  if (const NodeOperand* const alpha = output(MaterialSlot::kAlpha)) alpha_ = part_for(*alpha);
 }
 
-void NodeProgram::note_needs(const NodeInstruction& instruction) {
-  switch (instruction.kind) {
-    case NodeKind::kInput: {
-      const auto input = static_cast<NodeInput>(instruction.mode);
-      const bool is_layer = input == NodeInput::kUv || input == NodeInput::kColor || input == NodeInput::kInstance;
-      needs_.points = needs_.points || !(is_layer || input == NodeInput::kGiven);
-      needs_.sides = needs_.sides || instruction.numbers[1] != 0.0f || input == NodeInput::kSide;
-      break;
+// From the last instruction to the first: what is wanted is marked before the one that writes it is reached.
+NodePart NodeProgram::part_for(const NodeOperand& number) const {
+  std::vector<bool> is_wanted(channels_, false);
+  is_wanted[static_cast<std::size_t>(number.channel)] = true;
+  NodePart part;
+  for (auto instruction = whole_.instructions.rbegin(); instruction != whole_.instructions.rend(); ++instruction) {
+    const NodeShape& shape = shape_of(instruction->kind);
+    const auto first = is_wanted.begin() + instruction->first;
+    if (std::find(first, first + shape.channels, true) == first + shape.channels) continue;
+    for (std::size_t i = 0; i < shape.operands.size(); ++i) {
+      const NodeOperand& operand = instruction->operands[i];
+      for (int channel = 0; channel <= shape.operands[i] - '1'; ++channel) {
+        is_wanted[static_cast<std::size_t>(operand.channel + channel * operand.step)] = true;
+      }
     }
-    case NodeKind::kSet:
-      outputs_[instruction.mode] = instruction.operands.data();
-      break;
-    default:
-      break;
+    part.instructions.push_back(*instruction);
+    add_needs(*instruction, part.needs);
   }
+  std::reverse(part.instructions.begin(), part.instructions.end());
+  return part;
 }
 
 }  // namespace perfect_bvh

@@ -166,6 +166,12 @@ struct NodeNeeds {
   bool sides = false;   // the places beside it, for bumps
 };
 
+// Some of a program's instructions, in its order, which lead to what is asked for.
+struct NodePart {
+  std::vector<NodeInstruction> instructions;
+  NodeNeeds needs;
+};
+
 class NodeProgram {
  public:
   // codes: of each instruction its kind, its mode, how many numbers it has, and then a channel and a step for each
@@ -180,22 +186,22 @@ class NodeProgram {
   NodeProgram& operator=(const NodeProgram&) = delete;
   ~NodeProgram() = default;
 
-  [[nodiscard]] std::span<const NodeInstruction> instructions() const noexcept { return instructions_; }
+  [[nodiscard]] const NodePart& whole() const noexcept { return whole_; }
+  // What leads to MaterialSlot::kAlpha; empty if nothing is set there.
+  [[nodiscard]] const NodePart& alpha() const noexcept { return alpha_; }
   [[nodiscard]] std::size_t channels() const noexcept { return channels_; }
-  [[nodiscard]] const NodeNeeds& needs() const noexcept { return needs_; }
   // What is set there; null if nothing is.
   [[nodiscard]] const NodeOperand* output(MaterialSlot slot) const noexcept {
     return outputs_[static_cast<std::size_t>(slot)];
   }
 
  private:
-  void note_needs(const NodeInstruction& instruction);
+  [[nodiscard]] NodePart part_for(const NodeOperand& number) const;
 
-  std::vector<NodeInstruction> instructions_;
+  NodePart whole_, alpha_;
   std::vector<NodeOperand> operands_;  // of all instructions
   std::vector<float> numbers_;
   std::size_t channels_ = 0;
-  NodeNeeds needs_;
   std::array<const NodeOperand*, kMaterialSlots> outputs_{};
 };
 

@@ -87,7 +87,7 @@ bool is_passed(const Snapshot& snapshot, const Appearance& appearance, const Ray
   const Instance& instance = snapshot.instances[hit.instance_index];
   if (appearance.is_holdout(instance, hit.primitive_index)) return false;
   const std::int32_t material = appearance.material_of(instance, hit.primitive_index);
-  return material_at(snapshot, appearance, ray, hit, material).alpha < appearance.pass_alpha_threshold;
+  return alpha_at(snapshot, appearance, ray, hit, material) < appearance.pass_alpha_threshold;
 }
 
 }  // namespace

@@ -146,24 +146,45 @@ Ray ray_onto(const Snapshot& snapshot, const Hit& hit, float time) noexcept {
   return ray;
 }
 
-Material material_at(const Snapshot& snapshot, const Appearance& appearance, const Ray& ray, const Hit& hit,
-                     std::int32_t row) {
-  const NodeProgram* const program = appearance.program_of(row);
-  if (program == nullptr) return material_of_table(appearance, row);
+namespace {
+
+// Of one hit.
+const NodeRun& run_alone(const Snapshot& snapshot, const Appearance& appearance, const Ray& ray, const Hit& hit,
+                         const NodeProgram& program, const NodePart& part) {
   static thread_local NodeRun run;
   static thread_local AlignedVector<SurfacePoint> points;
   points.clear();
-  if (program->needs().points) {
+  if (part.needs.points) {
     find_surfaces(snapshot, appearance, {.normals = true, .holdouts = true}, {&ray, 1}, {&hit, 1}, points);
   }
   if (points.empty()) points.emplace_back();
   HitInputs inputs(appearance);
   inputs.add(snapshot.instances[hit.instance_index], ray, hit, points.front());
-  inputs.prepare(program->needs());
-  run.run(*program, appearance.images, inputs, 1);
+  inputs.prepare(part.needs);
+  run.run(program, part, appearance.images, inputs, 1);
+  return run;
+}
+
+}  // namespace
+
+Material material_at(const Snapshot& snapshot, const Appearance& appearance, const Ray& ray, const Hit& hit,
+                     std::int32_t row) {
+  const NodeProgram* const program = appearance.program_of(row);
+  if (program == nullptr) return material_of_table(appearance, row);
+  const NodeRun& run = run_alone(snapshot, appearance, ray, hit, *program, program->whole());
   Material material = base_of(appearance, row);
   finish_material(appearance, row, ProgramValues(*program, run, 0), material);
   return material;
+}
+
+float alpha_at(const Snapshot& snapshot, const Appearance& appearance, const Ray& ray, const Hit& hit,
+               std::int32_t row) {
+  float alpha = row == kNoMaterial || appearance.alphas.empty() ? 1.0f : appearance.alphas[static_cast<std::size_t>(row)];
+  const NodeProgram* const program = appearance.program_of(row);
+  if (program == nullptr || program->alpha().instructions.empty()) return alpha;
+  const NodeRun& run = run_alone(snapshot, appearance, ray, hit, *program, program->alpha());
+  ProgramValues(*program, run, 0).set_share(MaterialSlot::kAlpha, alpha);
+  return alpha;
 }
 
 std::span<Material> MaterialReader::read(const Snapshot& snapshot, const Appearance& appearance,
@@ -190,8 +211,8 @@ std::span<Material> MaterialReader::read(const Snapshot& snapshot, const Appeara
       point.light_normal = point.mesh_normal;  // what was bent before is bent anew
       inputs.add(snapshot.instances[hits[point.ray].instance_index], rays[point.ray], hits[point.ray], point);
     }
-    inputs.prepare(program.needs());
-    run_.run(program, appearance.images, inputs, inputs.count());
+    inputs.prepare(program.whole().needs);
+    run_.run(program, program.whole(), appearance.images, inputs, inputs.count());
     for (std::size_t lane = 0; first < last; ++first, ++lane) {
       const ProgramValues values(program, run_, lane);
       Material& material = materials_[order_[first]] = base_of(appearance, row);

@@ -352,9 +352,10 @@ void run_step(const Step& step, std::span<const Texture> images, NodeInputs& inp
 
 }  // namespace
 
-void NodeRun::run(const NodeProgram& program, std::span<const Texture> images, NodeInputs& inputs, std::size_t count) {
+void NodeRun::run(const NodeProgram& program, const NodePart& part, std::span<const Texture> images, NodeInputs& inputs,
+                  std::size_t count) {
   if (channels_.size() < program.channels() * kNodeLanes) channels_.resize(program.channels() * kNodeLanes);
-  for (const NodeInstruction& instruction : program.instructions()) {
+  for (const NodeInstruction& instruction : part.instructions) {
     run_step({instruction, channels_.data(), count}, images, inputs);
   }
 }

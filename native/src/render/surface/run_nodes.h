@@ -30,8 +30,9 @@ class NodeInputs {
 
 class NodeRun {
  public:
-  // For `count` hits, up to kNodeLanes.
-  void run(const NodeProgram& program, std::span<const Texture> images, NodeInputs& inputs, std::size_t count);
+  // For `count` hits, up to kNodeLanes. part: of the program, what is run.
+  void run(const NodeProgram& program, const NodePart& part, std::span<const Texture> images, NodeInputs& inputs,
+           std::size_t count);
 
   // After a run.
   [[nodiscard]] float number(const NodeOperand& operand, std::size_t lane) const noexcept {

@@ -100,6 +100,10 @@ inline constexpr Vec3f kPlainColor{0.8f, 0.8f, 0.8f};  // where there is no mate
 [[nodiscard]] Material material_at(const Snapshot& snapshot, const Appearance& appearance, const Ray& ray,
                                    const Hit& hit, std::int32_t row);
 
+// The alpha of the same alone: of its nodes no others are run than those which lead to it.
+[[nodiscard]] float alpha_at(const Snapshot& snapshot, const Appearance& appearance, const Ray& ray, const Hit& hit,
+                             std::int32_t row);
+
 // Works out materials, and the normals that their nodes bend; its memory is kept for the next batch.
 class MaterialReader {
  public:
