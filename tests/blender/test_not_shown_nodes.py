@@ -8,9 +8,12 @@ from typing import Any
 
 import bpy
 import pytest
-from blender.named_rows import link, rows, sentences
-from blender.node_setups import SETUPS, image_node
+from blender.builders import evaluated
+from blender.named_rows import SHADING, link, rows, sentences
+from blender.node_setups import SETUPS, add, image_node, tinted
 from blender.textured_setups import TEXTURED
+from perfect_bvh import nodes as programs
+from perfect_bvh_addon.extract import read_scene
 from perfect_bvh_addon.extract.looks.node_graph import IGNORED_INPUTS, SHOWN_NODES, SIMPLIFIED_NODES
 
 # Nodes of which the output, or what they are given, decides.
@@ -81,6 +84,35 @@ def test_every_node_that_feeds_the_surface_is_shown_or_named(identifier: str, ma
 def test_what_is_shown_is_not_named(setup: Callable[[Any], None], material: Any) -> None:
     setup(material)
     assert sentences() == []
+
+
+@pytest.mark.parametrize("limit", ["_MOST_INSTRUCTIONS", "_MOST_CHANNELS"])
+def test_a_material_of_too_many_instructions_has_its_viewport_color(limit: str, material: Any, monkeypatch) -> None:
+    tinted(material)
+    material.diffuse_color = (0.1, 0.2, 0.7, 1.0)
+    assert sentences() == []
+    monkeypatch.setattr(programs, limit, 3)
+    (told,) = sentences()
+    assert told.startswith("Red: a node tree of more than 10,000 instructions")
+    assert told.endswith("is not shown; its viewport color is")
+    read = read_scene(evaluated(), SHADING).materials[0]
+    assert read.program is None
+    assert read.base_color == pytest.approx((0.1, 0.2, 0.7))
+
+
+def test_a_world_and_a_light_of_too_many_instructions_are_plain(material: Any, monkeypatch) -> None:
+    world, light = bpy.context.scene.world, bpy.data.lights.new("Lamp", "POINT")
+    bpy.context.scene.collection.objects.link(bpy.data.objects.new("Lamp", light))
+    for block, kind in ((world, "BACKGROUND"), (light, "EMISSION")):
+        block.use_nodes = True
+        tree = block.node_tree
+        color = add(tree, "Gamma", (add(tree, "TexNoise").outputs["Color"], 0))
+        shown = next(node for node in tree.nodes if node.type == kind)
+        tree.links.new(color.outputs[0], shown.inputs["Color"])
+    assert not any("10,000" in told for told in sentences())
+    monkeypatch.setattr(programs, "_MOST_INSTRUCTIONS", 1)
+    told = [(row.kind, row.text.split("; ")[1]) for row in rows() if "10,000" in row.text]
+    assert sorted(told) == [("light", "its color is"), ("world", "its viewport color is")]
 
 
 @pytest.mark.skipif(bpy.app.version < (5, 0, 0), reason="Blender before 5.0 lacks some of the inputs")

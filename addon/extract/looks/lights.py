@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 from mathutils import Euler
-from perfect_bvh.nodes import Operand, Output
+from perfect_bvh.nodes import Operand, Output, ProgramTooLargeError
 
 from ...sync.look_records import ImageRecord, LightRecords, WorldRecord
 from ...sync.not_shown import NotShown
@@ -71,7 +71,12 @@ def read_world(scene: Any, images: ImageReader, not_shown: list[NotShown]) -> Wo
     if world is None:
         return WorldRecord()
     omissions = Omissions("world")
-    record = _read_world(world, images, omissions)
+    try:
+        record = _read_world(world, images, omissions)
+    except ProgramTooLargeError:
+        omissions.note_too_large("its viewport color is")
+        red, green, blue = world.color
+        record = WorldRecord((red, green, blue))
     not_shown += omissions.rows(world)
     return record
 
@@ -127,7 +132,10 @@ def _find_sky(world: Any, images: ImageReader, omissions: Omissions | None = Non
 
 def _read_sky_sun(world: Any, images: ImageReader) -> list[tuple[Any, ...]]:
     """A row as of a light for the sun of a sky, if it shows one."""
-    sky = _find_sky(world, images)
+    try:
+        sky = _find_sky(world, images)
+    except ProgramTooLargeError:  # which is named with the world
+        sky = None
     if sky is None:
         return []
     shown, rotation = read_sky(sky[0])
@@ -306,8 +314,12 @@ def _power_of(light: Any, images: ImageReader, omissions: Omissions) -> Color:
         omissions.note_no_output("no light is")
         return BLACK
     reader = ValueReader(images, constant(1.0, 1.0, 1.0), omissions)
-    shade = _follow_shader(found[0].inputs["Surface"], found[1], reader, 0)
-    return _by(color, reader.overall(shade))
+    try:
+        shade = reader.overall(_follow_shader(found[0].inputs["Surface"], found[1], reader, 0))
+    except ProgramTooLargeError:
+        omissions.note_too_large("its color is")
+        return color
+    return _by(color, shade)
 
 
 def _times(color: Any, factor: float) -> Color:

@@ -9,7 +9,7 @@ from typing import Any
 
 import bpy
 import numpy as np
-from perfect_bvh.nodes import NodeProgram, Operand, Output
+from perfect_bvh.nodes import NodeProgram, Operand, Output, ProgramTooLargeError
 
 from ...sync.look_records import MaterialRecord
 from ...sync.not_shown import NotShown
@@ -66,14 +66,19 @@ class MaterialReader:
         if self._images is None:
             return record
         omissions = Omissions("material")
-        read = read_surface(material, self._images, omissions, self.sources)
+        try:
+            read = read_surface(material, self._images, omissions, self.sources)
+            record = _with_surface(record, read)
+        except ProgramTooLargeError:
+            omissions.note_too_large("its viewport color is")
+            record = replace(record, base_color=(red, green, blue))
+        else:
+            self.follow_objects = self.follow_objects or read.values.follows_objects
+            if read.surface.has_volume:
+                self._volumes.add(row)
+            if any(record.emission):
+                self._shining.add(row)
         self.not_shown += omissions.rows(material)
-        self.follow_objects = self.follow_objects or read.values.follows_objects
-        if read.surface.has_volume:
-            self._volumes.add(row)
-        record = _with_surface(record, read)
-        if any(record.emission):
-            self._shining.add(row)
         return record
 
     def are_volumes(self, slots: tuple[int, ...]) -> bool:

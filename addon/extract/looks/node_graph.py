@@ -246,6 +246,11 @@ class Omissions:
         """Note that Cycles looks at no output node of a tree."""
         self.note("a tree without an output for Cycles", instead)
 
+    def note_too_large(self, instead: str) -> None:
+        """Note that the nodes are more than a program may hold, and what is shown in place of all of them."""
+        self._instead.clear()
+        self.note("a node tree of more than 10,000 instructions or 65,536 channels", instead)
+
     def note_simplified(self, node: Any, output: Any = None) -> None:
         """A node that the table says is shown as something plainer, if this one is."""
         instead = SIMPLIFIED_NODES.get(node.type)

@@ -53,8 +53,12 @@ LAYER_INPUTS = {"UV": "uvs", "TANGENT": "tangents", "COLOR": "colors"}
 # Inputs that are the same wherever a hit lies, or cannot be known beside it.
 _EVERYWHERE = frozenset({"NORMAL", "TRUE_NORMAL", "INCOMING", "REFLECTION", "BACKFACING", "OBJECT_NORMAL"})
 _EVERYWHERE |= {"TANGENT", "SIDE", "INSTANCE", "GIVEN"}
-_MOST_INSTRUCTIONS = 10_000
+_MOST_INSTRUCTIONS, _MOST_CHANNELS = 10_000, 65_536
 _PLACES = 1024
+
+
+class ProgramTooLargeError(ValueError):
+    """A program has more than 10,000 instructions or 65,536 channels."""
 
 
 class Output(NamedTuple):
@@ -159,6 +163,7 @@ class NodeBuilder:
 
         Raises:
             ValueError: There is no such instruction or mode, or an operand is too narrow or too wide.
+            ProgramTooLargeError: There are 10,000 instructions.
         """
         settings = tuple([float(number) for number in numbers])
         if kind == "input":
@@ -170,34 +175,36 @@ class NodeBuilder:
         row = self._known.get(made)
         if row is None:
             if len(self._instructions) >= _MOST_INSTRUCTIONS:
-                raise ValueError(f"NodeBuilder.add: a program has at most {_MOST_INSTRUCTIONS} instructions")
+                raise ProgramTooLargeError(f"NodeBuilder.add: a program has at most {_MOST_INSTRUCTIONS} instructions")
             row = self._known[made] = len(self._instructions)
             self._instructions.append(made)
         return Output(row, 0, NODE_SHAPES[kind].channels)
 
     def shifted(self, operand: Operand, side: int) -> Operand:
         """What an operand is beside a hit, for bumps. side: 1 or 2."""
+        if not isinstance(operand, Output):
+            return operand
         made: dict[int, int] = {}
-
-        def again(row: int) -> int:
-            if row in made:
-                return made[row]
+        for row in self._rows_of([operand]):
             kind, mode, operands, numbers, layer = self._instructions[row]
             if kind == "input" and mode not in _EVERYWHERE:
                 numbers = (numbers[0], float(side))
-            moved = [other._replace(row=again(other.row)) if isinstance(other, Output) else other for other in operands]
+            moved = [
+                other._replace(row=made[other.row]) if isinstance(other, Output) else other for other in operands
+            ]
             output = self.add(kind, *moved, mode=mode, numbers=numbers, layer=layer)
             assert isinstance(output, Output)
             made[row] = output.row
-            return output.row
-
-        return operand._replace(row=again(operand.row)) if isinstance(operand, Output) else operand
+        return operand._replace(row=made[operand.row])
 
     def program(self, **outputs: Operand) -> NodeProgram:
         """Make a program of what is needed for some outputs.
 
         Args:
             outputs: What is set, by the modes of the instruction "set": COLOR, ROUGHNESS, NORMAL and so on.
+
+        Raises:
+            ProgramTooLargeError: It has more than 65,536 channels.
         """
         writer = self._written(outputs.values())
         for slot, operand in outputs.items():
@@ -245,7 +252,8 @@ class NodeBuilder:
         """What an output is of, None for constants."""
         return self._instructions[operand.row] if isinstance(operand, Output) else None
 
-    def _written(self, operands: Iterable[Operand]) -> _Writer:
+    def _rows_of(self, operands: Iterable[Operand]) -> list[int]:
+        """The instructions that operands need, in their order."""
         found: set[int] = set()
         open_rows = [operand.row for operand in operands if isinstance(operand, Output)]
         while open_rows:
@@ -253,8 +261,11 @@ class NodeBuilder:
             if row not in found:
                 found.add(row)
                 open_rows += [other.row for other in self._instructions[row].operands if isinstance(other, Output)]
+        return sorted(found)
+
+    def _written(self, operands: Iterable[Operand]) -> _Writer:
         writer = _Writer()
-        for row in sorted(found):
+        for row in self._rows_of(operands):
             writer.firsts[row] = writer.write(self._instructions[row])
         return writer
 
@@ -309,6 +320,8 @@ class _Writer:
         self._numbers += numbers
         first = self._channels
         self._channels += shape.channels
+        if self._channels > _MOST_CHANNELS:
+            raise ProgramTooLargeError(f"NodeBuilder.program: a program has at most {_MOST_CHANNELS} channels")
         return first
 
     def program(self) -> NodeProgram:
