@@ -75,7 +75,10 @@ def make_appearance(record: SceneRecord, instance_ids: Int32Array, mesh_ids: Int
         plain_reflectance=record.plain_reflectance,
         pass_alpha_threshold=record.pass_alpha_threshold,
         images=tuple(
-            [ImageTexture(image.pixels, image.extension, image.interpolation, image.tiles) for image in record.images]
+            [
+                ImageTexture(image.pixels, image.extension, image.interpolation, image.tiles, image.is_linear)
+                for image in record.images
+            ]
         ),
         hair=_hair_table(record),
         lights=_light_table(record),

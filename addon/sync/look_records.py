@@ -14,6 +14,7 @@ if TYPE_CHECKING:  # records are there without the engine, too
 
 Extension = Literal["repeat", "extend", "clip", "mirror"]
 Interpolation = Literal["linear", "closest"]
+Pixels = npt.NDArray[np.uint8] | npt.NDArray[np.float32]
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,17 +73,18 @@ class ImageRecord:
     """pixels: (H, W, 4), row 0 at the bottom: uint8 sRGB or float32 scene-linear.
 
     extension: what lies beyond its border; interpolation: what lies between pixels; tiles: of a UDIM image, by their
-    numbers, the first one being `pixels`, too; see `perfect_bvh.ImageTexture`.
+    numbers, the first one being `pixels`, too; is_linear: uint8 is scene-linear; see `perfect_bvh.ImageTexture`.
     An image that is known to be unchanged since the record before has the very same array. From here on it is
     read-only: the renderer keeps what it works out of it.
     """
 
     name: str
     session_uid: int
-    pixels: npt.NDArray[np.uint8] | npt.NDArray[np.float32]
+    pixels: Pixels
     extension: Extension
     interpolation: Interpolation = "linear"
-    tiles: Mapping[int, npt.NDArray[np.uint8] | npt.NDArray[np.float32]] = field(default_factory=dict)
+    tiles: Mapping[int, Pixels] = field(default_factory=dict)
+    is_linear: bool = False
 
     def __post_init__(self) -> None:
         for pixels in (self.pixels, *self.tiles.values()):

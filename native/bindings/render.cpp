@@ -93,7 +93,7 @@ std::shared_ptr<const TextureTiles> read_tiles(const py::handle& value, const Te
     if (row_end > made->rows.size()) made->rows.resize(row_end, -1);
     made->rows[square] = static_cast<std::int32_t>(made->images.size());
     Texture& texture = made->images.emplace_back();
-    texture.extension = whole.extension, texture.is_closest = whole.is_closest;
+    texture.extension = whole.extension, texture.is_closest = whole.is_closest, texture.is_linear = whole.is_linear;
     read_pixels(tile, "pixels", texture);
   }
   return made;
@@ -106,6 +106,7 @@ Texture read_image(const py::handle& value) {
   Texture texture;
   texture.extension = kExtensions.at(get<std::string>(values, "extension"));
   texture.is_closest = get<std::string>(values, "interpolation") == "closest";
+  texture.is_linear = get<bool>(values, "is_linear");
   read_pixels(values, "pixels", texture);
   texture.tiles = read_tiles(values["tiles"], texture);
   return texture;

@@ -112,8 +112,8 @@ TEST(NodeProgram, WhatIsNoneIsRefused) {
 TEST(NodeProgram, AlphaRunsOnlyWhatLeadsToIt) {
   const std::int32_t input = row_of(NodeKind::kInput), mix = row_of(NodeKind::kMix), set = row_of(NodeKind::kSet);
   // A uv map in channels 0 to 3 and a position in 4 to 7; a sum of both in 8 to 10, a sum of the uv in 11 to 13.
-  const std::vector<std::int32_t> codes{input, 6, 2, input, 0, 2, mix, 7, 0,  0, 0, 0, 1, 4, 1, mix, 7,
-                                        0,     0, 0, 0,     1, 0, 1,   set, 0, 0, 8, 1, set, 2, 0, 12, 0};
+  const std::vector<std::int32_t> codes{input, 6, 2, input, 0, 2, mix, 7,   0, 0, 0, 0, 1,   4, 1, mix, 7,
+                                        0,     0, 0, 0,     1, 0, 1,   set, 0, 0, 8, 1, set, 2, 0, 12,  0};
   const NodeProgram program(codes, std::vector<float>{0, 0, 0, 0}, 0, 0);
   const NodePart& part = program.alpha();
   ASSERT_EQ(part.instructions.size(), 2u);
@@ -127,7 +127,8 @@ TEST(NodeProgram, AlphaRunsOnlyWhatLeadsToIt) {
   const NodeOperand& alpha = *program.output(MaterialSlot::kAlpha);
   EXPECT_GT(alone.number(alpha, 0), 0.5f);
   EXPECT_EQ(alone.number(alpha, 0), whole.number(alpha, 0));
-  EXPECT_TRUE(NodeProgram(std::span(codes).first(29), std::vector<float>{0, 0, 0, 0}, 0, 0).alpha().instructions.empty());
+  EXPECT_TRUE(
+      NodeProgram(std::span(codes).first(29), std::vector<float>{0, 0, 0, 0}, 0, 0).alpha().instructions.empty());
 }
 
 }  // namespace

@@ -26,7 +26,7 @@ from mathutils import Matrix
 from perfect_bvh_addon import SceneSync
 from perfect_bvh_addon.extract import read_scene
 from perfect_bvh_addon.extract.scene import ReadCache
-from perfect_bvh_addon.sync.look_records import MaterialRecord
+from perfect_bvh_addon.sync.look_records import ImageRecord, MaterialRecord
 from perfect_bvh_addon.sync.records import AttributeRequest, SceneRecord
 
 SHADING = AttributeRequest(shading=True)
@@ -156,6 +156,27 @@ def test_float_images_are_linear_with_straight_alpha() -> None:
     (image,) = read().images
     assert image.pixels.dtype == np.float32
     assert image.pixels[1, 3] == pytest.approx((8.0, 1.0, 0.5, 0.5))
+
+
+def shown_image(image: Any) -> ImageRecord:
+    material = new_material()
+    texture = add_node(material, "ShaderNodeTexImage")
+    texture.image = image
+    link(material, texture.outputs["Color"], principled(material).inputs["Base Color"])
+    (record,) = read().images
+    return record
+
+
+def test_bytes_that_are_data_stay_bytes() -> None:
+    """All values of a byte are those that Blender has of them."""
+    image = bpy.data.images.new("data", 16, 16, is_data=True)
+    image.pixels.foreach_set(np.repeat(np.arange(256, dtype=np.float32) / 255.0, 4))
+    record = shown_image(image)
+    values = np.empty(1024, np.float32)
+    image.pixels.foreach_get(values)
+    assert record.is_linear and record.pixels.dtype == np.uint8
+    np.testing.assert_array_equal(record.pixels.ravel() * np.float32(1.0 / 255.0), values)
+    assert record.byte_count == values.nbytes // 4
 
 
 def test_a_missing_image_is_magenta_and_named() -> None:

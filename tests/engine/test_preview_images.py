@@ -22,7 +22,7 @@ from engine.preview_looks import (
     papered,
     quads,
 )
-from perfect_bvh import Appearance, ImageTexture, MeshAppearance, render
+from perfect_bvh import Appearance, ImageTexture, MeshAppearance, World, render
 
 SHOWN = (image_program("COLOR"),)
 
@@ -58,6 +58,30 @@ def test_between_pixels_bytes_are_srgb_and_floats_linear(share):
         look = papered(image, base_colors=black, emissions=np.ones((1, 3), np.float32), programs=(program,))
         seen = render(floor(), ABOVE, "preview", SIZE, 1, replace(look, world=BLACK))[16, 16, :3]
         assert seen == pytest.approx(expected, abs=1e-5)
+
+
+@pytest.mark.parametrize("interpolation", ["linear", "closest"])
+def test_linear_bytes_are_the_same_as_their_floats(interpolation):
+    """Bit for bit: every value of a byte, and what lies between pixels."""
+    pixels = np.random.default_rng(3).permutation(np.tile(np.arange(256, dtype=np.uint8), 16)).reshape(32, 32, 4)
+    floats, black = pixels * np.float32(1.0 / 255.0), np.zeros((1, 3), np.float32)
+    seen = []
+    for stored in (pixels, floats):
+        image = ImageTexture(stored, "mirror", interpolation, is_linear=True)
+        program = image_program("EMISSION", transform=(0.07, 0.03, 0, 0.2, 0.02, -0.08, 0, 0.3, 0, 0, 0, 0))
+        look = papered(image, base_colors=black, emissions=np.ones((1, 3), np.float32), programs=(program,))
+        seen.append(render(floor(), ABOVE, "preview", SIZE, 1, replace(look, world=BLACK)))
+    np.testing.assert_array_equal(*seen)
+    assert len(np.unique(seen[0][..., 0])) > 100
+
+
+def test_a_world_may_be_of_linear_bytes():
+    pixels = np.random.default_rng(4).integers(0, 256, (16, 32, 4), np.uint8)
+    seen = []
+    for stored in (pixels, pixels * np.float32(1.0 / 255.0)):
+        look = Appearance(images=(ImageTexture(stored, is_linear=True),), world=World((1.0, 1.0, 1.0), image=0))
+        seen.append(render(floor(), ABOVE, "preview", SIZE, 2, look))
+    np.testing.assert_array_equal(*seen)
 
 
 def test_a_transform_says_where_an_image_is_looked_up():

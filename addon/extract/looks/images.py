@@ -22,7 +22,7 @@ import bpy
 import numpy as np
 import numpy.typing as npt
 
-from ...sync.look_records import Extension, ImageRecord, Interpolation
+from ...sync.look_records import Extension, ImageRecord, Interpolation, Pixels
 from ...sync.not_shown import NotShown
 from .values import Nodes, Source, Value
 
@@ -61,14 +61,13 @@ def _fill_of(tile: Any) -> tuple[Any, ...]:
     return (tile.generated_type, tuple(tile.generated_color), *size, tile.use_generated_float)
 
 
-def read_tiles(image: Any, read: Callable[[Any, str], T | None], warn: Callable[[str], None]) -> dict[int, T]:
+def read_tiles(image: Any, read: Callable[[Any], T | None], warn: Callable[[str], None]) -> dict[int, T]:
     """What `read` makes of each tile, by the tiles' numbers, in their order. What is missing is left out and named.
 
-    read: takes an image and the name of the colour space that its bytes are of.
     Each is read as an image of its own, which is gone afterwards; the first as the image itself.
     """
     numbers = [tile.number for tile in image.tiles]
-    found = {numbers[0]: read(image, image.colorspace_settings.name)}
+    found = {numbers[0]: read(image)}
     if len(numbers) > 1:
         with _files_of(image, warn) as path, temporary_data() as data:
             for number in numbers[1:]:
@@ -90,7 +89,7 @@ def temporary_data() -> Iterator[Any]:
         yield data
 
 
-def _read_tile(data: Any, image: Any, path: str, read: Callable[[Any, str], T | None]) -> T | None:
+def _read_tile(data: Any, image: Any, path: str, read: Callable[[Any], T | None]) -> T | None:
     try:
         tile = data.images.load(path)
     except RuntimeError:  # there is no such file
@@ -102,7 +101,7 @@ def _read_tile(data: Any, image: Any, path: str, read: Callable[[Any, str], T | 
         tile.colorspace_settings.name = space
     if tile.alpha_mode != image.alpha_mode:
         tile.alpha_mode = image.alpha_mode
-    return read(tile, space)
+    return read(tile)
 
 
 @contextmanager
@@ -150,7 +149,6 @@ def _look_of_file(path: str) -> tuple[int, int]:
 # Images --------------------------------------------------------------------------------------------------------------
 
 
-Pixels = npt.NDArray[np.uint8] | npt.NDArray[np.float32]
 Floats = npt.NDArray[np.float32]
 Tiles = dict[int, Pixels]
 Read = TypeVar("Read", Pixels, Tiles)
@@ -212,7 +210,8 @@ class ImageReader:
                 pixels = next(iter(tiles.values()), _MISSING)
             else:
                 pixels = self._held(image, uid, None, lambda: self._original(image, uid))
-            self.records.append(ImageRecord(image.name, uid, pixels, extension, interpolation, tiles))
+            is_linear = image.colorspace_settings.name in _LINEAR_SPACES
+            self.records.append(ImageRecord(image.name, uid, pixels, extension, interpolation, tiles, is_linear))
         return row
 
     def around(self, nodes: Hashable, make: Callable[[], Floats]) -> Floats:
@@ -244,7 +243,10 @@ class ImageReader:
     def arguments(self) -> list[dict[str, Any]]:
         """The images as nodes take them; of a UDIM image its first tile."""
         return [
-            {"pixels": record.pixels, "extension": record.extension, "interpolation": record.interpolation, "tiles": []}
+            {
+                **{name: getattr(record, name) for name in ("pixels", "extension", "interpolation", "is_linear")},
+                "tiles": [],
+            }
             for record in self.records
         ]
 
@@ -307,11 +309,8 @@ def _look_of(image: Any) -> tuple[Any, ...]:
     )
 
 
-def _read_pixels(image: Any, space: str | None = None) -> Pixels | None:
-    """(H, W, 4), row 0 at the bottom: uint8 if the image is of sRGB bytes, else scene-linear float32.
-
-    space: the name of the colour space of bytes, if it is not the image's own.
-    """
+def _read_pixels(image: Any) -> Pixels | None:
+    """(H, W, 4), row 0 at the bottom: uint8 if the image is of bytes, else scene-linear float32."""
     width, height = image.size
     if not width or not height:
         return None
@@ -319,10 +318,9 @@ def _read_pixels(image: Any, space: str | None = None) -> Pixels | None:
     if len(image.pixels) != values.size:  # of fewer channels than Blender lets Python write
         return None
     image.pixels.foreach_get(values.reshape(-1))
-    if not image.is_float and (space or image.colorspace_settings.name) not in _LINEAR_SPACES:
+    if not image.is_float:
         return np.rint(np.clip(values, 0.0, 1.0) * 255.0).astype(np.uint8)
     np.nan_to_num(values, copy=False, nan=0.0, posinf=65504.0, neginf=0.0)
-    if image.is_float:  # stored multiplied by alpha
-        alpha = values[..., 3:]
-        np.divide(values[..., :3], alpha, out=values[..., :3], where=(alpha > 0.0) & (alpha < 1.0))
+    alpha = values[..., 3:]  # which colours are stored multiplied by
+    np.divide(values[..., :3], alpha, out=values[..., :3], where=(alpha > 0.0) & (alpha < 1.0))
     return values

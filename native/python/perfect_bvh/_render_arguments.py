@@ -172,6 +172,7 @@ def _image_arguments(function: str, row: int, image: ImageTexture) -> dict[str, 
         "extension": extension,
         "interpolation": check_choice(function, f"{name}.interpolation", image.interpolation, ("linear", "closest")),
         "tiles": [_tile_arguments(function, f"{name}.tiles", number, image.tiles[number]) for number in image.tiles],
+        "is_linear": bool(image.is_linear),
     }
 
 

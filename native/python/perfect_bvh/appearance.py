@@ -130,12 +130,14 @@ class ImageTexture:
     interpolation: what lies between the middles of pixels: "linear", or "closest".
     tiles: of a UDIM image, further arrays as `pixels` by their numbers: tile 1001 + column + 10 * row lies over that
         unit square of the uv map. Where there are any, surfaces show them instead of `pixels`, and magenta in between.
+    is_linear: uint8 is scene-linear, too (0 to 255 for 0 to 1), as of images that are data.
     """
 
     pixels: npt.NDArray[np.uint8] | Float32Array
     extension: Literal["repeat", "extend", "clip", "mirror"] = "repeat"
     interpolation: Literal["linear", "closest"] = "linear"
     tiles: Mapping[int, npt.NDArray[np.uint8] | Float32Array] = field(default_factory=dict)
+    is_linear: bool = False
 
 
 @dataclass(frozen=True, slots=True)

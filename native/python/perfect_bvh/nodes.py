@@ -189,9 +189,7 @@ class NodeBuilder:
             kind, mode, operands, numbers, layer = self._instructions[row]
             if kind == "input" and mode not in _EVERYWHERE:
                 numbers = (numbers[0], float(side))
-            moved = [
-                other._replace(row=made[other.row]) if isinstance(other, Output) else other for other in operands
-            ]
+            moved = [other._replace(row=made[other.row]) if isinstance(other, Output) else other for other in operands]
             output = self.add(kind, *moved, mode=mode, numbers=numbers, layer=layer)
             assert isinstance(output, Output)
             made[row] = output.row

@@ -50,7 +50,9 @@ float linear_between(float value) noexcept {
   return low + (high - low) * (value - static_cast<float>(byte));
 }
 
-// As it is stored.
+bool is_srgb(const Texture& texture) noexcept { return texture.bytes != nullptr && !texture.is_linear; }
+
+// Bytes of sRGB as they are stored, what is linear in its range.
 Rgba pixel_of(const Texture& texture, int x, int y) noexcept {
   const std::size_t first =
       4 * (static_cast<std::size_t>(y) * static_cast<std::size_t>(texture.width) + static_cast<std::size_t>(x));
@@ -58,14 +60,14 @@ Rgba pixel_of(const Texture& texture, int x, int y) noexcept {
     const float* const pixel = texture.floats + first;
     return {pixel[0], pixel[1], pixel[2], pixel[3]};
   }
-  const std::uint8_t* const pixel = texture.bytes + first;
-  return {static_cast<float>(pixel[0]), static_cast<float>(pixel[1]), static_cast<float>(pixel[2]),
-          static_cast<float>(pixel[3])};
+  const float unit = texture.is_linear ? 1.0f / 255.0f : 1.0f;
+  const auto at = [&](std::size_t channel) { return static_cast<float>(texture.bytes[first + channel]) * unit; };
+  return {at(0), at(1), at(2), at(3)};
 }
 
 // Of what is stored, or lies between.
 Rgba linear_pixel(const Texture& texture, const Rgba& found) noexcept {
-  if (texture.floats != nullptr) return found;
+  if (!is_srgb(texture)) return found;
   return {linear_between(found.r), linear_between(found.g), linear_between(found.b), found.a / 255.0f};
 }
 
@@ -122,6 +124,10 @@ std::span<const Rgba> row_of_pixels(const Texture& texture, int y, std::vector<R
   const std::size_t first = 4 * static_cast<std::size_t>(y) * width;
   if (texture.floats != nullptr) return {reinterpret_cast<const Rgba*>(texture.floats + first), width};
   buffer.resize(width);
+  if (!is_srgb(texture)) {
+    for (std::size_t x = 0; x < width; ++x) buffer[x] = pixel_of(texture, static_cast<int>(x), y);
+    return buffer;
+  }
   const auto& linear = linear_values();
   for (std::size_t x = 0; x < width; ++x) {
     const std::uint8_t* const pixel = texture.bytes + first + 4 * x;

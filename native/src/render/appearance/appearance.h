@@ -35,6 +35,7 @@ struct Texture {
   int width = 0, height = 0;
   Extension extension = Extension::kRepeat;
   bool is_closest = false;                    // one pixel everywhere, not between four
+  bool is_linear = false;                     // bytes are scene-linear, 0 to 1
   std::shared_ptr<const TextureTiles> tiles;  // if there are any, surfaces show those
 };
 

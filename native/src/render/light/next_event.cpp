@@ -210,8 +210,7 @@ void pass_layers(const Snapshot& snapshot, const Appearance& appearance, int mos
       }
       const Instance& instance = snapshot.instances[hit.instance_index];
       const std::int32_t material = appearance.material_of(instance, hit.primitive_index);
-      const float passes =
-          layer == most_layers ? 0.0f : 1.0f - alpha_at(snapshot, appearance, ray, hit, material);
+      const float passes = layer == most_layers ? 0.0f : 1.0f - alpha_at(snapshot, appearance, ray, hit, material);
       shadows.passed[i] *= std::max(passes, 0.0f);
       ray.t_min = std::nextafter(hit.t, kInfiniteDistance);
       if (!(shadows.passed[i] > 0.0f)) ray.t_max = -1.0f;

@@ -179,7 +179,8 @@ Material material_at(const Snapshot& snapshot, const Appearance& appearance, con
 
 float alpha_at(const Snapshot& snapshot, const Appearance& appearance, const Ray& ray, const Hit& hit,
                std::int32_t row) {
-  float alpha = row == kNoMaterial || appearance.alphas.empty() ? 1.0f : appearance.alphas[static_cast<std::size_t>(row)];
+  float alpha =
+      row == kNoMaterial || appearance.alphas.empty() ? 1.0f : appearance.alphas[static_cast<std::size_t>(row)];
   const NodeProgram* const program = appearance.program_of(row);
   if (program == nullptr || program->alpha().instructions.empty()) return alpha;
   const NodeRun& run = run_alone(snapshot, appearance, ray, hit, *program, program->alpha());
