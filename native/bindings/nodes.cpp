@@ -26,9 +26,11 @@ class StandIns final : public NodeInputs {
       channels[3][lane] = value.a;
     }
   }
-  [[nodiscard]] Vec3f world_normal(std::size_t, Vec3f object_normal, Vec3f fallback) const override {
-    const float size = length(object_normal);
-    return size > 0.0f && std::isfinite(size) ? object_normal * (1.0f / size) : fallback;
+  // All spaces are one.
+  [[nodiscard]] Vec3f transformed(std::size_t, Vec3f v, VectorKind kind, VectorSpace, VectorSpace) const override {
+    if (kind != VectorKind::kNormal) return v;
+    const float size = length(v);
+    return size > 0.0f && std::isfinite(size) ? v * (1.0f / size) : Vec3f{0, 0, 0};
   }
 
  private:
@@ -44,6 +46,7 @@ class StandIns final : public NodeInputs {
       case NodeInput::kInstance:
         return number < given_.size() && row < given_[number].size() ? given_[number][row] : Rgba{};
       case NodeInput::kUv:
+      case NodeInput::kWindow:
         return {x, y, 0.0f, 0.0f};
       case NodeInput::kColor:
         return {1.0f, 1.0f, 1.0f, 1.0f};

@@ -246,6 +246,7 @@ void read_appearance(const py::dict& values, Appearance& appearance) {
     read_layers(mesh, "uv_maps", attributes.uv_maps);
     read_layers(mesh, "corner_colors", attributes.corner_colors);
     read_layers(mesh, "corner_tangents", attributes.corner_tangents);
+    read_layers(mesh, "corner_generated", attributes.generated);
     if (mesh.contains("texture_space")) {
       const auto rows = rows_of<Vec3f>(view<float>(mesh, "texture_space"));
       attributes.generated_scale = rows[0], attributes.generated_offset = rows[1];
@@ -325,6 +326,8 @@ py::dict render_passes(const Snapshot& snapshot, const py::dict& camera_values, 
   const Camera camera = read_camera(camera_values);
   Appearance appearance;
   read_appearance(appearance_values, appearance);
+  appearance.view.emplace(View{RayMaker(camera, settings.width, settings.height), static_cast<double>(settings.width),
+                               static_cast<double>(settings.height)});
   if (settings.shutter) appearance.frame_time = settings.shutter->frame_time;
   const auto pixel_count = static_cast<std::size_t>(settings.width) * static_cast<std::size_t>(settings.height);
   const PassTargets targets = read_targets(arrays, pixel_count);

@@ -26,7 +26,9 @@ class Given final : public NodeInputs {
       channels[3][lane] = value_.a;
     }
   }
-  [[nodiscard]] Vec3f world_normal(std::size_t, Vec3f normal, Vec3f) const override { return normal; }
+  [[nodiscard]] Vec3f transformed(std::size_t, Vec3f v, VectorKind, VectorSpace, VectorSpace) const override {
+    return v;
+  }
 
  private:
   Rgba value_;
@@ -47,7 +49,7 @@ NodeProgram program_of(NodeKind kind, int mode, const std::vector<float>& number
 std::vector<float> numbers_of(const NodeShape& shape, bool is_table) {
   if (is_table) return {0.0f, 1.0f, 0.2f, 0.4f, 0.6f, 0.8f, 1.0f, 0.5f};
   std::vector<float> numbers(static_cast<std::size_t>(std::max(shape.numbers, 0)), 1.0f);
-  if (!numbers.empty() && (shape.name == "image" || shape.name == "input")) numbers[0] = 0.0f;
+  if (!numbers.empty() && (shape.name.ends_with("image") || shape.name == "input")) numbers[0] = 0.0f;
   return numbers;
 }
 

@@ -54,8 +54,9 @@ def our_values(points: np.ndarray, w: np.ndarray) -> list[np.ndarray]:
         reader = PointReader(NoImages(), constant(0.0))
         value = reader.read(socket)
         assert not value.is_guess, socket.links[0].from_node.type
-        assert isinstance(value.operand, Output)
-        values = reader.nodes.evaluate(value.operand, [], given, len(points))
+        values = np.array([value.operand])
+        if isinstance(value.operand, Output):
+            values = reader.nodes.evaluate(value.operand, [], given, len(points))
         found.append(values[:, 0] if socket.type == "VALUE" else np.broadcast_to(values, (len(points), 3)))
     return found
 
@@ -93,6 +94,32 @@ def of_points(kind: str, properties: dict[str, Any], *sources: str, **values: An
         return node
 
     return make
+
+
+def gabor(properties: dict[str, Any], orientation: Any, **values: float) -> Callable[[Any], Any]:
+    """A Gabor Texture, whose two inputs Orientation have one name."""
+
+    def make(tree: Any) -> Any:
+        node = made("TexGabor", properties, **values)(tree)
+        wanted = f"Orientation {node.gabor_type}"
+        next(socket for socket in node.inputs if socket.identifier == wanted).default_value = orientation
+        return node
+
+    return make
+
+
+def normal(tree: Any) -> Any:
+    node = of_points("Normal", {}, "p")(tree)
+    node.outputs["Normal"].default_value = (0.3, -0.5, 0.7)
+    return node
+
+
+def wavelength(tree: Any) -> Any:
+    """Beyond what is seen, too."""
+    node = made("Wavelength")(tree)
+    place = of_points("MapRange", {}, "x", From_Min=-FAR, From_Max=FAR, To_Min=340.0, To_Max=820.0)(tree)
+    tree.links.new(place.outputs[0], node.inputs[0])
+    return node
 
 
 Case = tuple[str, Callable[[Any], Any], tuple[str, ...]]
@@ -173,6 +200,12 @@ def _others() -> Iterator[Case]:
     yield "contrast", of_points("BrightContrast", {}, "p", Bright=0.1, Contrast=0.3), ("Color",)
     yield "invert", of_points("Invert", {}, "", "p", Fac=0.6), ("Color",)
     yield "grey", of_points("RGBToBW", {}, "p"), ("Val",)
+    for kind, turn in product(("2D", "3D"), (0.0, 0.6, 1.0)):
+        values = {"Scale": 0.7, "Frequency": 1.7, "Anisotropy": turn}
+        make = gabor({"gabor_type": kind}, 0.7 if kind == "2D" else (0.3, -0.8, 0.5), **values)
+        yield f"gabor {kind} {turn}", make, ("Value", "Phase", "Intensity")
+    yield "normal", normal, ("Normal", "Dot")
+    yield "wavelength", wavelength, ("Color",)
     yield "ramp", of_points("ValToRGB", {}, "x"), ("Color",)
 
 

@@ -10,10 +10,12 @@ from perfect_bvh.nodes import Operand, channels_of
 
 from .node_graph import Scope
 from .node_values import HALF, ValueReader, own_value, reads
-from .values import Nodes, Value, blackbody, constant
+from .values import Nodes, Value, blackbody, constant, observer, xyz_to_rgb
 
 _TABLE = 256  # rows of what Cycles keeps of a ramp or a curve
 _HOTTEST, _COLDEST = 12000.0, 800.0
+_SPECTRUM = (375.0, 780.0)  # nanometres
+_BRIGHTEST_WAVE = 2.52  # Cycles' scale, by which all channels are about 1 at most
 # Arithmetic that is left out where it changes nothing.
 _ARITHMETIC: dict[str, Callable[..., Operand]] = {
     "ADD": lambda nodes, a, b, _: nodes.plus(a, b),
@@ -204,6 +206,32 @@ def _gamma(reader: ValueReader, node: Any, output: Any, scope: Scope | None) -> 
     )
     raised = nodes.add("vector_math", above, power.operand, 0.0, 0.0, mode="POWER")
     return Value(nodes.plus(raised, below), color.is_guess)
+
+
+@reads("NORMAL")
+def _normal(reader: ValueReader, node: Any, output: Any, scope: Scope | None) -> Value:
+    nodes, given = reader.nodes, node.outputs["Normal"].default_value
+    direction = nodes.add("vector_math", tuple(given), 0.0, 0.0, 0.0, mode="NORMALIZE")
+    if output.identifier == "Normal":
+        return Value(direction)
+    normal = reader.read(node.inputs[0], scope)
+    unit = nodes.add("vector_math", normal.operand, 0.0, 0.0, 0.0, mode="NORMALIZE")
+    dot = nodes.add("vector_math", direction, unit, 0.0, 0.0, mode="DOT_PRODUCT")
+    return Value(channels_of(dot, 0), normal.is_guess)
+
+
+@reads("WAVELENGTH")
+def _wavelength(reader: ValueReader, node: Any, output: Any, scope: Scope | None) -> Value:
+    nodes, waves = reader.nodes, reader.read(node.inputs[0], scope)
+    least, most = _SPECTRUM
+    seen_waves = np.vstack([2.0 * observer()[:1] - observer()[1:2], observer()])  # Cycles goes on for a step below
+    table = np.ones((len(seen_waves), 4))
+    table[:, :3] = xyz_to_rgb(seen_waves) / _BRIGHTEST_WAVE
+    place = nodes.times(nodes.minus(waves.operand, least), 1.0 / (most - least))
+    color = nodes.add("table", place, mode="LINEAR", numbers=table.ravel().tolist())
+    is_seen = nodes.add("math", waves.operand, 0.5 * (least + most), 0.5 * (most - least), mode="COMPARE")
+    seen = nodes.times(channels_of(color, 0, 3), is_seen)
+    return Value(nodes.add("vector_math", seen, 0.0, 0.0, 0.0, mode="MAXIMUM"), waves.is_guess)
 
 
 @reads("BLACKBODY")

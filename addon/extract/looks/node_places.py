@@ -12,8 +12,11 @@ from .node_values import ValueReader, reads
 from .sky import read_sky
 from .values import ATTRIBUTE_KINDS, OBJECT_INFO, Source, Value, constant
 
-_WORLD_WAYS = frozenset({"Generated", "Object", "Camera", "Normal"})
-_PROJECTIONS = {"FLAT": "FLAT", "SPHERE": "SPHERE", "TUBE": "TUBE"}
+_WORLD_WAYS = frozenset({"Generated", "Object", "Normal"})
+# Inputs of programs by outputs of Texture Coordinate.
+_PLACES = {name: name.upper() for name in ("UV", "Generated", "Object", "Window", "Reflection")}
+_SPACES = ("WORLD", "OBJECT", "CAMERA")  # as the engine numbers them
+_RADIAL = {"X": (None, 2, 1), "Y": (2, None, 0), "Z": (1, 0, None)}  # of a tangent, what Generated gives each channel
 _EXTENSIONS = {"REPEAT": "repeat", "EXTEND": "extend", "CLIP": "clip", "MIRROR": "mirror"}
 
 
@@ -22,19 +25,64 @@ def _coordinates(reader: ValueReader, node: Any, output: Any, scope: Scope | Non
     kind = output.identifier
     if reader.omissions.kind == "world":
         return reader.way() if kind in _WORLD_WAYS else reader.fallback
-    if kind == "UV":
-        return reader.input("UV")
-    if kind == "Generated":
-        return reader.input("GENERATED")
-    if kind == "Object" and node.object is None:
-        return reader.input("OBJECT")
-    if kind == "Object":
+    if node.from_instancer and kind in {"Generated", "UV"}:
+        return reader.fallback
+    if kind == "Object" and node.object is not None:
         reader.follows_objects = True
         inverse = np.array(node.object.matrix_world.inverted_safe(), np.float64)
         return reader.work("transform", reader.input("POSITION"), numbers=inverse[:3].ravel().tolist())
     if kind == "Normal":
-        return reader.input("OBJECT_NORMAL")
-    return reader.input("REFLECTION") if kind == "Reflection" else reader.fallback
+        return _transformed(reader, reader.input("NORMAL").operand, "NORMAL", "WORLD", "OBJECT")
+    return _in_camera(reader) if kind == "Camera" else reader.input(_PLACES[kind])
+
+
+def _in_camera(reader: ValueReader) -> Value:
+    return _transformed(reader, reader.input("POSITION").operand, "POINT", "WORLD", "CAMERA")
+
+
+@reads("CAMERA")
+def _camera_data(reader: ValueReader, node: Any, output: Any, scope: Scope | None) -> Value:
+    place = _in_camera(reader)
+    if output.identifier == "View Z Depth":
+        return Value(channels_of(place.operand, 2), place.is_guess)
+    mode = "NORMALIZE" if output.identifier == "View Vector" else "LENGTH"
+    made = reader.work("vector_math", place, 0.0, 0.0, 0.0, mode=mode)
+    return made if mode == "NORMALIZE" else Value(channels_of(made.operand, 0), made.is_guess)
+
+
+@reads("VECT_TRANSFORM")
+def _vector_transform(reader: ValueReader, node: Any, output: Any, scope: Scope | None) -> Value:
+    vector = reader.read(node.inputs[0], scope)
+    if node.convert_from == node.convert_to:
+        return vector
+    return _transformed(reader, vector.operand, node.vector_type, node.convert_from, node.convert_to)
+
+
+def _transformed(reader: ValueReader, vector: Operand, mode: str, source: str, target: str) -> Value:
+    """What depends on where the surface stands, or on the camera: of lights and worlds a guess."""
+    if reader.omissions.kind != "material":
+        return reader.fallback
+    spaces = len(_SPACES) * _SPACES.index(source) + _SPACES.index(target)
+    return Value(reader.nodes.add("vector_transform", vector, mode=mode, numbers=(spaces,)))
+
+
+@reads("TANGENT")
+def _tangent(reader: ValueReader, node: Any, output: Any, scope: Scope | None) -> Value:
+    if reader.omissions.kind != "material":
+        return reader.fallback
+    nodes, normal = reader.nodes, reader.input("NORMAL").operand
+    if node.direction_type == "UV_MAP":
+        along = reader.input("TANGENT", node.uv_map).operand
+    else:
+        place = nodes.minus(reader.input("GENERATED").operand, (0.5, 0.5, 0.5))
+        parts = [0.0 if channel is None else channels_of(place, channel) for channel in _RADIAL[node.axis]]
+        first = next(channel for channel, part in enumerate(parts) if part != 0.0)
+        parts[first] = nodes.times(parts[first], -1.0)
+        along = nodes.add("combine", *parts)
+    world = _transformed(reader, along, "NORMAL", "OBJECT", "WORLD").operand
+    aside = nodes.add("vector_math", world, normal, 0.0, 0.0, mode="CROSS_PRODUCT")
+    unit = nodes.add("vector_math", aside, 0.0, 0.0, 0.0, mode="NORMALIZE")
+    return Value(nodes.add("vector_math", normal, unit, 0.0, 0.0, mode="CROSS_PRODUCT"))
 
 
 @reads("UVMAP")
@@ -73,14 +121,21 @@ def _image(reader: ValueReader, node: Any, output: Any, scope: Scope | None) -> 
     vector = reader.vector(node, scope, "UV")
     if is_around and reader.omissions.kind != "world" and not is_fed(node.inputs["Vector"], scope):
         vector = reader.input("POSITION")
-    mode = "EQUIRECTANGULAR" if is_around else _PROJECTIONS.get(node.projection, "FLAT")
-    if node.projection not in {"EQUIRECTANGULAR", *_PROJECTIONS}:
-        name = node.projection.replace("_", " ").title()
-        reader.omissions.note(f"the projection {name} of {node.image.name}", f"{mode.title()} is")
     extension = _EXTENSIONS.get(getattr(node, "extension", "REPEAT"), "repeat")
     interpolation = "closest" if node.interpolation == "Closest" else "linear"
     row = reader.images.row(node.image, "repeat" if is_around else extension, interpolation)
-    pixels = reader.nodes.add("image", vector.operand, mode=mode, numbers=(float(row),))
+    if node.projection == "MIRROR_BALL":
+        reader.omissions.note(f"the projection Mirror Ball of {node.image.name}", "Equirectangular is")
+    if node.projection == "BOX" and reader.omissions.kind != "light":
+        is_surface = reader.omissions.kind == "material"
+        normal = reader.input("NORMAL").operand if is_surface else reader.nodes.times(reader.way().operand, -1.0)
+        if is_surface:
+            normal = _transformed(reader, normal, "NORMAL", "WORLD", "OBJECT").operand
+        numbers = (float(row), node.projection_blend)
+        pixels = reader.nodes.add("box_image", vector.operand, normal, numbers=numbers)
+    else:
+        mode = {"BOX": "FLAT", "MIRROR_BALL": "EQUIRECTANGULAR"}.get(node.projection, node.projection)
+        pixels = reader.nodes.add("image", vector.operand, mode=mode, numbers=(float(row),))
     if output.identifier == "Alpha":
         return Value(channels_of(pixels, 3))
     color = channels_of(pixels, 0, 3)
@@ -190,7 +245,12 @@ def _bump(reader: ValueReader, node: Any, output: Any, scope: Scope | None) -> V
     if height.is_guess or height.is_even:
         return Value(normal, height.is_guess)
     shifted = [reader.nodes.shifted(height.operand, side) for side in (1, 2)]
-    ways = [reader.input("SIDE", number=side) for side in (1, 2)]
+    width = reader.even_number(node.inputs["Filter Width"], 0.1, scope) if "Filter Width" in node.inputs else 1.0
+    if reader.bump_width not in {None, width}:
+        reader.omissions.note(f"the Filter Width of several nodes {node.bl_label}", "the largest is")
+    reader.bump_width = width
+    sides = [reader.nodes.add("input", mode="SIDE", numbers=(side, width)) for side in (1.0, 2.0)]
+    ways = [channels_of(side, 0, 3) for side in sides]
     far = reader.nodes.times(distance.operand, -1.0) if node.invert else distance.operand
     return reader.work("bump", strength, far, height.operand, *shifted, normal, *ways)
 

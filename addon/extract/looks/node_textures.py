@@ -13,6 +13,7 @@ from .values import Value
 _METRICS = ("EUCLIDEAN", "MANHATTAN", "CHEBYCHEV", "MINKOWSKI")
 _PROFILES = ("SIN", "SAW", "TRI")
 _DIRECTIONS = ("X", "Y", "Z")
+_GABOR = ("Value", "Phase", "Intensity")
 # Where each output of a Voronoi Texture stands among the instruction's channels, and how wide it is.
 _VORONOI = {"Distance": (0, 1), "Color": (1, 3), "Position": (4, 3), "W": (7, 1), "Radius": (8, 1)}
 
@@ -107,6 +108,21 @@ def _wave(reader: ValueReader, node: Any, output: Any, scope: Scope | None) -> V
         *_numbers(reader, node, scope, *names),
         numbers=(float(is_rings), float(row), float(_PROFILES.index(node.wave_profile))),
     )
+
+
+@reads("TEX_GABOR")
+def _gabor(reader: ValueReader, node: Any, output: Any, scope: Scope | None) -> Value:
+    sockets = {socket.identifier: socket for socket in node.inputs}
+    way = reader.read(sockets["Orientation 3D"], scope)
+    made = reader.work(
+        "gabor",
+        reader.vector(node, scope, "GENERATED"),
+        *_numbers(reader, node, scope, "Scale", "Frequency", "Anisotropy"),
+        reader.number(sockets["Orientation 2D"], 0.0, scope),
+        way.operand,
+        mode=node.gabor_type,
+    )
+    return Value(channels_of(made.operand, _GABOR.index(output.identifier)), made.is_guess)
 
 
 @reads("TEX_WHITE_NOISE")

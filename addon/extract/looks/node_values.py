@@ -49,6 +49,7 @@ class ValueReader:
         self.fallback = Value(fallback.operand, is_guess=True)
         self.is_camera = float(is_camera)
         self.was_asked_for_rays = False
+        self.bump_width: float | None = None  # pixels from where a bump is to the places beside it
         self.follows_objects = False  # whether values depend on where other objects are
         self._known: dict[tuple[int, ...], Value] = {}
         self._depth = 0

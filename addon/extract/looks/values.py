@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
+from pathlib import Path
 from typing import Any, Literal, NamedTuple, Protocol
 
 import numpy as np
@@ -137,6 +138,13 @@ def tristimulus_curves(waves: npt.NDArray[np.float64]) -> npt.NDArray[np.float64
             1.217 * bell(437.0, 11.8, 36.0) + 0.681 * bell(459.0, 26.0, 13.8),
         ]
     )
+
+
+@lru_cache(maxsize=1)
+def observer() -> npt.NDArray[np.float64]:
+    """(81, 3): the same curves as the CIE tabulated them, from 380 to 780 nanometres in steps of 5."""
+    found: npt.NDArray[np.float64] = np.load(Path(__file__).with_name("cie_1931.npy")) / 1e4
+    return found
 
 
 def xyz_to_rgb(xyz: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:

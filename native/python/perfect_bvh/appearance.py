@@ -32,6 +32,7 @@ class MeshAppearance:
         Normal maps in tangent space show nothing without.
     texture_space: (2, 3) float32: a place in object space, times the first row, plus the second, is what programs get
         as "GENERATED". None: 0 everywhere.
+    corner_generated: (T, 3, 3) float32, what they get instead, as of meshes that were deformed.
 
     Of a mesh of curves or points, C of them: material_slots (C,); uvs and colours (C, 2) and (C, 3), one for each, or
     of curves (P, 2) and (P, 3), one for each control point, between which hits find theirs by their u: of curves that
@@ -47,6 +48,7 @@ class MeshAppearance:
     named_colors: Mapping[str, Float32Array] = field(default_factory=dict)
     tangents: Mapping[str, Float32Array] = field(default_factory=dict)
     texture_space: Float32Array | None = None
+    corner_generated: Float32Array | None = None
     curve_offsets: npt.NDArray[np.int64] | None = None
 
 

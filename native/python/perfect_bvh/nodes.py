@@ -53,6 +53,8 @@ LAYER_INPUTS = {"UV": "uvs", "TANGENT": "tangents", "COLOR": "colors"}
 # Inputs that are the same wherever a hit lies, or cannot be known beside it.
 _EVERYWHERE = frozenset({"NORMAL", "TRUE_NORMAL", "INCOMING", "REFLECTION", "BACKFACING", "OBJECT_NORMAL"})
 _EVERYWHERE |= {"TANGENT", "SIDE", "INSTANCE", "GIVEN"}
+# Instructions that are not worked out at once, whatever they read.
+_OF_PLACES = frozenset({"input", "image", "box_image", "vector_transform"})
 _MOST_INSTRUCTIONS, _MOST_CHANNELS = 10_000, 65_536
 _PLACES = 1024
 
@@ -170,7 +172,7 @@ class NodeBuilder:
             settings = (*settings, 0.0, 0.0)[:2]
         made = Instruction(kind, mode, operands, settings, layer)
         _check(made)
-        if kind not in ("input", "image") and not any(isinstance(operand, Output) for operand in operands):
+        if kind not in _OF_PLACES and not any(isinstance(operand, Output) for operand in operands):
             return self._fold(made)
         row = self._known.get(made)
         if row is None:

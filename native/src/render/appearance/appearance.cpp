@@ -321,6 +321,7 @@ void Appearance::check_fits(const Instance& instance, const MeshAttributes& attr
   if (corners > 1) check(attributes.corner_normals.size() / corners, "corner_normals", count);
   for (const auto& map : attributes.uv_maps) check(map.size() / corners, "corner_uvs", points);
   for (const auto& tangents : attributes.corner_tangents) check(tangents.size() / corners, "corner_tangents", count);
+  for (const auto& places : attributes.generated) check(places.size() / corners, "corner_generated", count);
   for (const auto& colors : attributes.corner_colors) check(colors.size() / corners, "corner_colors", points);
 }
 

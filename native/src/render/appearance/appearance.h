@@ -11,7 +11,7 @@
 #include "math/vec3.h"
 #include "render/appearance/light.h"
 #include "render/appearance/node_program.h"
-#include "render/sampling/sampler.h"
+#include "render/sampling/camera.h"
 #include "tlas/assemble.h"
 #include "traverse/ray.h"
 
@@ -79,8 +79,10 @@ struct MeshAttributes {
   std::vector<std::span<const Point2>> uv_maps;        // three a triangle; the first is the one that renders use
   std::vector<std::span<const Vec3f>> corner_colors;   // three a triangle, scene-linear
   std::vector<std::span<const Rgba>> corner_tangents;  // three a triangle, object space, and the bitangent's sign
+  std::vector<std::span<const Vec3f>> generated;       // three a triangle, of one layer at most
   std::span<const std::int64_t> curve_offsets;
-  // From a place in object space to one in the mesh's texture space, 0 to 1, which nodes call Generated.
+  // From a place in object space to one in the mesh's texture space, 0 to 1, which nodes call Generated; without a
+  // layer of it.
   Vec3f generated_scale{0, 0, 0}, generated_offset{0, 0, 0};
 };
 
@@ -105,6 +107,12 @@ struct Hair {
   float coat = 0.0f;                                // how much of the roughness the first reflection is without
   float tilt = 0.0f;                                // of the cuticle's scales, in radians
   float ior = 1.55f;
+};
+
+// The camera and the size of its image, which nodes may ask for.
+struct View {
+  RayMaker rays;
+  double width, height;
 };
 
 // The colour that a lobe has: a row's colour times the base colour, as programs make it, to the row's power.
@@ -155,6 +163,7 @@ struct Appearance {
   std::optional<World> world;                   // none: the studio's sky and ground
   std::shared_ptr<const BrightSky> bright_sky;  // of the world's image, if it was worked out before
   std::optional<World> backdrop;                // what the camera sees instead of the world, and nothing is lit by
+  std::optional<View> view;                     // none: nobody looks
 
   std::uint32_t camera_mask = 0xFFFFFFFFu;
   std::uint32_t shadow_mask = 0xFFFFFFFFu;

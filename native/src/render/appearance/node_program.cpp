@@ -39,6 +39,7 @@ void add_needs(const NodeInstruction& instruction, NodeNeeds& needs) noexcept {
   const bool is_layer = input == NodeInput::kUv || input == NodeInput::kColor || input == NodeInput::kInstance;
   needs.points = needs.points || !(is_layer || input == NodeInput::kGiven);
   needs.sides = needs.sides || instruction.numbers[1] != 0.0f || input == NodeInput::kSide;
+  if (input == NodeInput::kSide) needs.aside = std::max(needs.aside, instruction.numbers[1]);
 }
 
 }  // namespace
@@ -75,12 +76,15 @@ NodeProgram::NodeProgram(std::span<const std::int32_t> codes, std::span<const fl
       const float value = made.numbers[0];
       return value >= 0.0f && value < static_cast<float>(rows) && value == static_cast<float>(static_cast<int>(value));
     };
-    if (made.kind == NodeKind::kImage) require(is_row_of(images), row, "refers to no image");
+    if (made.kind == NodeKind::kImage || made.kind == NodeKind::kBoxImage) {
+      require(is_row_of(images), row, "refers to no image");
+    }
+    if (made.kind == NodeKind::kVectorTransform) require(is_row_of(9), row, "has no pair of spaces of 0 to 8");
     if (made.kind == NodeKind::kInput) {
       const bool is_instance = static_cast<NodeInput>(mode) == NodeInput::kInstance;
       require(is_row_of(is_instance ? instance_rows : 1 << 16), row, "asks for no row that there is");
-      require(made.numbers[1] == 0.0f || made.numbers[1] == 1.0f || made.numbers[1] == 2.0f, row,
-              "has no side of 0 to 2");
+      const float side = made.numbers[static_cast<NodeInput>(mode) == NodeInput::kSide ? 0 : 1];
+      require(side == 0.0f || side == 1.0f || side == 2.0f, row, "has no side of 0 to 2");
     }
     number += made.numbers.size();
     channels_ += static_cast<std::size_t>(shape.channels);

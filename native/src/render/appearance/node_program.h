@@ -46,6 +46,9 @@ enum class NodeKind : std::uint8_t {
   kMagic,
   kWave,
   kWhiteNoise,
+  kGabor,
+  kBoxImage,
+  kVectorTransform,
   kSet,
 };
 
@@ -60,7 +63,7 @@ struct NodeShape {
 
 // What a hit has that nodes may ask for: the modes of kInput. Its settings are a number, where there are several of it
 // (a uv map, a layer of colours, a row of the instances' values), and the side to which the place is shifted: 0 for
-// none, 1 and 2 along the two directions of a bump.
+// none, 1 and 2 along the two directions of a bump. Of kSide they are the side, and how far it lies away, in pixels.
 enum class NodeInput : std::uint8_t {
   kPosition,  // world space
   kNormal,    // of shading, towards the viewer
@@ -77,6 +80,7 @@ enum class NodeInput : std::uint8_t {
   kSide,          // world space, the way to the places beside it: 1 or 2
   kInstance,      // a row of the instances' own values, four channels
   kGiven,         // four numbers from outside, where nodes are evaluated without a scene
+  kWindow,        // (x, y, 0), 0 to 1 over the camera's image
 };
 
 // Where kSet writes to: the fields of `Material`, and the normal.
@@ -102,7 +106,7 @@ inline constexpr NodeShape kNodeShapes[] = {
     {"constant", "", 3, 3, ""},
     {"input", "", 4, 2,
      "POSITION NORMAL TRUE_NORMAL INCOMING REFLECTION BACKFACING UV COLOR GENERATED OBJECT OBJECT_NORMAL TANGENT SIDE "
-     "INSTANCE GIVEN"},
+     "INSTANCE GIVEN WINDOW"},
     {"image", "3", 4, 1, "FLAT EQUIRECTANGULAR SPHERE TUBE"},
     {"math", "111", 1, 0,
      "ADD SUBTRACT MULTIPLY DIVIDE MULTIPLY_ADD POWER LOGARITHM SQRT INVERSE_SQRT ABSOLUTE EXPONENT MINIMUM MAXIMUM "
@@ -139,6 +143,9 @@ inline constexpr NodeShape kNodeShapes[] = {
     {"magic", "311", 3, 1, ""},
     {"wave", "3111111", 1, 3, ""},
     {"white_noise", "31", 3, 1, ""},
+    {"gabor", "311113", 3, 0, "2D 3D"},
+    {"box_image", "33", 4, 2, ""},
+    {"vector_transform", "3", 3, 1, "POINT VECTOR NORMAL"},
     {"set", "3", 0, 0,
      "COLOR EMISSION ALPHA ROUGHNESS METALLIC METAL REFLECTANCE SPECULAR_TINT TRANSMISSION IOR TINT TRANSLUCENCY "
      "TRANSLUCENT NORMAL"},
@@ -164,6 +171,7 @@ struct NodeInstruction {
 struct NodeNeeds {
   bool points = false;  // where a hit lies and which way it faces
   bool sides = false;   // the places beside it, for bumps
+  float aside = 0.0f;   // how far these lie away, in pixels
 };
 
 // Some of a program's instructions, in its order, which lead to what is asked for.

@@ -91,6 +91,15 @@ void RayMaker::bend(Ray& ray, Point2 on_lens) const noexcept {
   ray.direction = normalized(ray.direction * lens_->focus_distance - aside);
 }
 
+double RayMaker::pixel_size(Vec3d way) const noexcept {
+  const double middle = 0.5 * (angle_x_ + angle_y_), size = length(way), ahead = dot(way, axis_);
+  if (orthographic()) return middle;
+  if (projection_ != Projection::kPerspective || !(ahead > 0.0)) return middle * size;  // as in the middle of the image
+  const Vec3d seen = way * (1.0 / size);
+  const auto across = [&](Vec3d step) { return length(step - seen * dot(seen, step)); };
+  return 0.5 * (across(step_x_) + across(step_y_)) * ahead;
+}
+
 RayMaker::Steps RayMaker::steps_at(const Ray& ray) const noexcept {
   if (projection_ != Projection::kEquirectangular) return {step_x_, step_y_};
   // The derivatives by longitude and latitude; the second has no direction over the poles.

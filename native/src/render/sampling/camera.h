@@ -133,6 +133,14 @@ class RayMaker {
   [[nodiscard]] Vec3d right() const noexcept { return right_; }
   [[nodiscard]] Vec3d up() const noexcept { return up_; }
   [[nodiscard]] Vec3d axis() const noexcept { return axis_; }  // the way it looks
+  // From Cycles' camera space to the world: what lies to the right, above and ahead; of a panorama ahead, to the left
+  // and above.
+  [[nodiscard]] Affine frame() const noexcept {
+    if (projection_ == Projection::kEquirectangular) return {axis_, -right_, up_, origin_};
+    return {right_, up_, axis_, origin_};
+  }
+  // How wide a pixel is that is seen along a way, at its end: across it, in the mean of both sides.
+  [[nodiscard]] double pixel_size(Vec3d way) const noexcept;
   // What one pixel to the right or down adds to a ray: to its direction, or to its origin if orthographic.
   struct Steps {
     Vec3d right, down;

@@ -8,8 +8,9 @@
 namespace perfect_bvh {
 namespace {
 
-// How far beside a hit heights are looked at for a bump, in shares of the way to the viewer and of the coordinates.
-constexpr double kAside = 1e-4;
+// How far beside a hit heights are looked at for a bump, in shares of the way to the viewer and of the coordinates:
+// where there is no camera, whose pixels count else, and at least.
+constexpr double kAside = 1e-4, kLeastAside = 3e-5;
 
 void put(NodeChannel* channels, std::size_t lane, Vec3f v) noexcept {
   channels[0][lane] = v.x, channels[1][lane] = v.y, channels[2][lane] = v.z;
@@ -37,33 +38,62 @@ void HitInputs::prepare(const NodeNeeds& needs) {
       continue;
     }
     lane.places[0] = object_triangle(*lane.instance, lane.sides[0], lane.ray->time).point();
-    if (needs.sides) find_sides(lane);
+    if (needs.sides) find_sides(lane, needs.aside);
   }
 }
 
-// The two ways span the triangle's plane in the world; their ends are the same steps in u and v.
-void HitInputs::find_sides(Lane& lane) const {
+// The two ways span the triangle's plane in the world, as Cycles turns them; their ends are the same steps in u and v.
+void HitInputs::find_sides(Lane& lane, float pixels) const {
   const Affine& map = lane.instance->object_to_world;
   const ObjectTriangle triangle = object_triangle(*lane.instance, lane.sides[0], lane.ray->time);
   const Vec3d e1 = map.vector(triangle.corners[1] - triangle.corners[0]);
   const Vec3d e2 = map.vector(triangle.corners[2] - triangle.corners[0]);
-  const Vec3d position = map.point(lane.places[0]), x = normalized(e1);
-  const Vec3d y = normalized(e2 - x * dot(e2, x));
-  const double size = std::max({std::abs(position.x), std::abs(position.y), std::abs(position.z)});
-  const double aside = kAside * (length(position - lane.ray->origin) + size);
-  // x and y in terms of the edges: e1 lies along x.
-  const double per_x = 1.0 / length(e1), across = dot(e2, y), per_y = 1.0 / across;
-  const double steps[2][2] = {{per_x, 0.0}, {-dot(e2, x) * per_x * per_y, per_y}};
+  const Vec3d area = cross(e1, e2), normal = to_double(lane.point->geometric_normal);
+  const bool is_even = normal.x == normal.y && normal.x == normal.z;  // along the first of the two diagonals
+  const Vec3d x = normalized(cross(Vec3d{is_even ? -1.0 : 1.0, 1.0, 1.0}, normal)), y = cross(normal, x);
+  const double aside = way_aside(lane, map.point(lane.places[0]), pixels), scale = 1.0 / dot(area, area);
   const Vec3d ways[2] = {x * aside, y * aside};
   for (int i = 0; i < 2; ++i) {
     Hit& beside = lane.sides[i + 1] = lane.sides[0];
-    const bool is_flat = !(across > 0.0) || !std::isfinite(steps[i][0]) || !std::isfinite(steps[i][1]);
+    const double u = dot(cross(ways[i], e2), area) * scale, v = dot(cross(e1, ways[i]), area) * scale;
+    const bool is_flat = !std::isfinite(u) || !std::isfinite(v);
     lane.ways[i + 1] = is_flat ? Vec3f{0, 0, 0} : to_float(ways[i]);
-    if (!is_flat) {
-      beside.u += static_cast<float>(steps[i][0] * aside), beside.v += static_cast<float>(steps[i][1] * aside);
-    }
+    if (!is_flat) beside.u += static_cast<float>(u), beside.v += static_cast<float>(v);
     lane.places[i + 1] = object_triangle(*lane.instance, beside, lane.ray->time).point();
   }
+}
+
+double HitInputs::way_aside(const Lane& lane, Vec3d position, float pixels) const noexcept {
+  const double size = std::max({std::abs(position.x), std::abs(position.y), std::abs(position.z)});
+  const double way = length(position - lane.ray->origin);
+  if (!appearance_.view || !(pixels > 0.0f)) return kAside * (way + size);
+  const double pixel = appearance_.view->rays.pixel_size(position - lane.ray->origin);
+  return std::max(static_cast<double>(pixels) * pixel, kLeastAside * (way + size));
+}
+
+// Where the camera's image has a place.
+Vec3f HitInputs::in_image(Vec3d position) const {
+  if (!appearance_.view) return {0, 0, 0};
+  const ImagePoint at = appearance_.view->rays.place_of(position);
+  const Vec3d place{at.x / appearance_.view->width, 1.0 - at.y / appearance_.view->height, 0.0};
+  return is_finite(place) ? to_float(place) : Vec3f{0, 0, 0};
+}
+
+Affine HitInputs::to_world(const Lane& lane, VectorSpace space) const {
+  if (space == VectorSpace::kCamera) return appearance_.view ? appearance_.view->rays.frame() : Affine{};
+  if (space == VectorSpace::kWorld) return {};
+  Affine map = lane.instance->object_to_world;  // of places in the mesh's stored frame
+  map.translation = map.point(-lane.instance->blas->mesh.centre);
+  return map;
+}
+
+Vec3f HitInputs::transformed(std::size_t lane, Vec3f v, VectorKind kind, VectorSpace from, VectorSpace to) const {
+  const Affine there = to_world(lanes_[lane], from), back = to_world(lanes_[lane], to);
+  const Vec3d given = to_double(v);
+  Vec3d made =
+      kind == VectorKind::kPoint ? inverse(back).point(there.point(given)) : inverse(back).vector(there.vector(given));
+  if (kind == VectorKind::kNormal) made = normalized(back.transposed_vector(inverse(there).transposed_vector(given)));
+  return is_finite(made) ? to_float(made) : Vec3f{0, 0, 0};
 }
 
 Vec3f HitInputs::object_normal_of(const Lane& lane) const {
@@ -126,6 +156,8 @@ Vec3f HitInputs::vector_of(NodeInput input, const Lane& lane, int side) const {
     }
     case NodeInput::kObjectNormal:
       return object_normal_of(lane);
+    case NodeInput::kWindow:
+      return in_image(lane.instance->object_to_world.point(lane.places[row]));
     default:
       return {0, 0, 0};
   }
@@ -146,6 +178,11 @@ void HitInputs::read(NodeInput input, int number, int side, NodeChannel* channel
             layer_at(appearance_, *lane.instance, hit, &MeshAttributes::corner_colors, number)
                 .value_or(Vec3f{0, 0, 0}));
         break;
+      case NodeInput::kGenerated:
+        put(channels, i,
+            layer_at(appearance_, *lane.instance, hit, &MeshAttributes::generated, 0)
+                .value_or(vector_of(input, lane, side)));
+        break;
       case NodeInput::kTangent: {
         const Rgba tangent = tangent_of(lane, number);
         put(channels, i, {tangent.r, tangent.g, tangent.b});
@@ -165,10 +202,6 @@ void HitInputs::read(NodeInput input, int number, int side, NodeChannel* channel
         put(channels, i, vector_of(input, lane, side));
     }
   }
-}
-
-Vec3f HitInputs::world_normal(std::size_t lane, Vec3f object_normal, Vec3f fallback) const {
-  return to_float(perfect_bvh::world_normal(*lanes_[lane].instance, to_double(object_normal), to_double(fallback)));
 }
 
 }  // namespace perfect_bvh

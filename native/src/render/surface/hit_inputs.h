@@ -24,7 +24,8 @@ class HitInputs final : public NodeInputs {
   [[nodiscard]] std::size_t count() const noexcept { return count_; }
 
   void read(NodeInput input, int number, int side, NodeChannel* channels) override;
-  [[nodiscard]] Vec3f world_normal(std::size_t lane, Vec3f object_normal, Vec3f fallback) const override;
+  [[nodiscard]] Vec3f transformed(std::size_t lane, Vec3f v, VectorKind kind, VectorSpace from,
+                                  VectorSpace to) const override;
 
  private:
   struct Lane {
@@ -36,7 +37,10 @@ class HitInputs final : public NodeInputs {
     Vec3f ways[3];    // to them, in world space; the first is zero
   };
 
-  void find_sides(Lane& lane) const;
+  void find_sides(Lane& lane, float pixels) const;
+  [[nodiscard]] double way_aside(const Lane& lane, Vec3d position, float pixels) const noexcept;
+  [[nodiscard]] Affine to_world(const Lane& lane, VectorSpace space) const;
+  [[nodiscard]] Vec3f in_image(Vec3d position) const;
   [[nodiscard]] Vec3f vector_of(NodeInput input, const Lane& lane, int side) const;
   [[nodiscard]] Vec3f object_normal_of(const Lane& lane) const;
   [[nodiscard]] Rgba tangent_of(const Lane& lane, int uv_map) const;

@@ -3,10 +3,11 @@
 #include <algorithm>
 #include <cmath>
 
-#include "math/elementary.h"
+#include "render/surface/gabor.h"
 #include "render/surface/node_maths.h"
 #include "render/surface/noise.h"
 #include "render/surface/patterns.h"
+#include "render/surface/projections.h"
 #include "render/surface/voronoi.h"
 
 namespace perfect_bvh {
@@ -48,32 +49,15 @@ struct Step {
   }
 };
 
-// As Cycles lays images round a point; in a unit cube, if they are not flat.
-enum class Projection : std::uint8_t { kFlat, kEquirectangular, kSphere, kTube };
-
-Point2 around(Vec3f v) noexcept {
-  constexpr double kTurn = 2.0 * std::numbers::pi;
-  const double size = static_cast<double>(length(v));
-  const bool has_side = v.x != 0.0f || v.y != 0.0f;
-  const double turned = has_side ? arc_tangent(static_cast<double>(v.x), static_cast<double>(v.y)) : 0.0;
-  const double height = size > 0.0 ? arc_sine(std::clamp(static_cast<double>(v.z) / size, -1.0, 1.0)) : 0.0;
-  return {has_side ? static_cast<float>((1.0 - turned / std::numbers::pi) / 2.0) : 0.0f,
-          static_cast<float>(0.5 + height / (kTurn / 2.0))};
-}
-
-Point2 projected(Projection projection, Vec3f v) noexcept {
-  if (projection == Projection::kFlat) return {v.x, v.y};
-  if (projection == Projection::kEquirectangular) return place_around(v);
-  const Vec3f centred = v * 2.0f - Vec3f{1, 1, 1};
-  const Point2 place = around(centred);
-  return {place.x, projection == Projection::kTube ? (centred.z + 1.0f) * 0.5f : place.y};
-}
-
+// numbers: the image; with a second operand, the normal, it is that of a box, whose second number is the blend.
 void look_up_image(const Step& step, const Texture& image) {
   NodeChannel* const to = step.out();
+  const auto projection = static_cast<ImageProjection>(step.mode());
+  const bool is_box = step.instruction.kind == NodeKind::kBoxImage;
   for (std::size_t lane = 0; lane < step.count; ++lane) {
-    const Point2 place = projected(static_cast<Projection>(step.mode()), step.vector(0, lane));
-    const Rgba color = look_up_tiled(image, place.x, place.y);
+    const Vec3f place = step.vector(0, lane);
+    const Rgba color = is_box ? look_up_box(image, place, step.vector(1, lane), step.instruction.numbers[1])
+                              : look_up_projected(image, projection, place);
     to[0][lane] = color.r, to[1][lane] = color.g, to[2][lane] = color.b, to[3][lane] = color.a;
   }
 }
@@ -146,18 +130,18 @@ void map_normals(const Step& step, const NodeInputs& inputs) {
     const float strength = step.number(0, lane), side = step.number(6, lane) != 0.0f ? -1.0f : 1.0f;
     Vec3f color = step.vector(1, lane) * 2.0f - Vec3f{1, 1, 1};
     const Vec3f normal = step.vector(5, lane);
-    if (space == NormalSpace::kTangent) {
+    const bool is_tangent = space == NormalSpace::kTangent;
+    if (is_tangent) {
       const Vec3f tangent = step.vector(2, lane), own = step.vector(4, lane);
       if (step.number(3, lane) == 0.0f) return normal;  // there is no such uv map
       const float up = std::clamp(strength, 0.0f, 1.0f);
-      color = {color.x * strength, color.y * strength, 1.0f + (color.z - 1.0f) * up};
       const Vec3f across = cross(own, tangent) * step.number(3, lane);
-      return inputs.world_normal(lane, (tangent * color.x + across * color.y) + own * color.z, normal * side) * side;
+      color = (tangent * (color.x * strength) + across * (color.y * strength)) + own * (1.0f + (color.z - 1.0f) * up);
     }
-    Vec3f mapped =
-        space == NormalSpace::kWorld ? unit_or(color, normal * side) : inputs.world_normal(lane, color, normal * side);
-    mapped = mapped * side;
-    if (strength == 1.0f) return mapped;
+    const auto from = space == NormalSpace::kWorld ? VectorSpace::kWorld : VectorSpace::kObject;
+    const Vec3f world = inputs.transformed(lane, color, VectorKind::kNormal, from, VectorSpace::kWorld);
+    const Vec3f mapped = world == Vec3f{0, 0, 0} ? normal : world * side;
+    if (is_tangent || strength == 1.0f) return mapped;
     return unit_or(normal + (mapped - normal) * std::max(strength, 0.0f), normal);
   });
 }
@@ -272,6 +256,11 @@ void run_texture(const Step& step) {
              number(5, i), number(6, i)},
             point(i));
       });
+    case NodeKind::kGabor:
+      return step.vectors([&](Lane i) {
+        return gabor_noise(
+            {step.mode() == 0, number(1, i), number(2, i), number(3, i), number(4, i), step.vector(5, i)}, point(i));
+      });
     default:  // kWhiteNoise
       return step.vectors([&](Lane i) { return white_noise_color(static_cast<int>(n[0]), point(i), number(1, i)); });
   }
@@ -289,6 +278,7 @@ void run_step(const Step& step, std::span<const Texture> images, NodeInputs& inp
     case NodeKind::kInput:
       return inputs.read(static_cast<NodeInput>(mode), static_cast<int>(n[0]), static_cast<int>(n[1]), step.out());
     case NodeKind::kImage:
+    case NodeKind::kBoxImage:
       return look_up_image(step, images[static_cast<std::size_t>(n[0])]);
     case NodeKind::kMath:
       return step.numbers([&](Lane i) { return node_math(mode, number(0, i), number(1, i), number(2, i)); });
@@ -341,6 +331,12 @@ void run_step(const Step& step, std::span<const Texture> images, NodeInputs& inp
       return step.numbers([&](Lane i) { return node_facing(dot(vector(2, i), vector(1, i)), number(0, i)); });
     case NodeKind::kNormalMap:
       return map_normals(step, inputs);
+    case NodeKind::kVectorTransform:
+      return step.vectors([&](Lane i) {
+        return inputs.transformed(i, vector(0, i), static_cast<VectorKind>(mode),
+                                  static_cast<VectorSpace>(static_cast<int>(n[0]) / 3),
+                                  static_cast<VectorSpace>(static_cast<int>(n[0]) % 3));
+      });
     case NodeKind::kBump:
       return bump(step);
     case NodeKind::kSet:

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <cstddef>
+#include <cstdint>
 
 #include "core/aligned.h"
 #include "math/vec3.h"
@@ -14,6 +15,11 @@ namespace perfect_bvh {
 inline constexpr std::size_t kNodeLanes = 64;  // hits that are worked on together
 using NodeChannel = float[kNodeLanes];
 
+// In the order of a Vector Transform's modes; its setting is the space that it takes from, times 3, plus the other.
+// Camera: see RayMaker::frame.
+enum class VectorKind : std::uint8_t { kPoint, kVector, kNormal };
+enum class VectorSpace : std::uint8_t { kWorld, kObject, kCamera };
+
 // What nodes may know of the hits of one batch.
 class NodeInputs {
  public:
@@ -24,8 +30,9 @@ class NodeInputs {
 
   // Fills four channels; see NodeInput for the number and the side.
   virtual void read(NodeInput input, int number, int side, NodeChannel* channels) = 0;
-  // Of unit length; `fallback` for one that has no direction.
-  [[nodiscard]] virtual Vec3f world_normal(std::size_t lane, Vec3f object_normal, Vec3f fallback) const = 0;
+  // Normals are of unit length; zero for what has no direction.
+  [[nodiscard]] virtual Vec3f transformed(std::size_t lane, Vec3f v, VectorKind kind, VectorSpace from,
+                                          VectorSpace to) const = 0;
 };
 
 class NodeRun {
