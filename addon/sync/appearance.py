@@ -57,6 +57,7 @@ def make_appearance(record: SceneRecord, instance_ids: Int32Array, mesh_ids: Int
             named_colors=mesh.named_colors,
             tangents=mesh.tangents,
             texture_space=mesh.texture_space,
+            corner_generated=mesh.corner_generated,
             curve_offsets=mesh.curve_offsets,
         )
         for mesh_id, mesh in zip(mesh_ids, record.meshes, strict=True)

@@ -87,7 +87,7 @@ class MeshRecord:
     material_slots, corner_normals: only if they were asked for, see `AttributeRequest`.
     corner_uvs, corner_colors: (T, 3, 2) and (T, 3, 3) float32, the uv map and the colours that are active for renders.
         named_uvs, named_colors: others by their names. layers: which of them were asked for; the mesh may lack them.
-    tangents, texture_space: see `perfect_bvh.MeshAppearance`; only if they were asked for.
+    tangents, texture_space, corner_generated: see `perfect_bvh.MeshAppearance`; only if they were asked for.
     dropped_triangles: how many triangles were left out because a vertex was not finite; `triangle_ids`
         then holds the original index of each kept triangle, and is None when all were kept.
     was_read: False if Blender is known not to have evaluated the mesh since the record before, whose arrays these are.
@@ -118,6 +118,7 @@ class MeshRecord:
     named_colors: Layers = field(default_factory=dict)
     tangents: Layers = field(default_factory=dict)
     texture_space: Float32Array | None = None
+    corner_generated: Float32Array | None = None
     layers: LayerRequest = NO_LAYERS
     dropped_triangles: int = 0
     triangle_ids: Int32Array | None = None
@@ -159,6 +160,7 @@ class MeshRecord:
             named_colors={name: array for name, array in self.named_colors.items() if name in layers.colors},
             tangents={name: array for name, array in self.tangents.items() if name in layers.tangents},
             texture_space=self.texture_space if layers.generated else None,
+            corner_generated=self.corner_generated if layers.generated else None,
         )
 
 
@@ -172,6 +174,7 @@ MESH_COLUMNS = (
     "corner_uvs",
     "corner_colors",
     "texture_space",
+    "corner_generated",
     "triangle_ids",
     "radii",
     "curve_offsets",

@@ -173,6 +173,7 @@ def _read_rows(attribute: Any, kept: Kept, width: int) -> Float32Array | None:
 
 
 _zeros = np.zeros(0, np.int32)
+_SAME_PLACE = 1e-5  # Blender stores undeformed places by their texture space, which rounds them
 
 
 def read_mesh(
@@ -230,6 +231,7 @@ def read_mesh(
         if layers.tangents
         else {},
         texture_space=_read_texture_space(mesh) if layers.generated else None,
+        corner_generated=_read_generated(mesh, positions, triangles, last) if layers.generated else None,
         layers=layers,
         dropped_triangles=0 if kept is None else triangle_count - len(kept),
         triangle_ids=kept,
@@ -254,6 +256,20 @@ def _read_texture_space(mesh: Any) -> Float32Array:
     size = np.array(mesh.texspace_size, np.float64)
     scale = np.divide(0.5, size, out=np.zeros(3), where=size != 0.0)
     return np.array([scale, 0.5 - np.array(mesh.texspace_location) * scale], np.float32)
+
+
+def _read_generated(
+    mesh: Any, positions: Float32Array, triangles: Int32Array, last: MeshRecord | None
+) -> Float32Array | None:
+    """(T, 3, 3): corners in the texture space as they were before they were deformed; None where nothing was."""
+    places = np.empty_like(positions)
+    mesh.vertices.foreach_get("undeformed_co", places.reshape(-1))
+    space = _read_texture_space(mesh)
+    made = places * space[0] + space[1]
+    if np.allclose(made, positions * space[0] + space[1], rtol=0.0, atol=_SAME_PLACE):
+        return None
+    np.nan_to_num(made, copy=False, nan=0.0, posinf=0.0, neginf=0.0)
+    return _held(made[triangles], last and last.corner_generated)
 
 
 def _read_slots(mesh: Any, polygon_ids: Int32Array, reader: ArrayReader, last: MeshRecord | None) -> Int32Array:
