@@ -1,6 +1,6 @@
 """Which features of other people's files are not shown: counts over folders of .blend, .gltf and .glb files.
 
-    python tests/benchmarks/survey.py FOLDER ... --json survey.json --table survey.md [--sheets FOLDER]
+    python tests/benchmarks/survey.py FOLDER ... --json survey.json [--table OUT] [--sheets FOLDER]
 
 Each file is rendered in a process of its own, with one sample on a few pixels. What `report.not_shown` then lists is
 counted by feature, and by the files that it occurs in: names of materials, images and nodes are left out of a feature.
@@ -220,7 +220,7 @@ def main() -> None:
     add = parser.add_argument
     add("folders", nargs="+", type=Path, metavar="FOLDER", help="where files are looked for")
     add("--json", type=Path, metavar="OUT.json", help="where the figures go")
-    add("--table", type=Path, metavar="OUT.md", help="where the table goes; printed without it")
+    add("--table", type=Path, metavar="OUT", help="where the table goes; printed without it")
     add("--sheets", type=Path, metavar="FOLDER", help="where images of each file go")
     add("--size", type=int, default=240, metavar="W", help="of the images of sheets, in pixels")
     add("--workers", type=int, default=2, metavar="N", help="how many processes")

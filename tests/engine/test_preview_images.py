@@ -68,7 +68,7 @@ def test_linear_bytes_are_the_same_as_their_floats(interpolation):
     seen = []
     for stored in (pixels, floats):
         image = ImageTexture(stored, "mirror", interpolation, is_linear=True)
-        program = image_program("EMISSION", transform=(0.37, 0.13, 0, 0.2, 0.12, -0.41, 0, 0.3, 0, 0, 0, 0))
+        program = image_program("EMISSION", transform=(731.3, 211.1, 0, 0.2, 121.2, -811.7, 0, 0.3, 0, 0, 0, 0))
         look = papered(image, base_colors=black, emissions=np.ones((1, 3), np.float32), programs=(program,))
         seen.append(render(floor(), ABOVE, "preview", SIZE, 1, replace(look, world=BLACK)))
     np.testing.assert_array_equal(*seen)
