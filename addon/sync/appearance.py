@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import asdict
 
 import numpy as np
@@ -9,6 +10,7 @@ from perfect_bvh import Camera, Lens
 from perfect_bvh.appearance import (
     LIGHT_KINDS,
     Appearance,
+    FinishTable,
     HairTable,
     ImageTexture,
     InstanceTable,
@@ -82,6 +84,7 @@ def make_appearance(record: SceneRecord, instance_ids: Int32Array, mesh_ids: Int
             ]
         ),
         hair=_hair_table(record),
+        finish=_finish_table(record),
         lights=_light_table(record),
         world=_world(record),
         backdrop=_backdrop(record),
@@ -130,14 +133,37 @@ def _material_table(record: SceneRecord) -> MaterialTable:
         translucent_powers=numbers("translucent_power"),
         holdouts=numbers("holdout"),
         programs=tuple([material.program for material in materials]),
-        hairs=_hair_rows(record),
+        hairs=_rows_of([material.hair for material in materials]),
+        finishes=_rows_of([material.finish for material in materials]),
     )
 
 
-def _hair_rows(record: SceneRecord) -> Int32Array:
-    """(M,) int32: of each material, the row of the hair table; -1 for none."""
-    has_hair = np.array([material.hair is not None for material in record.materials], np.bool_)
-    return np.where(has_hair, np.cumsum(has_hair) - 1, -1).astype(np.int32)
+def _rows_of(found: Sequence[object | None]) -> Int32Array:
+    """(M,) int32: of each material, the row of the table that has one for each that is not None; -1 for none."""
+    is_there = np.array([one is not None for one in found], np.bool_)
+    return np.where(is_there, np.cumsum(is_there) - 1, -1).astype(np.int32)
+
+
+# Columns of `FinishTable` by the fields of `FinishRecord`.
+_FINISH_COLUMNS = {
+    **{
+        name: f"{name}s"
+        for name in ("sheen", "sheen_cover", "coat", "coat_ior", "coat_tint", "rotation", "distribution")
+    },
+    **{name: f"{name}es" for name in ("sheen_roughness", "coat_roughness", "stretch", "diffuse_roughness")},
+}
+
+
+def _finish_table(record: SceneRecord) -> FinishTable:
+    rows = [material.finish for material in record.materials if material.finish is not None]
+    if not rows:
+        return FinishTable()
+    return FinishTable(
+        **{
+            column: np.array([getattr(row, name) for row in rows], np.float32)
+            for name, column in _FINISH_COLUMNS.items()
+        }
+    )
 
 
 def _hair_table(record: SceneRecord) -> HairTable:

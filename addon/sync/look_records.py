@@ -32,6 +32,23 @@ class HairRecord:
 
 
 @dataclass(frozen=True, slots=True)
+class FinishRecord:
+    """What few surfaces have: a row of `perfect_bvh.FinishTable`, whose columns these are."""
+
+    sheen: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    sheen_roughness: float = 0.5
+    sheen_cover: float = 1.0
+    coat: float = 0.0
+    coat_roughness: float = 0.03
+    coat_ior: float = 1.5
+    coat_tint: tuple[float, float, float] = (1.0, 1.0, 1.0)
+    stretch: float = 1.0
+    rotation: float = 0.0
+    diffuse_roughness: float = 0.0
+    distribution: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
 class MaterialRecord:
     """color: viewport colour, scene-linear RGBA. pass_index: for the material index pass.
 
@@ -65,6 +82,7 @@ class MaterialRecord:
     translucent_power: float = 0.0
     holdout: float = 0.0
     hair: HairRecord | None = None
+    finish: FinishRecord | None = None
     program: NodeProgram | None = None
 
 

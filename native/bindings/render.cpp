@@ -219,6 +219,8 @@ void read_appearance(const py::dict& values, Appearance& appearance) {
   appearance.material_holdouts = view<float>(values, "holdouts");
   appearance.hairs = view<std::int32_t>(values, "hairs");
   read_hair(values["hair"].cast<py::dict>(), appearance.hair_rows);
+  appearance.finishes = view<std::int32_t>(values, "finishes");
+  appearance.finish_rows = rows_of<Finish>(view<float>(values, "finish"));
   read_scene_light(values, appearance);
   read_programs(values, appearance);
   appearance.material_colors = rows_of<Rgba>(view<float>(values, "material_colors"));

@@ -51,11 +51,38 @@ Material mixture(float roughness) {
           .translucency = 0.3f,
           .translucent = {0.1f, 0.05f, 0.02f}};
 }
-std::array<Surface, 4> surfaces(float roughness) {
+// Brushed obliquely, rough below its facets, and covered by a tinted coat and by fibers.
+Material finished(float roughness) {
+  Material made = mixture(roughness);
+  made.finish = Finish{.sheen = {0.5f, 0.7f, 0.3f},
+                       .sheen_roughness = 0.2f + 0.8f * roughness,
+                       .coat = 0.7f,
+                       .coat_roughness = 0.4f,
+                       .coat_ior = 1.8f,
+                       .coat_tint = {0.9f, 0.7f, 0.5f},
+                       .stretch = 1.5f,
+                       .rotation = 0.1f,
+                       .diffuse_roughness = 0.8f};
+  made.tangent = {0.6f, 0.8f, 0.0f}, made.coat_normal = normalized(Vec3f{0.1f, -0.1f, 1.0f});
+  return made;
+}
+// Brushed metal of this distribution, or glass.
+Material faceted(float roughness, FacetKind kind, bool is_glass = false) {
+  Material made = is_glass ? glass(roughness) : metal(roughness);
+  made.lossy_facets = 1.0f;
+  made.finish = Finish{.stretch = is_glass ? 1.0f : 0.8f, .distribution = static_cast<float>(kind)};
+  made.tangent = {0, 1, 0};
+  return made;
+}
+std::array<Surface, 8> surfaces(float roughness) {
   return {{{"metal", metal(roughness)},
            {"plastic", plastic(roughness)},
            {"glass", glass(roughness)},
-           {"mixture", mixture(roughness)}}};
+           {"mixture", mixture(roughness)},
+           {"finished", finished(roughness)},
+           {"Beckmann metal", faceted(roughness, FacetKind::kBeckmann)},
+           {"Beckmann glass", faceted(roughness, FacetKind::kBeckmann, true)},
+           {"Ashikhmin-Shirley metal", faceted(roughness, FacetKind::kAshikhminShirley)}}};
 }
 Vec3f view_at(float slant) { return {std::sin(slant), 0, std::cos(slant)}; }
 Bsdf bsdf_of(const Material& material, Vec3f view, bool inside = false) {
@@ -195,6 +222,68 @@ TEST(Bsdf, WhiteFurnaceKeepsItsEnergy) {
           furnace.add(static_cast<double>(bsdf.sample(pick(i), random(i)).weight.x));
         }
         EXPECT_NEAR(furnace.mean(), 1.0, 5.0 * furnace.error() + 0.015) << name << ' ' << roughness << ' ' << slant;
+      }
+    }
+  }
+}
+
+// The density of all directions together is the share of samples that go anywhere: what is left looks below.
+TEST(Bsdf, DensityOfDirectionsIsThatOfSamples) {
+  constexpr std::uint32_t kCount = 1u << 16;
+  for (const Surface& surface : surfaces(0.6f)) {
+    for (const float slant : {0.1f, 1.2f}) {
+      const Bsdf bsdf = bsdf_of(surface.material, view_at(slant));
+      Estimate density, found, aside;
+      for (std::uint32_t i = 0; i < kCount; ++i) {
+        const Point2 at = random(i, 3);
+        const float height = 2.0f * at.x - 1.0f, radius = std::sqrt(1.0f - height * height);
+        const Vec3f to{radius * std::cos(2.0f * kPi * at.y), radius * std::sin(2.0f * kPi * at.y), height};
+        const auto chance = static_cast<double>(bsdf.evaluate(to).density * 4.0f * kPi);
+        density.add(chance), aside.add(to.x > 0.0f ? chance : 0.0);
+        const Bsdf::Sample way = bsdf.sample(pick(i), random(i, 5));
+        found.add(way.kind == Scatter::kNone ? 0.0 : 1.0);
+        aside.add(way.kind != Scatter::kNone && way.direction.x > 0.0f ? -1.0 : 0.0);
+      }
+      EXPECT_NEAR(density.mean(), found.mean(), 6.0 * density.error() + 0.01) << surface.name << ' ' << slant;
+      EXPECT_NEAR(aside.mean(), 0.0, 6.0 * aside.error() + 0.01) << surface.name << ' ' << slant;
+      EXPECT_LT(found.mean(), 1.0 + 1e-6);
+    }
+  }
+}
+
+// Rough diffuse surfaces that are white lose nothing, and layers on top give back no more than they got.
+TEST(Bsdf, FinishesKeepTheirEnergy) {
+  for (const float slant : {0.0f, 0.6f, 1.2f, 1.5f}) {
+    for (const float roughness : {0.1f, 0.5f, 1.0f}) {
+      Material rough{.color = {1, 1, 1}}, covered = rough;
+      rough.finish = Finish{.diffuse_roughness = roughness};
+      covered.finish =
+          Finish{.sheen = {1, 1, 1}, .sheen_roughness = roughness, .coat = 1.0f, .coat_roughness = roughness};
+      Estimate plain, below;
+      const Bsdf bsdf = bsdf_of(rough, view_at(slant)), layered = bsdf_of(covered, view_at(slant));
+      for (std::uint32_t i = 0; i < 16384; ++i) {
+        plain.add(static_cast<double>(bsdf.sample(pick(i), random(i)).weight.x));
+        below.add(static_cast<double>(layered.sample(pick(i), random(i)).weight.x));
+      }
+      EXPECT_NEAR(plain.mean(), 1.0, 5.0 * plain.error() + 0.005) << roughness << ' ' << slant;
+      EXPECT_LT(below.mean(), 1.0 + 5.0 * below.error() + 0.005) << roughness << ' ' << slant;
+      EXPECT_GT(below.mean(), 0.7) << roughness << ' ' << slant;
+    }
+  }
+}
+
+// Light goes both ways alike through what has no layers, which are cut off by the viewer's side alone, as in Cycles.
+TEST(Bsdf, RoughAndBrushedSurfacesAreReciprocal) {
+  for (const float roughness : {0.3f, 0.6f, 0.9f}) {
+    Material rough{.color = {0.8f, 0.6f, 0.4f}};
+    rough.finish = Finish{.diffuse_roughness = roughness};
+    for (const Material& material :
+         {rough, faceted(roughness, FacetKind::kGgx), faceted(roughness, FacetKind::kBeckmann),
+          faceted(roughness, FacetKind::kAshikhminShirley)}) {
+      for (std::uint32_t i = 0; i < 64; ++i) {
+        const Vec3f a = cosine_direction(kUp, random(i, 7)), b = cosine_direction(kUp, random(i, 8));
+        const float there = bsdf_of(material, a).evaluate(b).share.y, back = bsdf_of(material, b).evaluate(a).share.y;
+        EXPECT_NEAR(there, back, 1e-3f * (there + back) + 1e-6f);
       }
     }
   }

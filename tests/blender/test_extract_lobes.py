@@ -162,3 +162,48 @@ def test_what_is_added_translucent_takes_nothing_away(material) -> None:
     lobes = albedos(record)
     np.testing.assert_allclose(lobes["diffuse"], (0.8, 0.2, 0.2), rtol=1e-5)
     np.testing.assert_allclose(lobes["translucent"], GREEN[:3], rtol=1e-5)
+
+
+def test_a_finish_counts_where_its_shader_is_in_a_mix(material: Any) -> None:
+    """Sheen by its share, what is brushed by the facets that are, rough diffuse light by what is diffuse."""
+    tree = material.node_tree
+    gloss = bsdf(material, "Anisotropic", Anisotropy=0.5, Rotation=0.25, Roughness=0.3)
+    rough = bsdf(material, "Diffuse", Roughness=0.6)
+    fibers = bsdf(material, "Sheen", GREEN, Roughness=0.7)
+    both = mix(material, gloss, rough, 0.25)
+    record = show(material, mix(material, both, fibers, 0.5))
+    finish = record.finish
+    assert finish.sheen == pytest.approx([0.5 * part for part in GREEN[:3]])
+    assert (finish.sheen_roughness, finish.sheen_cover) == (pytest.approx(0.7), 0.0)
+    assert (finish.stretch, finish.rotation) == (pytest.approx(0.5), 0.25)
+    assert set(slots_of(record.program)) == {"TANGENT"}
+    added = show(material, add(tree, "AddShader", (rough.outputs[0], 0), (fibers.outputs[0], 1)))
+    assert added.base_color == pytest.approx(RED[:3])
+    assert added.finish.sheen == pytest.approx(GREEN[:3])
+    assert added.finish.diffuse_roughness == pytest.approx(0.6)
+    assert show(material, shader(material)).finish is None
+
+
+@pytest.mark.parametrize(
+    ("kind", "names", "amount", "stretch"),
+    [
+        ("Principled", ("Anisotropic", "Metallic"), 0.8, (1.0 - 0.9 * 0.8) ** -0.5),
+        ("Anisotropic", ("Anisotropy",), 0.4, 0.6),
+        ("Anisotropic", ("Anisotropy",), -0.5, 2.0),
+    ],
+)
+def test_anisotropy_stretches_facets(
+    material: Any, kind: str, names: tuple[str, ...], amount: float, stretch: float
+) -> None:
+    """By the same number where it is driven by a node."""
+    tree = material.node_tree
+    node = shader(material) if kind == "Principled" else bsdf(material, kind)
+    for name, value in zip(names, (amount, 1.0), strict=False):
+        node.inputs[name].default_value = value
+    assert show(material, node).finish.stretch == pytest.approx(stretch)
+    driven = add(tree, "Math", (image_node(tree).outputs[0], 0))
+    driven.operation, driven.inputs[1].default_value = "COMPARE", amount
+    doubled = add(tree, "Math", (driven.outputs[0], 0))  # 0 or 1 at each place, so that the amount is too
+    doubled.operation, doubled.inputs[1].default_value = "MULTIPLY", amount
+    tree.links.new(doubled.outputs[0], node.inputs[names[0]])
+    assert "STRETCH" in slots_of(show(material, node).program)

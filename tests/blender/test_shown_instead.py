@@ -80,10 +80,14 @@ def coated_by_a_node(material: Any) -> None:
     link(material, noise(material).outputs[0], "Coat Weight")
 
 
-def not_coated_by_a_node(material: Any) -> None:
+def filmed_by_a_node(material: Any) -> None:
+    link(material, noise(material).outputs[0], "Thin Film Thickness")
+
+
+def not_filmed_by_a_node(material: Any) -> None:
     value = add(material.node_tree, "Value")
     value.outputs[0].default_value = 0.0
-    link(material, value.outputs[0], "Coat Weight")
+    link(material, value.outputs[0], "Thin Film Thickness")
 
 
 def never_seen(material: Any) -> None:
@@ -139,14 +143,12 @@ INSTEAD: tuple[tuple[Callable[[Any], None], list[str]], ...] = (
         coated,
         [
             "Subsurface is not shown; a diffuse surface is",
-            "Anisotropic is not shown; an even reflection is",
-            "Coat is not shown; what it covers is",
-            "Sheen is not shown; what it covers is",
             "Thin Film is not shown; what it covers is",
         ],
     ),
-    (coated_by_a_node, ["Coat is not shown; what it covers is"]),
-    (not_coated_by_a_node, []),
+    (coated_by_a_node, [f"{NOISE} Coat Weight 0 is"]),
+    (filmed_by_a_node, ["Thin Film is not shown; what it covers is"]),
+    (not_filmed_by_a_node, []),
     (thick, ["Volume Scatter is not shown; its surface alone is"]),
     (never_seen, []),
     (old_hair, ["Hair BSDF is not shown; a diffuse surface is, or a translucent one"]),

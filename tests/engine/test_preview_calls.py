@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from engine.node_programs import image_program
 from engine.preview_looks import ABOVE, ROOF, SIZE, floor, lights, made_of, materials, sun_in_the_sky
-from perfect_bvh import Appearance, HairTable, ImageTexture, LightTable, World, render
+from perfect_bvh import Appearance, FinishTable, HairTable, ImageTexture, LightTable, World, render
 
 
 def test_pixels_do_not_depend_on_threads():
@@ -52,6 +52,17 @@ def test_pixels_do_not_depend_on_threads():
         (
             Appearance(materials=materials(hairs=np.zeros(1, np.int32))),
             "materials.hairs refers to row 0 but hair has 0",
+        ),
+        (
+            Appearance(materials=materials(finishes=np.zeros(1, np.int32))),
+            "materials.finishes refers to row 0 but finish has 0",
+        ),
+        (Appearance(finish=FinishTable(coats=np.full(1, 1.5, np.float32))), "finish.coats must be 0 to 1"),
+        (Appearance(finish=FinishTable(stretches=np.zeros(1, np.float32))), "finish.stretches must be 0.01 to 100"),
+        (Appearance(finish=FinishTable(rotations=np.full(1, math.nan, np.float32))), "finish.rotations must be"),
+        (
+            Appearance(finish=FinishTable(np.zeros((2, 3), np.float32), coats=np.zeros(1, np.float32))),
+            "finish.coats has 1 rows, another column 2",
         ),
     ],
 )

@@ -16,6 +16,7 @@ import numpy.typing as npt
 from perfect_bvh.nodes import Operand
 
 from ...sync.look_records import HairRecord
+from .finishes import NO_FINISH, Finish, add_sheen, mix_finishes
 from .node_graph import Scope, inputs_of, is_fed
 from .node_values import ValueReader
 from .values import Nodes, Value, constant, is_number
@@ -50,6 +51,7 @@ class Lobes:
     metal: Operand | None = None
     tint: Operand | None = None
     translucent: Operand = NO_COLOR
+    finish: Finish = NO_FINISH
 
 
 DIFFUSE = Lobes()
@@ -145,6 +147,7 @@ def mix_parts(nodes: Nodes, first: Part, second: Part, constant_share: float) ->
         tint=None if has_none(clears) else nodes.weighted(clears, (first.tint(nodes), second.tint(nodes)), weight),
         # This one is no colour of a share, but of all of the surface.
         translucent=nodes.mix(weight, first.lobes.translucent, second.lobes.translucent),
+        finish=mix_finishes(nodes, weight, [part.lobes.finish for part in parts], shiny, rests),
     )
 
 
@@ -162,9 +165,12 @@ def _amount(part: Part, kind: str) -> float:
     return clear if kind == "clear" else bouncing
 
 
-def add_translucent(nodes: Nodes, lobes: Lobes, more: Lobes) -> Lobes:
-    """Add what another surface lets through to lobes."""
-    return replace(lobes, translucent=nodes.plus(lobes.translucent, more.translucent))
+def add_thin(nodes: Nodes, lobes: Lobes, more: Lobes) -> Lobes:
+    """Add what another surface lets through, and its sheen, to lobes."""
+    translucent = lobes.translucent
+    if is_number(more.translucency, 1.0):
+        translucent = nodes.plus(translucent, more.translucent)
+    return replace(lobes, translucent=translucent, finish=add_sheen(nodes, lobes.finish, more.finish))
 
 
 # Hair ----------------------------------------------------------------------------------------------------------------

@@ -11,9 +11,10 @@ import bpy
 import numpy as np
 from perfect_bvh.nodes import NodeProgram, Operand, Output, ProgramTooLargeError
 
-from ...sync.look_records import MaterialRecord
+from ...sync.look_records import FinishRecord, MaterialRecord
 from ...sync.not_shown import NotShown
 from ...sync.records import NO_LAYERS, Float32Array, LayerRequest
+from .finishes import FINISH_SLOTS, NO_FINISH
 from .images import ImageReader
 from .node_colors import ReadSurface, read_surface
 from .node_graph import Omissions
@@ -176,6 +177,15 @@ def _with_surface(record: MaterialRecord, read: ReadSurface) -> MaterialRecord:
             fields[f"{name}_color"], fields[f"{name}_power"] = (1.0, 1.0, 1.0), power if operand is None else 1.0
         else:
             fields[f"{name}_color"], fields[f"{name}_power"] = color(slot, operand), 0.0
+    if lobes.finish != NO_FINISH:
+        finish = lobes.finish
+        found: dict[str, Any] = {
+            name: (color if isinstance(getattr(FinishRecord(), name), tuple) else number)(slot, getattr(finish, name))
+            for name, slot in FINISH_SLOTS.items()
+        }
+        fields["finish"] = FinishRecord(sheen_cover=finish.sheen_cover, distribution=finish.distribution, **found)
+        slots.update({} if finish.tangent is None else {"TANGENT": finish.tangent})
+        slots.update({} if finish.coat_normal is None else {"COAT_NORMAL": finish.coat_normal})
     if surface.normal is not None:
         slots["NORMAL"] = surface.normal
     program = values.nodes.program(**slots) if slots else None

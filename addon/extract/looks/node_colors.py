@@ -12,7 +12,8 @@ from perfect_bvh.nodes import Operand
 
 from ...sync.look_records import HairRecord
 from . import node_maths, node_places, node_textures  # noqa: F401 what reads the nodes of values
-from .lobes import DIFFUSE, HairReader, Lobes, Part, add_translucent, fixed, mix_parts, sum_hair
+from .finishes import FinishReader
+from .lobes import DIFFUSE, HairReader, Lobes, Part, add_thin, fixed, mix_parts, sum_hair
 from .node_graph import DIFFUSE as DIFFUSE_SURFACE
 from .node_graph import (
     GROUPS,
@@ -113,6 +114,7 @@ class _SurfaceReader:
         self._values = values
         self._nodes: Nodes = values.nodes
         self._omissions = values.omissions
+        self._finishes = FinishReader(values)
 
     def follow(self, socket: Any, scope: Scope | None, depth: int) -> Surface:
         """Read what a shader socket gets."""
@@ -146,10 +148,15 @@ class _SurfaceReader:
             return Surface(_as_color(base.operand), hair=hair)
         if node.type not in SHOWN_NODES:
             self._omissions.note_node(node, instead=SIMPLIFIED_NODES.get(node.type, DIFFUSE_SURFACE))
+        base = self._color(node, scope)
+        diffuse = BLACK if node.type == "BSDF_SHEEN" else base
+        return Surface(diffuse, lobes=self._lobes_by_name(node, base, scope), normal=self._normal(node, scope))
+
+    def _color(self, node: Any, scope: Scope | None) -> Operand:
+        """Read a simple shader's colour."""
         sockets = (node.inputs[name] for name in _COLOR_INPUTS if name in node.inputs)
-        color = next((socket for socket in sockets if socket.enabled), None)
-        base = self._plain if color is None else _as_color(self._values.read(color, scope).operand)
-        return Surface(base, lobes=self._lobes_by_name(node, base, scope), normal=self._normal(node, scope))
+        socket = next((socket for socket in sockets if socket.enabled), None)
+        return self._plain if socket is None else _as_color(self._values.read(socket, scope).operand)
 
     def _principled(self, node: Any, scope: Scope | None) -> Surface:
         values, inputs, nodes = self._values, inputs_of(node), self._nodes
@@ -165,6 +172,7 @@ class _SurfaceReader:
                 transmission=self._share(inputs["Transmission Weight"], 0.0, scope),
                 ior=self._ior(inputs["IOR"], scope),
                 specular_tint=self._tint(inputs["Specular Tint"], scope),
+                finish=self._finishes.principled(node, inputs, scope),
             ),
             self._normal(node, scope),
         )
@@ -205,17 +213,17 @@ class _SurfaceReader:
             )
         if node.type == "BSDF_TRANSLUCENT" or (node.type == "BSDF_HAIR" and node.component == "Transmission"):
             return Lobes(translucency=1.0, translucent=base)
-        return DIFFUSE
+        if node.type == "BSDF_SHEEN":
+            return Lobes(finish=self._finishes.of_sheen(node, base, scope))
+        return Lobes(finish=self._finishes.of_diffuse(node, scope)) if node.type == "BSDF_DIFFUSE" else DIFFUSE
 
     def _facets(self, node: Any, unknown: float, scope: Scope | None) -> dict[str, Any]:
-        """Roughness and losses of the nearest distribution that is shown, and a note if the node has another one."""
+        """Roughness, losses and finish of facets: those of Multiscatter GGX alone lose no light."""
         roughness = self._share(node.inputs["Roughness"], unknown, scope)
-        is_lossy = node.type == "BSDF_REFRACTION" or node.distribution in {"GGX", "ASHIKHMIN_SHIRLEY"}
-        if node.distribution in {"BECKMANN", "ASHIKHMIN_SHIRLEY"} and not is_number(roughness, 0.0):
-            name = node.distribution.replace("_", "-").title()
-            nearest = "GGX is" if is_lossy else "Multiscatter GGX is"
-            self._omissions.note(f"the distribution {name} of {name_of(node)}", nearest)
-        return {"roughness": roughness, "lossy_facets": float(is_lossy)}
+        fields: dict[str, Any] = {"roughness": roughness, "lossy_facets": float(node.distribution != "MULTI_GGX")}
+        if node.type != "BSDF_PRINCIPLED":
+            fields["finish"] = self._finishes.of_facets(node, scope)
+        return fields
 
     def _share(self, socket: Any, unknown: float, scope: Scope | None) -> Operand:
         """Read a number and clamp it to 0 to 1."""
@@ -303,9 +311,7 @@ class _SurfaceReader:
         is_thin = is_number(kept.lobes.translucency, 1.0), is_number(other.lobes.translucency, 1.0)
         if is_thin == (True, False) and self._brightness(other):
             kept, other = other, kept
-        lobes = kept.lobes
-        if is_number(other.lobes.translucency, 1.0):
-            lobes = add_translucent(nodes, lobes, other.lobes)
+        lobes = add_thin(nodes, kept.lobes, other.lobes)
         emission = nodes.plus(first.emission, second.emission)
         hair = self._sum_hair((first, 1.0), (second, 1.0), base=kept.base)
         return replace(kept, emission=emission, holdout=first.holdout + second.holdout, lobes=lobes, hair=hair)

@@ -145,6 +145,7 @@ SHADERS = ("BSDF_PRINCIPLED", "BSDF_DIFFUSE", "BSDF_GLOSSY", "BSDF_METALLIC", "B
 SHADERS += (
     "BSDF_HAIR_PRINCIPLED",
     "BSDF_TRANSLUCENT",
+    "BSDF_SHEEN",
     "BSDF_TRANSPARENT",
     "EMISSION",
     "BACKGROUND",
@@ -153,7 +154,7 @@ SHADERS += (
     "ADD_SHADER",
 )
 TEXTURES = ("TEX_IMAGE", "TEX_ENVIRONMENT", "TEX_SKY", "MAPPING", "UVMAP", "TEX_COORD", "ATTRIBUTE", "VERTEX_COLOR")
-TEXTURES += ("OBJECT_INFO", "NEW_GEOMETRY", "NORMAL_MAP", "BUMP", "FRESNEL", "LAYER_WEIGHT")
+TEXTURES += ("OBJECT_INFO", "NEW_GEOMETRY", "NORMAL_MAP", "TANGENT", "BUMP", "FRESNEL", "LAYER_WEIGHT")
 TEXTURES += ("TEX_NOISE", "TEX_VORONOI", "TEX_CHECKER", "TEX_BRICK", "TEX_GRADIENT", "TEX_MAGIC", "TEX_WAVE")
 TEXTURES += ("TEX_WHITE_NOISE", "TEX_GABOR", "CAMERA", "VECT_TRANSFORM", "TANGENT", "NORMAL", "WAVELENGTH")
 VALUES = ("RGB", "VALUE", "BLACKBODY", "MIX", "MIX_RGB", "VALTORGB", "CURVE_RGB", "CURVE_VEC", "CURVE_FLOAT", "HUE_SAT")
@@ -168,7 +169,6 @@ SIMPLIFIED_NODES: dict[str, str] = {
     "LIGHT_PATH": "what the camera sees is, for all rays",
     "BSDF_HAIR": "a diffuse surface is, or a translucent one",
     "BSDF_TOON": DIFFUSE,
-    "BSDF_SHEEN": DIFFUSE,
     "SUBSURFACE_SCATTERING": DIFFUSE,
     "EEVEE_SPECULAR": DIFFUSE,
     "BSDF_RAY_PORTAL": DIFFUSE,
@@ -191,19 +191,10 @@ class IgnoredInput(NamedTuple):
 
 IGNORED_INPUTS: dict[str, tuple[IgnoredInput, ...]] = {
     "BSDF_PRINCIPLED": (
-        IgnoredInput("Diffuse Roughness", 0.0, "Diffuse Roughness", "a smooth one is"),
         IgnoredInput("Subsurface Weight", 0.0, "Subsurface", "a diffuse surface is"),
-        IgnoredInput("Anisotropic", 0.0, "Anisotropic", "an even reflection is"),
-        IgnoredInput("Coat Weight", 0.0, "Coat", "what it covers is"),
-        IgnoredInput("Sheen Weight", 0.0, "Sheen", "what it covers is"),
         IgnoredInput("Thin Film Thickness", 0.0, "Thin Film", "what it covers is"),
     ),
-    "BSDF_DIFFUSE": (IgnoredInput("Roughness", 0.0, "Roughness of the Diffuse BSDF", "a smooth one is"),),
-    "BSDF_GLOSSY": (IgnoredInput("Anisotropy", 0.0, "Anisotropy", "an even reflection is"),),
-    "BSDF_METALLIC": (
-        IgnoredInput("Anisotropy", 0.0, "Anisotropy", "an even reflection is"),
-        IgnoredInput("Thin Film Thickness", 0.0, "Thin Film", "what it covers is"),
-    ),
+    "BSDF_METALLIC": (IgnoredInput("Thin Film Thickness", 0.0, "Thin Film", "what it covers is"),),
     "BSDF_GLASS": (IgnoredInput("Thin Film Thickness", 0.0, "Thin Film", "what it covers is"),),
     "BSDF_TRANSPARENT": (IgnoredInput("Color", 1.0, "Color of the Transparent BSDF", "white is"),),
 }

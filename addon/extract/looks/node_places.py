@@ -92,6 +92,8 @@ def _uv_map(reader: ValueReader, node: Any, output: Any, scope: Scope | None) ->
 
 @reads("NEW_GEOMETRY")
 def _geometry(reader: ValueReader, node: Any, output: Any, scope: Scope | None) -> Value:
+    if output.identifier == "Tangent" and reader.omissions.kind == "material":
+        return Value(radial_tangent(reader))
     modes = {"Position": "POSITION", "Normal": "NORMAL", "True Normal": "TRUE_NORMAL", "Incoming": "INCOMING"}
     mode = modes.get(output.identifier, "BACKFACING" if output.identifier == "Backfacing" else "")
     if mode == "POSITION" and reader.omissions.kind == "world":
@@ -236,6 +238,41 @@ def _normal_map(reader: ValueReader, node: Any, output: Any, scope: Scope | None
         *(reader.input("OBJECT_NORMAL"), reader.input("NORMAL"), reader.input("BACKFACING")),
         mode=node.space.removeprefix("BLENDER_"),
     )
+
+
+def radial_tangent(reader: ValueReader, axis: str = "Z") -> Operand:
+    """Read the direction around an axis through the middle of the mesh's texture space, in world space."""
+    middle = reader.nodes.minus(reader.input("GENERATED").operand, 0.5)
+    first, second = (channels_of(middle, channel) for channel in {"X": (1, 2), "Y": (0, 2), "Z": (0, 1)}[axis])
+    turned = reader.nodes.times(second, -1.0)
+    around: dict[str, tuple[Operand, ...]] = {
+        "X": (0.0, turned, first),
+        "Y": (turned, 0.0, first),
+        "Z": (turned, first, 0.0),
+    }
+    return _in_world(reader, reader.nodes.add("combine", *around[axis]))
+
+
+def _in_world(reader: ValueReader, direction: Operand) -> Operand:
+    """Turn a direction of object space as normals are turned."""
+    as_color = reader.nodes.plus(reader.nodes.times(direction, 0.5), 0.5)
+    turned = reader.work(
+        "normal_map",
+        *(1.0, as_color, (0.0, 0.0, 0.0), 0.0),
+        *(reader.input("OBJECT_NORMAL"), reader.input("NORMAL"), reader.input("BACKFACING")),
+        mode="OBJECT",
+    )
+    return turned.operand
+
+
+@reads("TANGENT")
+def _tangent(reader: ValueReader, node: Any, output: Any, scope: Scope | None) -> Value:
+    if reader.omissions.kind != "material":
+        return reader.fallback
+    if node.direction_type == "RADIAL":
+        return Value(radial_tangent(reader, node.axis))
+    along = reader.nodes.add("input", mode="TANGENT", layer=node.uv_map)
+    return Value(_in_world(reader, channels_of(along, 0, 3)))
 
 
 @reads("BUMP")

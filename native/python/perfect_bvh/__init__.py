@@ -29,6 +29,7 @@ from .camera import Camera, Lens, Shutter
 from .closest_points import ClosestPoints
 from .denoise import Denoiser, denoise, denoiser_name, restore_detail
 from .errors import Cancelled, EngineError, StaleSceneError
+from .finishes import FinishTable
 from .hits import Hits
 from .nodes import NodeBuilder, NodeProgram
 from .queries import Intersections, Queries
@@ -72,6 +73,7 @@ __all__ = [
     "CommitReport",
     "Denoiser",
     "EngineError",
+    "FinishTable",
     "HairTable",
     "Hits",
     "ImageTexture",

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from typing import Any, TypeVar
 
 import numpy as np
+import numpy.typing as npt
 
 LARGEST_COUNT = 2**31 - 1
 
@@ -72,3 +73,16 @@ def check_kind(function: str, name: str, value: object, kind: type[T]) -> T:
     if not isinstance(value, kind):
         raise ValueError(f"{function}: {name} must be a perfect_bvh.{kind.__name__}, got {type(value).__name__}")
     return value
+
+
+def check_column(
+    function: str, name: str, value: npt.ArrayLike, dtype: type[np.generic], row: tuple[int, ...]
+) -> npt.NDArray[Any]:
+    """(N, *row); copied only where the dtype or the layout differs."""
+    array = np.asarray(value)
+    expected = "(N" + "".join(f", {length}" for length in row) + ("," if not row else "") + ")"
+    if array.ndim != 1 + len(row) or array.shape[1:] != row:
+        raise ValueError(f"{function}: {name} must have shape {expected}, got {array.shape}")
+    if array.dtype != dtype and not np.can_cast(array.dtype, dtype, casting="same_kind"):
+        raise ValueError(f"{function}: {name} must be {np.dtype(dtype).name}, got {array.dtype}")
+    return np.ascontiguousarray(array, dtype=dtype)

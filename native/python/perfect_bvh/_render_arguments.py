@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from . import _core
-from ._checks import check_choice, check_count, check_id, check_kind, check_number
+from ._checks import check_choice, check_column, check_count, check_id, check_kind, check_number
 from .appearance import (
     LIGHT_KINDS,
     Appearance,
@@ -25,6 +25,7 @@ from .appearance import (
     MeshAppearance,
     World,
 )
+from .finishes import finish_arguments
 from .nodes import NodeProgram
 
 _LARGEST_SIZE = 65536
@@ -78,7 +79,7 @@ def appearance_arguments(function: str, appearance: Appearance) -> dict[str, Any
     layers = {kind: _numbers([*programs], kind) for kind in ("uvs", "colors", "tangents")}
 
     def column(name: str, value: npt.ArrayLike, dtype: type[np.generic], *row: int) -> npt.NDArray[Any]:
-        return _column(function, f"appearance.{name}", value, dtype, row)
+        return check_column(function, f"appearance.{name}", value, dtype, row)
 
     def optional(name: str, dtype: type[np.generic], *row: int) -> npt.NDArray[Any]:
         value = getattr(materials, name)
@@ -94,6 +95,8 @@ def appearance_arguments(function: str, appearance: Appearance) -> dict[str, Any
         **_instance_values(function, table),
         "hairs": optional("hairs", np.int32),
         "hair": _hair_arguments(function, appearance.hair),
+        "finishes": optional("finishes", np.int32),
+        "finish": finish_arguments(function, appearance.finish),
         "images": [_image_arguments(function, row, image) for row, image in enumerate(appearance.images)],
         "lights": _light_arguments(function, appearance.lights),
         "world": _world_arguments(function, "world", appearance.world),
@@ -200,7 +203,7 @@ def _table_columns(
     first = next(iter(columns))
     for column, (dtype, row) in columns.items():
         place = f"appearance.{name}.{column}"
-        array = arrays[column] = _column(function, place, getattr(table, column), dtype, row)
+        array = arrays[column] = check_column(function, place, getattr(table, column), dtype, row)
         if len(array) != len(arrays[first]):
             raise ValueError(
                 f"{function}: {place} must have a row for each of the {len(arrays[first])} {first}, got {len(array)}"
@@ -269,9 +272,11 @@ def _mesh_arrays(
     name = f"appearance.meshes[{mesh}]"
     arrays: dict[str, Any] = {}
     if value.material_slots is not None:
-        arrays["material_slots"] = _column(function, f"{name}.material_slots", value.material_slots, np.int32, ())
+        arrays["material_slots"] = check_column(function, f"{name}.material_slots", value.material_slots, np.int32, ())
     if value.corner_normals is not None:
-        arrays["corner_normals"] = _column(function, f"{name}.corner_normals", value.corner_normals, np.float32, (3, 3))
+        arrays["corner_normals"] = check_column(
+            function, f"{name}.corner_normals", value.corner_normals, np.float32, (3, 3)
+        )
     arrays["uv_maps"] = _layers(function, name, value, "uvs", layers["uvs"], 2)
     arrays["corner_colors"] = _layers(function, name, value, "colors", layers["colors"], 3)
     arrays["corner_tangents"] = _layers(function, name, value, "tangents", layers["tangents"], 4)
@@ -279,11 +284,11 @@ def _mesh_arrays(
     given = [] if places is None else [_column(function, f"{name}.corner_generated", places, np.float32, row)]
     arrays["corner_generated"] = given
     if value.texture_space is not None:
-        arrays["texture_space"] = _column(function, f"{name}.texture_space", value.texture_space, np.float32, (3,))
+        arrays["texture_space"] = check_column(function, f"{name}.texture_space", value.texture_space, np.float32, (3,))
         if len(arrays["texture_space"]) != 2:
             raise ValueError(f"{function}: {name}.texture_space must have 2 rows, got {len(arrays['texture_space'])}")
     if value.curve_offsets is not None:
-        arrays["curve_offsets"] = _column(function, f"{name}.curve_offsets", value.curve_offsets, np.int64, ())
+        arrays["curve_offsets"] = check_column(function, f"{name}.curve_offsets", value.curve_offsets, np.int64, ())
     return arrays
 
 
@@ -299,7 +304,7 @@ def _layers(
         return []
     given = [(f"corner_{what}", unnamed), *((f"named_{what}[{key!r}]", named.get(key)) for key in numbers if key)]
     return [
-        None if array is None else _column(function, f"{name}.{place}", array, np.float32, _row_of(array, width))
+        None if array is None else check_column(function, f"{name}.{place}", array, np.float32, _row_of(array, width))
         for place, array in given
     ]
 
@@ -307,19 +312,6 @@ def _layers(
 def _row_of(layer: npt.ArrayLike, width: int) -> tuple[int, ...]:
     """Three corners a triangle; one value a curve or point, whose meshes have no corners."""
     return (width,) if np.ndim(layer) == 2 else (3, width)
-
-
-def _column(
-    function: str, name: str, value: npt.ArrayLike, dtype: type[np.generic], row: tuple[int, ...]
-) -> npt.NDArray[Any]:
-    """(N, *row); copied only where the dtype or the layout differs."""
-    array = np.asarray(value)
-    expected = "(N" + "".join(f", {length}" for length in row) + ("," if not row else "") + ")"
-    if array.ndim != 1 + len(row) or array.shape[1:] != row:
-        raise ValueError(f"{function}: {name} must have shape {expected}, got {array.shape}")
-    if array.dtype != dtype and not np.can_cast(array.dtype, dtype, casting="same_kind"):
-        raise ValueError(f"{function}: {name} must be {np.dtype(dtype).name}, got {array.dtype}")
-    return np.ascontiguousarray(array, dtype=dtype)
 
 
 # Light paths ---------------------------------------------------------------------------------------------------------

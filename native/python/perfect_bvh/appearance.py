@@ -13,6 +13,7 @@ from typing import Literal
 import numpy as np
 import numpy.typing as npt
 
+from .finishes import FinishTable
 from .nodes import NodeProgram
 
 Int32Array = npt.NDArray[np.int32]
@@ -90,6 +91,8 @@ class MaterialTable:
     programs: (M,) a `NodeProgram` of each material, which sets what is not the same all over it; None for none. What it
         sets counts instead of the columns. None: no material has one.
     hairs: (M,) int32, rows of the appearance's hair, what curves are of instead; -1 for none. None: none is.
+    finishes: (M,) int32, rows of the appearance's finishes; -1 for none. None: none has one. What programs set of a
+        finish counts only for materials that have one.
     """
 
     colors: Float32Array = field(default_factory=lambda: np.empty((0, 4), np.float32))
@@ -117,6 +120,7 @@ class MaterialTable:
     holdouts: Float32Array | None = None
     programs: Sequence[NodeProgram | None] | None = None
     hairs: Int32Array | None = None
+    finishes: Int32Array | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -244,7 +248,7 @@ class Appearance:
         a dielectric of roughness 0.5; 0 to 1.
     pass_alpha_threshold: 0 to 1. What has less alpha is not in the passes of depths, normals, indices and vectors: they
         show what is behind it, through as many surfaces as `LightPaths.transparent_bounces` says.
-    images, hair, lights, world: for the mode "preview". Without a world the studio's soft sky stands for it.
+    images, hair, finish, lights, world: for the mode "preview". Without a world the studio's soft sky stands for it.
     backdrop: what the camera sees instead of the world, and nothing is lit by. None: the world.
     """
 
@@ -262,6 +266,7 @@ class Appearance:
     pass_alpha_threshold: float = 0.0
     images: tuple[ImageTexture, ...] = ()
     hair: HairTable = field(default_factory=HairTable)
+    finish: FinishTable = field(default_factory=FinishTable)
     lights: LightTable = field(default_factory=LightTable)
     world: World | None = None
     backdrop: World | None = None

@@ -260,6 +260,14 @@ void Appearance::check_materials() const {
     require(rows == 0 || rows == count, std::string("materials.") + name + " has " + std::to_string(rows) +
                                             " rows but materials.colors has " + std::to_string(count));
   };
+  const auto check_rows = [](const std::string& column, std::span<const std::int32_t> rows, const std::string& table,
+                             std::size_t most) {
+    for (const std::int32_t row : rows) {
+      require(row >= -1 && row < static_cast<std::int32_t>(most), "materials." + column + " refers to row " +
+                                                                      std::to_string(row) + " but " + table + " has " +
+                                                                      std::to_string(most));
+    }
+  };
   check("base_colors", base_colors.size());
   check("emissions", emissions.size());
   check("alphas", alphas.size());
@@ -282,11 +290,9 @@ void Appearance::check_materials() const {
   check("translucent_powers", translucent_tints.powers.size());
   check("holdouts", material_holdouts.size());
   check("hairs", hairs.size());
-  for (const std::int32_t row : hairs) {
-    require(
-        row >= kNoHair && row < static_cast<std::int32_t>(hair_rows.size()),
-        "materials.hairs refers to row " + std::to_string(row) + " but hair has " + std::to_string(hair_rows.size()));
-  }
+  check_rows("hairs", hairs, "hair", hair_rows.size());
+  check("finishes", finishes.size());
+  check_rows("finishes", finishes, "finish", finish_rows.size());
   check("programs", material_programs.size());
   for (const std::int32_t row : material_programs) {
     require(row >= kNoProgram && row < static_cast<std::int32_t>(programs.size()),

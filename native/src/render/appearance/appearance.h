@@ -115,6 +115,24 @@ struct View {
   double width, height;
 };
 
+inline constexpr std::int32_t kNoFinish = -1;
+
+// What few surfaces have: layers on top, brushed or rough structure. A row of numbers of the Python table.
+struct Finish {
+  Vec3f sheen{0, 0, 0};            // colour of a layer of fibers on top
+  float sheen_roughness = 0.5f;    // of its fibers, 0 to 1
+  float sheen_cover = 1.0f;        // how much of the light that it reflects is kept from what lies below
+  float coat = 0.0f;               // weight of a clear layer below the sheen
+  float coat_roughness = 0.03f;    // 0 to 1
+  float coat_ior = 1.5f;           // 1 or more
+  Vec3f coat_tint{1, 1, 1};        // of what lies below, seen from straight above
+  float stretch = 1.0f;            // widens the slopes of facets along the tangent, and narrows them across it
+  float rotation = 0.0f;           // of the tangent about the normal, in turns
+  float diffuse_roughness = 0.0f;  // 0 to 1
+  float distribution = 0.0f;       // of facets' slopes: a FacetKind
+};
+static_assert(sizeof(Finish) == 15 * sizeof(float));
+
 // The colour that a lobe has: a row's colour times the base colour, as programs make it, to the row's power.
 struct TintTable {
   std::span<const Vec3f> colors;
@@ -146,6 +164,7 @@ struct Appearance {
   TintTable translucent_tints;               // of all light on the whole surface; empty: black and 0
   std::span<const float> material_holdouts;  // how much of it cuts a hole into the image; empty: 0
   std::span<const std::int32_t> hairs;       // rows of `hair_rows`: what strands are of, or kNoHair
+  std::span<const std::int32_t> finishes;    // rows of `finish_rows`, or kNoFinish
   std::span<const std::int32_t> instance_ids;
   std::span<const std::int32_t> slot_offsets;  // one more than instances
   std::span<const std::int32_t> slot_materials;
@@ -158,6 +177,7 @@ struct Appearance {
   std::span<const Rgba> instance_values;  // of each instance as many as nodes ask for, one instance after the other
 
   std::vector<Hair> hair_rows;
+  std::span<const Finish> finish_rows;
   std::vector<Texture> images;
   std::vector<Light> lights;
   std::optional<World> world;                   // none: the studio's sky and ground

@@ -99,8 +99,19 @@ enum class MaterialSlot : std::uint8_t {
   kTranslucency,
   kTranslucent,
   kNormal,
+  kSheen,
+  kSheenRoughness,
+  kCoat,
+  kCoatRoughness,
+  kCoatIor,
+  kCoatTint,
+  kCoatNormal,
+  kStretch,
+  kRotation,
+  kTangent,
+  kDiffuseRoughness,
 };
-inline constexpr std::size_t kMaterialSlots = 14;
+inline constexpr std::size_t kMaterialSlots = 25;
 
 inline constexpr NodeShape kNodeShapes[] = {
     {"constant", "", 3, 3, ""},
@@ -148,7 +159,8 @@ inline constexpr NodeShape kNodeShapes[] = {
     {"vector_transform", "3", 3, 1, "POINT VECTOR NORMAL"},
     {"set", "3", 0, 0,
      "COLOR EMISSION ALPHA ROUGHNESS METALLIC METAL REFLECTANCE SPECULAR_TINT TRANSMISSION IOR TINT TRANSLUCENCY "
-     "TRANSLUCENT NORMAL"},
+     "TRANSLUCENT NORMAL SHEEN SHEEN_ROUGHNESS COAT COAT_ROUGHNESS COAT_IOR COAT_TINT COAT_NORMAL STRETCH ROTATION "
+     "TANGENT DIFFUSE_ROUGHNESS"},
 };
 
 [[nodiscard]] constexpr const NodeShape& shape_of(NodeKind kind) noexcept {

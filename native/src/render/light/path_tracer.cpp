@@ -148,6 +148,7 @@ void PathTracer::see_surface(const Step& step, const SurfacePoint& point, Materi
   add(step, path, path.throughput * emitted(path, ray, hit, point, material), std::max(path.bounces - 1, 0));
   if (path.ends || material.holdout >= 1.0f) return;
   const Bsdf::Limits limits = limits_of(path);
+  if (material.finish && material.coat_normal == Vec3f{0, 0, 0}) material.coat_normal = point.mesh_normal;
   Bsdf bsdf(material, point.light_normal, point.geometric_normal, view, point.inside, limits);
   if (!(point.light_normal == point.mesh_normal)) bsdf.set_mesh_normal(point.mesh_normal);
   if (is_hair) {

@@ -125,6 +125,18 @@ struct Frame {
   [[nodiscard]] Vec3f world(Vec3f v) const noexcept { return x * v.x + y * v.y + z * v.z; }
 };
 
+// About an axis, with x as near to another direction as it can be, turned about the axis.
+[[nodiscard]] inline Frame framed(Vec3f axis, Vec3f along, float turns = 0.0f) noexcept {
+  Frame frame(axis);
+  const Vec3f across = cross(axis, along);
+  const float size = length(across);
+  if (!(size > 1e-6f)) return frame;
+  const Vec3f y = across * (1.0f / size), x = cross(y, axis);
+  const auto [sine, cosine] = sine_cosine(2.0f * std::numbers::pi_v<float> * turns);
+  frame.x = x * cosine + y * sine, frame.y = y * cosine - x * sine;
+  return frame;
+}
+
 // Uniform over the unit disk; equal areas stay together, so an even set of points stays even (Shirley and Chiu 1997).
 [[nodiscard]] inline Point2 uniform_disk(Point2 uniform) noexcept {
   const float a = 2.0f * uniform.x - 1.0f, b = 2.0f * uniform.y - 1.0f;

@@ -16,21 +16,91 @@ constexpr float kSharpest = 0.075f;  // roughness of what a denoiser's guides lo
 
 float largest(Vec3f color) noexcept { return std::max({color.x, color.y, color.z}); }
 
+bool is_stretched(const Material& material) noexcept { return material.finish && material.finish->stretch != 1.0f; }
+
+Frame frame_of(const Material& material, Vec3f normal) noexcept {
+  return is_stretched(material) ? framed(normal, material.tangent, material.finish->rotation) : Frame(normal);
+}
+
+Facets facets_of(const Material& material, float least_alpha) noexcept {
+  const float alpha = material.roughness * material.roughness;
+  if (!material.finish) return Facets(std::max(alpha, least_alpha));
+  const Finish& finish = *material.finish;
+  const auto width = [=](float wide) { return std::max(std::min(wide, 1.0f), least_alpha); };
+  const auto kind = static_cast<FacetKind>(finish.distribution);
+  return {width(alpha * finish.stretch), width(alpha / finish.stretch), kind};
+}
+
 }  // namespace
+
+RoughDiffuse::RoughDiffuse(float roughness, Vec3f color, float view_cosine) noexcept
+    : even_(1.0f / (1.0f + roughness * (0.5f - 2.0f / (3.0f * kPi)))),
+      slope_(roughness * even_),
+      view_cosine_(std::max(view_cosine, 0.0f)) {
+  const float mean = even_ + slope_ * (2.0f / 3.0f - 28.0f / (15.0f * kPi)), lost = 1.0f - mean;
+  const auto bounced = [&](float channel) {
+    const float albedo = std::min(channel, 1.0f);
+    return albedo * albedo * mean / (lost * (1.0f - albedo * lost)) * (1.0f - this->albedo(view_cosine_));
+  };
+  bounced_ = {bounced(color.x), bounced(color.y), bounced(color.z)};
+}
+
+float RoughDiffuse::albedo(float cosine) const noexcept {
+  const float sine = std::sqrt(std::max(1.0f - cosine * cosine, 0.0f));
+  const auto angle = static_cast<float>(arc_tangent(static_cast<double>(sine), static_cast<double>(cosine)));
+  const float tangent = sine / std::max(cosine, 1e-6f);
+  const float grazing = 2.0f / 3.0f * tangent * (1.0f - sine * sine * sine);
+  return even_ + slope_ / kPi * (sine * (angle - 2.0f / 3.0f - sine * cosine) + grazing);
+}
+
+Vec3f RoughDiffuse::operator()(float light_cosine, float between) const noexcept {
+  const float flat = between - light_cosine * view_cosine_;
+  const float aside = flat > 0.0f ? flat / std::max(light_cosine, view_cosine_) : flat;
+  const float once = even_ + slope_ * aside;
+  return Vec3f{once, once, once} + bounced_ * (1.0f - albedo(light_cosine));
+}
 
 Bsdf::Bsdf(const Material& material, Vec3f normal, Vec3f geometric_normal, Vec3f view, bool inside,
            const Limits& limits) noexcept
-    : frame_(bent_normal(normal, geometric_normal, view)),
+    : frame_(frame_of(material, bent_normal(normal, geometric_normal, view))),
       normal_(local(normal)),
       view_(local(view)),
-      alpha_(std::max(material.roughness * material.roughness, limits.least_alpha)),
+      facets_(facets_of(material, limits.least_alpha)),
       roughness_(material.roughness),
       kept_(1.0f - material.lossy_facets) {
   view_.z = std::max(view_.z, kLeastCosine);
   layer(material, inside, limits);
+  if (material.finish) add_finish(material, {normal, geometric_normal, view}, limits);
   chances_.diffuse = largest(diffuse_), chances_.translucent = largest(translucent_);
   chances_.glossy = largest(glossy_albedo_), chances_.refracted = largest(refracted_albedo_);
-  total_ = chances_.diffuse + chances_.translucent + chances_.glossy + chances_.refracted;
+  total_ =
+      chances_.diffuse + chances_.translucent + chances_.glossy + chances_.refracted + chances_.sheen + chances_.coat;
+}
+
+void Bsdf::add_finish(const Material& material, const Coating::Place& place, const Limits& limits) noexcept {
+  const Finish& finish = *material.finish;
+  if (finish.diffuse_roughness > 0.0f) {
+    rough_ = RoughDiffuse(finish.diffuse_roughness, material.color, dot(view_, normal_));
+  }
+  if (!(largest(finish.sheen) > 0.0f || finish.coat > 0.0f)) return;
+  coating_.emplace(material, finish, place, limits.least_alpha, !limits.no_reflection);
+  chances_.sheen = largest(coating_->sheen_albedo()), chances_.coat = largest(coating_->coat_albedo());
+  const Vec3f below = coating_->below();
+  for (Vec3f* const share : {&metal_share_, &even_, &dielectric_share_, &glass_reflection_, &glass_refraction_,
+                             &plain_refraction_, &diffuse_, &translucent_, &glossy_albedo_, &refracted_albedo_}) {
+    *share = *share * below;
+  }
+}
+
+Vec3f Bsdf::diffuse(Vec3f out, float height) const noexcept {
+  return rough_.is_even() ? diffuse_ : diffuse_ * rough_(height, dot(out, view_));
+}
+
+void Bsdf::evaluate_coating(Vec3f out, float height, Value& value) const noexcept {
+  const Vec3f direction = frame_.world(out);
+  const Coating::Value sheen = coating_->sheen(direction), coat = coating_->coat(direction);
+  value.share = value.share + (sheen.light * unshadowed(out, height) + coat.light) * (kPi / height);
+  value.density += (chances_.sheen * sheen.density + chances_.coat * coat.density) / total_;
 }
 
 void Bsdf::layer(const Material& material, bool inside, const Limits& limits) noexcept {
@@ -110,15 +180,15 @@ Vec3f Bsdf::passed(float cosine) const noexcept {
 }
 
 void Bsdf::evaluate_reflected(Vec3f out, float height, Value& value) const noexcept {
-  value.share = value.share + diffuse_ * unshadowed(out, height);
+  value.share = value.share + diffuse(out, height) * unshadowed(out, height);
   value.density += chances_.diffuse / total_ * height / kPi;
+  if (coating_) evaluate_coating(out, height, value);
   if (!(chances_.glossy > 0.0f) || is_smooth() || !(out.z > 0.0f)) return;
-  const Facets facets(alpha_);
   const Vec3f half = normalized(view_ + out);
   const float slant = dot(view_, half);
   if (!(slant > 0.0f)) return;
-  const float density = facets.seen_density(view_, half) / (4.0f * slant);
-  value.share = value.share + reflected(slant) * (kPi * density * facets.lit_of_seen(view_.z, out.z) / height);
+  const float density = facets_.seen_density(view_, half) / (4.0f * slant);
+  value.share = value.share + reflected(slant) * (kPi * density * facets_.lit_of_seen(view_, out, half) / height);
   value.density += chances_.glossy / total_ * density;
 }
 
@@ -131,12 +201,10 @@ void Bsdf::evaluate_refracted(Vec3f out, float height, Value& value) const noexc
   if (half.z < 0.0f) half = -half;
   const float slant = dot(view_, half), beyond = dot(out, half);
   if (!(slant > 0.0f) || !(beyond < 0.0f)) return;
-  const Facets facets(alpha_);
   const float sum = slant + glass_.ior() * beyond;
   const float density =
-      facets.seen_density(view_, half) * glass_.ior() * glass_.ior() * -beyond / std::max(sum * sum, 1e-12f);
-  const float down = std::max(-out.z, kLeastCosine);
-  value.share = value.share + passed(slant) * (kPi * density * facets.lit_of_seen(view_.z, down) / depth);
+      facets_.seen_density(view_, half) * glass_.ior() * glass_.ior() * -beyond / std::max(sum * sum, 1e-12f);
+  value.share = value.share + passed(slant) * (kPi * density * facets_.lit_of_seen(view_, out, half) / depth);
   value.density += chances_.refracted / total_ * density;
 }
 
@@ -172,15 +240,20 @@ Bsdf::Value Bsdf::evaluate(Vec3f direction) const noexcept {
 Bsdf::Value Bsdf::evaluate_diffuse(Vec3f direction) const noexcept {
   const Vec3f out = local(direction);
   const float height = dot(out, normal_), slant = std::abs(height) / kPi;
-  const Vec3f share = (height > 0.0f ? diffuse_ : translucent_) * unshadowed(out, height);
+  const Vec3f share = (height > 0.0f ? diffuse(out, height) : translucent_) * unshadowed(out, height);
   const float chance = height > 0.0f ? chances_.diffuse : chances_.translucent;
-  const Value value{share, chance > 0.0f ? chance / total_ * slant : 0.0f};
+  Value value{share, chance > 0.0f ? chance / total_ * slant : 0.0f};
+  if (coating_ && height > 0.0f) {
+    const Coating::Value sheen = coating_->sheen(direction);
+    value.share = value.share + sheen.light * (unshadowed(out, height) * kPi / height);
+    value.density += chances_.sheen * sheen.density / total_;
+  }
   return hair_ ? evaluate_strand(direction, value, {}) : value;
 }
 
 // In the frame; the weight is that of a smooth surface.
 Bsdf::Sample Bsdf::sample_facet(Point2 random, bool refract) const noexcept {
-  const Vec3f facet = is_smooth() ? Vec3f{0, 0, 1} : Facets(alpha_).choose_seen(view_, random);
+  const Vec3f facet = is_smooth() ? Vec3f{0, 0, 1} : facets_.choose_seen(view_, random);
   const float slant = dot(view_, facet);
   if (!(slant > 0.0f)) return {};
   Sample sample;
@@ -214,6 +287,7 @@ Bsdf::Sample Bsdf::sample_strand(float pick, Point2 random) const noexcept {
 Bsdf::Sample Bsdf::sample_surface(float left, Point2 random) const noexcept {
   Sample sample;
   float chance = 0.0f;
+  bool is_coat = false, is_smooth_coat = false;
   const auto takes = [&](float part) {
     if (left < part) return true;
     left -= part;
@@ -223,6 +297,12 @@ Bsdf::Sample Bsdf::sample_surface(float left, Point2 random) const noexcept {
     sample.kind = Scatter::kDiffuse, sample.direction = cosine_direction(normal_, random);
   } else if (takes(chances_.translucent)) {
     sample.kind = Scatter::kTranslucent, sample.direction = -cosine_direction(normal_, random);
+  } else if (coating_ && takes(chances_.sheen)) {
+    sample.kind = Scatter::kDiffuse, sample.direction = local(coating_->choose_sheen(random));
+  } else if (coating_ && takes(chances_.coat)) {
+    const Coating::Mirrored mirrored = coating_->choose_coat(random);
+    sample.kind = Scatter::kGlossy, sample.direction = local(mirrored.direction), sample.weight = mirrored.weight;
+    chance = chances_.coat / total_, is_smooth_coat = coating_->has_smooth_coat(), is_coat = true;
   } else {
     const bool refract = !takes(chances_.glossy);
     chance = (refract ? chances_.refracted : chances_.glossy) / total_;
@@ -236,7 +316,9 @@ Bsdf::Sample Bsdf::sample_surface(float left, Point2 random) const noexcept {
   if (goes_beyond ? height > 0.0f : !(height > 0.0f)) return {};
   sample.direction = frame_.world(out);
   const bool is_facet = sample.kind == Scatter::kGlossy || sample.kind == Scatter::kRefracted;
-  if (is_facet && (is_smooth() || (sample.kind == Scatter::kRefracted && glass_.ior() == 1.0f))) {
+  const bool is_single =
+      is_coat ? is_smooth_coat : is_smooth() || (sample.kind == Scatter::kRefracted && glass_.ior() == 1.0f);
+  if (is_facet && is_single) {
     sample.weight = sample.weight * (1.0f / chance);
     sample.density = std::numeric_limits<float>::infinity();
     return sample;
@@ -252,6 +334,10 @@ Bsdf::Sample Bsdf::sample_surface(float left, Point2 random) const noexcept {
 Bsdf::Albedo Bsdf::albedo() const noexcept {
   Albedo albedo;
   albedo.plain = diffuse_ + translucent_, albedo.plain_share = chances_.diffuse + chances_.translucent;
+  if (coating_) {
+    albedo.plain = albedo.plain + coating_->sheen_albedo() + coating_->coat_albedo();
+    albedo.plain_share += chances_.sheen + chances_.coat;
+  }
   const Vec3f facets = glossy_albedo_ + refracted_albedo_;
   const float share = chances_.glossy + chances_.refracted;
   if (roughness_ > kSharpest) {

@@ -4,6 +4,7 @@
 // or a direction by chance, the likelier the more is seen from there.
 // Layers from top to bottom: rough facets (microfacets.h) that reflect as metal, as a dielectric over diffuse, or as
 // glass; glass refracts the rest; the diffuse base gets what the facets do not reflect (Burley 2015; Turquin 2019).
+// A finish may lie over all of them (coating.h), and roughen the diffuse base.
 #pragma once
 
 #include <cstdint>
@@ -11,6 +12,7 @@
 #include <optional>
 
 #include "render/sampling/sampler.h"
+#include "render/surface/coating.h"
 #include "render/surface/hair_bsdf.h"
 #include "render/surface/microfacets.h"
 #include "render/surface/surface.h"
@@ -18,6 +20,25 @@
 namespace perfect_bvh {
 
 enum class Scatter : std::uint8_t { kNone, kDiffuse, kGlossy, kTranslucent, kRefracted };
+
+// What a rough diffuse surface reflects, in parts of an even one: Oren and Nayar's facets in the form of Fujii 2012,
+// and light between them as Portsmouth et al. 2024 ("EON") have it. In: cosines to the normal, and between both
+// directions.
+class RoughDiffuse {
+ public:
+  RoughDiffuse() = default;
+  RoughDiffuse(float roughness, Vec3f color, float view_cosine) noexcept;
+
+  [[nodiscard]] bool is_even() const noexcept { return !(slope_ > 0.0f); }
+  [[nodiscard]] Vec3f operator()(float light_cosine, float between) const noexcept;
+
+ private:
+  // Of white facets, that light leaves at once.
+  [[nodiscard]] float albedo(float cosine) const noexcept;
+
+  float even_ = 1.0f, slope_ = 0.0f, view_cosine_ = 1.0f;
+  Vec3f bounced_{0, 0, 0};
+};
 
 class Bsdf {
  public:
@@ -73,7 +94,7 @@ class Bsdf {
  private:
   // Of what `sample` does, not normalised.
   struct Chances {
-    float diffuse = 0.0f, glossy = 0.0f, translucent = 0.0f, refracted = 0.0f, hair = 0.0f;
+    float diffuse = 0.0f, glossy = 0.0f, translucent = 0.0f, refracted = 0.0f, sheen = 0.0f, coat = 0.0f, hair = 0.0f;
   };
 
   void layer(const Material& material, bool inside, const Limits& limits) noexcept;
@@ -81,6 +102,10 @@ class Bsdf {
   // Returns the share of light that is left for what lies below.
   float add_dielectric(const Material& material, float share) noexcept;
   void add_glass(const Material& material, float share, bool inside, const Limits& limits) noexcept;
+  // Lays the finish over it.
+  void add_finish(const Material& material, const Coating::Place& place, const Limits& limits) noexcept;
+  [[nodiscard]] Vec3f diffuse(Vec3f out, float height) const noexcept;
+  void evaluate_coating(Vec3f out, float height, Value& value) const noexcept;
   // How much of diffuse light from a direction is seen on a bent normal.
   [[nodiscard]] float unshadowed(Vec3f out, float height) const noexcept;
   [[nodiscard]] Vec3f reflected(float cosine) const noexcept;
@@ -96,15 +121,14 @@ class Bsdf {
     return {dot(world, frame_.x), dot(world, frame_.y), dot(world, frame_.z)};
   }
   [[nodiscard]] Sample sample_facet(Point2 random, bool refract) const noexcept;
-  [[nodiscard]] bool is_smooth() const noexcept { return alpha_ < kSmooth; }
-
-  static constexpr float kSmooth = 5e-4f;  // narrower slopes scatter into one direction each
+  [[nodiscard]] bool is_smooth() const noexcept { return facets_.narrower_than(kSmoothAlpha); }
 
   Frame frame_;          // of the facets: about the normal, bent where they would mirror what is below the surface
   Vec3f normal_, view_;  // in the frame
   Vec3f mesh_normal_{0, 0, 1};
   bool is_bent_ = false;
-  float alpha_, roughness_, kept_;  // kept: share of light between facets
+  Facets facets_;
+  float roughness_, kept_;  // kept: share of light between facets
   // Colours of the layers, each with what its facets throw at one another.
   MetalFresnel metal_;
   Vec3f metal_share_{0, 0, 0}, even_{0, 0, 0};
@@ -114,6 +138,8 @@ class Bsdf {
   Vec3f glass_reflection_{0, 0, 0}, glass_refraction_{0, 0, 0}, plain_refraction_{0, 0, 0};
   Vec3f diffuse_{0, 0, 0}, translucent_{0, 0, 0};
   Vec3f glossy_albedo_{0, 0, 0}, refracted_albedo_{0, 0, 0};
+  RoughDiffuse rough_;
+  std::optional<Coating> coating_;
   std::optional<HairBsdf> hair_;
   Chances chances_;
   float total_ = 0.0f;

@@ -10,6 +10,7 @@ namespace perfect_bvh {
 namespace {
 
 constexpr float kPlainRoughness = 0.5f;
+constexpr float kLeastIor = 1e-5f, kLeastStretch = 1e-2f;
 
 // What a table without rows stands for is in the last two arguments.
 Vec3f tinted(const TintTable& table, std::size_t row, Vec3f base, Vec3f color, float power) noexcept {
@@ -62,6 +63,9 @@ void set_rest(const Appearance& appearance, std::int32_t row, Material& material
   if (!appearance.hairs.empty() && appearance.hairs[index] != kNoHair) {
     material.hair = &appearance.hair_rows[static_cast<std::size_t>(appearance.hairs[index])];
   }
+  if (!appearance.finishes.empty() && appearance.finishes[index] != kNoFinish) {
+    material.finish = appearance.finish_rows[static_cast<std::size_t>(appearance.finishes[index])];
+  }
 }
 
 float in_unit(float value) noexcept { return value > 0.0f ? std::min(value, 1.0f) : 0.0f; }
@@ -83,18 +87,39 @@ class ProgramValues {
   void set_color(MaterialSlot slot, Vec3f& value) const noexcept {
     if (const NodeOperand* const operand = program_.output(slot)) value = as_light(run_.vector(*operand, lane_));
   }
-  void set_ior(float& value) const noexcept {
-    const NodeOperand* const operand = program_.output(MaterialSlot::kIor);
+  // least: the number is above 0, and at least this.
+  void set_number(MaterialSlot slot, float least, float& value) const noexcept {
+    const NodeOperand* const operand = program_.output(slot);
     if (operand == nullptr) return;
-    const float ior = run_.number(*operand, lane_);
-    value = ior > 0.0f && std::isfinite(ior) ? std::max(ior, 1e-5f) : value;
+    const float number = run_.number(*operand, lane_);
+    value = number > 0.0f && std::isfinite(number) ? std::max(number, least) : value;
+  }
+  void set_direction(MaterialSlot slot, Vec3f& value) const noexcept {
+    const NodeOperand* const operand = program_.output(slot);
+    if (operand == nullptr) return;
+    const Vec3f direction = run_.vector(*operand, lane_);
+    const float size = length(direction);
+    if (size > 0.0f && std::isfinite(size)) value = direction * (1.0f / size);
   }
   void set_normal(SurfacePoint& point) const noexcept {
-    const NodeOperand* const operand = program_.output(MaterialSlot::kNormal);
-    if (operand == nullptr) return;
-    const Vec3f normal = run_.vector(*operand, lane_);
-    const float size = length(normal);
-    if (size > 0.0f && std::isfinite(size)) point.normal = point.light_normal = normal * (1.0f / size);
+    Vec3f normal{0, 0, 0};
+    set_direction(MaterialSlot::kNormal, normal);
+    if (!(normal == Vec3f{0, 0, 0})) point.normal = point.light_normal = normal;
+  }
+  void set_finish(Material& material) const noexcept {
+    if (!material.finish) return;
+    Finish& finish = *material.finish;
+    set_color(MaterialSlot::kSheen, finish.sheen), set_share(MaterialSlot::kSheenRoughness, finish.sheen_roughness);
+    set_share(MaterialSlot::kCoat, finish.coat), set_share(MaterialSlot::kCoatRoughness, finish.coat_roughness);
+    set_number(MaterialSlot::kCoatIor, 1.0f, finish.coat_ior), set_color(MaterialSlot::kCoatTint, finish.coat_tint);
+    set_number(MaterialSlot::kStretch, kLeastStretch, finish.stretch);
+    if (const NodeOperand* const operand = program_.output(MaterialSlot::kRotation)) {
+      const float turns = run_.number(*operand, lane_);
+      finish.rotation = std::isfinite(turns) ? turns : 0.0f;
+    }
+    set_share(MaterialSlot::kDiffuseRoughness, finish.diffuse_roughness);
+    set_direction(MaterialSlot::kTangent, material.tangent),
+        set_direction(MaterialSlot::kCoatNormal, material.coat_normal);
   }
 
  private:
@@ -114,10 +139,11 @@ void finish_material(const Appearance& appearance, std::int32_t row, const Progr
   values.set_share(MaterialSlot::kReflectance, material.reflectance);
   values.set_color(MaterialSlot::kSpecularTint, material.specular_tint);
   values.set_share(MaterialSlot::kTransmission, material.transmission);
-  values.set_ior(material.ior);
+  values.set_number(MaterialSlot::kIor, kLeastIor, material.ior);
   values.set_color(MaterialSlot::kTint, material.tint);
   values.set_share(MaterialSlot::kTranslucency, material.translucency);
   values.set_color(MaterialSlot::kTranslucent, material.translucent);
+  values.set_finish(material);
 }
 
 Material material_of_table(const Appearance& appearance, std::int32_t row) {

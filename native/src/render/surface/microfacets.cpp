@@ -38,11 +38,12 @@ float sum_of_panes(const Facets& facets, Vec3f view, float ior) noexcept {
   float sum = 0.0f;
   for (std::uint32_t i = 0; i < kPaneSamples; ++i) {
     const Vec3f normal = facets.choose_seen(view, sampling::scrambled_sobol(i, 0).to_unit());
-    const float slant = dot(view, normal), out = 2.0f * slant * normal.z - view.z;
+    const float slant = dot(view, normal);
     const Fresnel boundary = fresnel(slant, ior);
-    const float down = (view.z - normal.z * slant) / ior + normal.z * boundary.cosine;
-    if (out > 0.0f) sum += boundary.reflected * facets.lit_of_seen(view.z, out);
-    if (down > 0.0f) sum += (1.0f - boundary.reflected) * facets.lit_of_seen(view.z, down);
+    const Vec3f out = normal * (2.0f * slant) - view;
+    const Vec3f down = (view - normal * slant) * (1.0f / ior) + normal * boundary.cosine;
+    if (out.z > 0.0f) sum += boundary.reflected * facets.lit_of_seen(view, out, normal);
+    if (down.z > 0.0f) sum += (1.0f - boundary.reflected) * facets.lit_of_seen(view, down, normal);
   }
   return sum / kPaneSamples;
 }
@@ -84,7 +85,53 @@ struct PaneTables {
   }
 };
 
+// Of Ashikhmin and Shirley's lobe (2000), from the width of slopes that it has about.
+float exponent_of(float alpha) noexcept { return 2.0f / (alpha * alpha) - 2.0f; }
+
+// Smith's of Beckmann's slopes, by the fit of Walter et al. 2007.
+float hidden_of_beckmann(float steepness) noexcept {
+  const float a = 1.0f / std::sqrt(std::max(steepness, 1e-12f));
+  return a < 1.6f ? (1.0f - 1.259f * a + 0.396f * a * a) / (3.535f * a + 2.181f * a * a) : 0.0f;
+}
+
 }  // namespace
+
+float Facets::density_of_other(Vec3f normal) const noexcept {
+  constexpr double kPi = std::numbers::pi;
+  const double x = static_cast<double>(normal.x), y = static_cast<double>(normal.y);
+  const double z = std::max(static_cast<double>(normal.z), 1e-6), flat = std::max(x * x + y * y, 1e-24);
+  if (kind_ == FacetKind::kBeckmann) {
+    const double along = x / static_cast<double>(along_), across = y / static_cast<double>(across_);
+    const double steep = (along * along + across * across) / (z * z);
+    return static_cast<float>(exponential(-steep) / (kPi * static_cast<double>(product_) * z * z * z));
+  }
+  const auto along = static_cast<double>(exponent_of(along_)), across = static_cast<double>(exponent_of(across_));
+  const double exponent = (along * x * x + across * y * y) / flat;
+  return static_cast<float>(std::sqrt((along + 1.0) * (across + 1.0)) / (2.0 * kPi) *
+                            exponential(exponent * logarithm(z)));
+}
+
+float Facets::lit_of_other(Vec3f view, Vec3f light, Vec3f normal) const noexcept {
+  const float down = std::abs(light.z);
+  if (kind_ == FacetKind::kAshikhminShirley) return down / std::max(view.z, down);
+  const float hidden = hidden_of_beckmann(steepness(view)) + hidden_of_beckmann(steepness(light));
+  return std::max(dot(view, normal), 0.0f) / (view.z * std::max(normal.z, 1e-6f) * (1.0f + hidden));
+}
+
+Vec3f Facets::choose_other(Point2 random) const noexcept {
+  const auto [sine, cosine] = sine_cosine(2.0f * std::numbers::pi_v<float> * random.x);
+  const double rest = std::max(1.0 - static_cast<double>(random.y), 1e-9);
+  if (kind_ == FacetKind::kBeckmann) {
+    const auto slope = static_cast<float>(std::sqrt(-logarithm(rest)));
+    return normalized(Vec3f{along_ * slope * cosine, across_ * slope * sine, 1.0f});
+  }
+  const float along = exponent_of(along_), across = exponent_of(across_);
+  const float x = std::sqrt(across + 1.0f) * cosine, y = std::sqrt(along + 1.0f) * sine;
+  const float square = x * x + y * y, exponent = (along * x * x + across * y * y) / square;
+  const auto z = static_cast<float>(exponential(logarithm(rest) / (static_cast<double>(exponent) + 1.0)));
+  const float flat = std::sqrt(std::max(1.0f - z * z, 0.0f) / square);
+  return {x * flat, y * flat, z};
+}
 
 FacetShare share_of_mirrors(float cosine, float roughness) noexcept {
   const FacetAlbedo& albedo = FacetAlbedo::tables();
@@ -122,9 +169,10 @@ void FacetAlbedo::fill(int roughness, int cosine) {
   FacetRow dielectric{};
   for (std::uint32_t i = 0; i < kSamples; ++i) {
     const Vec3f normal = facets.choose_seen(view, sampling::scrambled_sobol(i, 0).to_unit());
-    const float slant = dot(view, normal), out = 2.0f * slant * normal.z - view.z;
-    if (!(out > 0.0f)) continue;
-    const float leaves = facets.lit_of_seen(view.z, out);
+    const float slant = dot(view, normal);
+    const Vec3f out = normal * (2.0f * slant) - view;
+    if (!(out.z > 0.0f)) continue;
+    const float leaves = facets.lit_of_seen(view, out, normal);
     all += leaves, metal += leaves * schlick_rise(slant);
     for (std::size_t step = 0; step < kFacetSteps; ++step) {
       const float ior = ior_at(static_cast<float>(step) / (kFacetSteps - 1)), least = reflectance_of(ior);

@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <cstdint>
 #include <numbers>
 
 #include "math/elementary.h"
@@ -97,44 +98,65 @@ class MetalFresnel {
 // of them are seen, and what they reflect in all. In: vectors in the frame of the surface's normal (z), on its side;
 // alpha, the width of the slopes. Out: densities over solid angle and shares.
 
+inline constexpr float kSmoothAlpha = 5e-4f;  // narrower slopes scatter into one direction each
+
+enum class FacetKind : std::uint8_t { kGgx, kBeckmann, kAshikhminShirley };
+
 class Facets {
  public:
-  explicit Facets(float alpha) noexcept : alpha_(alpha), square_(alpha * alpha) {}
+  explicit Facets(float alpha) noexcept : Facets(alpha, alpha, FacetKind::kGgx) {}
+  // along, across: widths along the frame's x and y.
+  Facets(float along, float across, FacetKind kind) noexcept
+      : along_(along), across_(across), product_(along * across), kind_(kind) {}
+
+  [[nodiscard]] bool narrower_than(float alpha) const noexcept { return product_ < alpha * alpha; }
 
   // Of normals over solid angle. From the sine rather than the cosine, which has no digits left where slopes are small.
   [[nodiscard]] float density(Vec3f normal) const noexcept {
-    const float sine_square = normal.x * normal.x + normal.y * normal.y;
-    const float spread = normal.z * normal.z * square_ + sine_square;
-    return square_ * std::numbers::inv_pi_v<float> / (spread * spread);
+    const float x = normal.x * across_, y = normal.y * along_;
+    const float spread = normal.z * normal.z * product_ + (x * x + y * y) / product_;
+    return product_ * std::numbers::inv_pi_v<float> / (spread * spread);
   }
-  // Of those that a viewer sees, as `choose_seen` does.
+  // Of those that `choose_seen` chooses.
   [[nodiscard]] float seen_density(Vec3f view, Vec3f normal) const noexcept {
-    return density(normal) * seen(view.z) * std::max(dot(view, normal), 0.0f) / view.z;
+    if (kind_ != FacetKind::kGgx) return density_of_other(normal);
+    return density(normal) * std::max(dot(view, normal), 0.0f) / (view.z * (1.0f + hidden(view)));
   }
-  // Smith's share of facets that are seen from a direction of this cosine.
-  [[nodiscard]] float seen(float cosine) const noexcept { return 1.0f / (1.0f + hidden(cosine)); }
-  // The share that is lit, too, of those that are seen; heights correlated (Heitz 2014).
-  [[nodiscard]] float lit_of_seen(float view_cosine, float light_cosine) const noexcept {
-    const float view = 1.0f + hidden(view_cosine);
-    return view / (view + hidden(light_cosine));
+  // Light that facets of this normal send to the viewer from a direction, in parts of what they would if the chance of
+  // `choose_seen` were what is seen of them and all of it were lit. Of GGX the share that is lit of what is seen;
+  // heights correlated (Heitz 2014).
+  [[nodiscard]] float lit_of_seen(Vec3f view, Vec3f light, Vec3f normal) const noexcept {
+    if (kind_ != FacetKind::kGgx) return lit_of_other(view, light, normal);
+    const float seen = 1.0f + hidden(view);
+    return seen / (seen + hidden(light));
   }
-  // A facet's normal, as likely as it is seen (Heitz 2018; Dupuy and Benyoub 2023).
+  // A facet's normal: of GGX as likely as it is seen (Heitz 2018; Dupuy and Benyoub 2023), of others as it is there.
   [[nodiscard]] Vec3f choose_seen(Vec3f view, Point2 random) const noexcept {
-    const Vec3f stretched = normalized(Vec3f{view.x * alpha_, view.y * alpha_, view.z});
+    if (kind_ != FacetKind::kGgx) return choose_other(random);
+    const Vec3f stretched = normalized(Vec3f{view.x * along_, view.y * across_, view.z});
     const auto [sine, cosine] = sine_cosine(2.0f * std::numbers::pi_v<float> * random.x);
     const float height = (1.0f - random.y) * (1.0f + stretched.z) - stretched.z;
     const float radius = std::sqrt(std::clamp(1.0f - height * height, 0.0f, 1.0f));
     const Vec3f cap = Vec3f{radius * cosine, radius * sine, height} + stretched;
-    return normalized(Vec3f{cap.x * alpha_, cap.y * alpha_, std::max(cap.z, 1e-6f)});
+    return normalized(Vec3f{cap.x * along_, cap.y * across_, std::max(cap.z, 1e-6f)});
   }
 
  private:
-  [[nodiscard]] float hidden(float cosine) const noexcept {
-    const float square = cosine * cosine;
-    return 0.5f * (std::sqrt(1.0f + square_ * std::max(1.0f - square, 0.0f) / square) - 1.0f);
+  // The square of how much steeper slopes are than a direction, which may lead below.
+  [[nodiscard]] float steepness(Vec3f direction) const noexcept {
+    const float x = direction.x * along_, y = direction.y * across_;
+    return (x * x + y * y) / std::max(direction.z * direction.z, 1e-8f);
   }
+  // Smith's: of a facet that is seen so many are hidden.
+  [[nodiscard]] float hidden(Vec3f direction) const noexcept {
+    return 0.5f * (std::sqrt(1.0f + steepness(direction)) - 1.0f);
+  }
+  [[nodiscard]] float density_of_other(Vec3f normal) const noexcept;
+  [[nodiscard]] float lit_of_other(Vec3f view, Vec3f light, Vec3f normal) const noexcept;
+  [[nodiscard]] Vec3f choose_other(Point2 random) const noexcept;
 
-  float alpha_, square_;
+  float along_, across_, product_;
+  FacetKind kind_;
 };
 
 // In even steps from 0 to 1: by roughness, by cosine.

@@ -36,6 +36,9 @@ struct Material {
   float translucency = 0.0f;
   Vec3f translucent{0, 0, 0};  // of all the light that meets the surface, what is scattered to the other side
   float alpha = 1.0f;
+  std::optional<Finish> finish = std::nullopt;
+  // Of a finish: along brushed structure, and the normal of a coat. Zero where no program sets them.
+  Vec3f tangent{0, 0, 0}, coat_normal{0, 0, 0};
   const Hair* hair = nullptr;  // what strands are of instead
   float surface = 1.0f;        // how much of the surface there is: on strands, beside hair
   float holdout = 0.0f;        // of what is there, how much cuts a hole: it hides what is behind, and adds no alpha
