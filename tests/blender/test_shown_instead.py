@@ -155,10 +155,7 @@ INSTEAD: tuple[tuple[Callable[[Any], None], list[str]], ...] = (
     (
         distributed,
         [
-            "the distribution Ashikhmin-Shirley of Glossy BSDF is not shown; GGX is",
             *([CONDUCTOR] if "fresnel_type" in bpy.types.ShaderNodeBsdfMetallic.bl_rna.properties else []),
-            "the distribution Beckmann of Metallic BSDF is not shown; Multiscatter GGX is",
-            "the distribution Beckmann of Refraction BSDF is not shown; GGX is",
         ],
     ),
     (tinted_nothing, ["Color of the Transparent BSDF is not shown; white is"]),
