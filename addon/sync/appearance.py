@@ -148,7 +148,7 @@ def _rows_of(found: Sequence[object | None]) -> Int32Array:
 _FINISH_COLUMNS = {
     **{
         name: f"{name}s"
-        for name in ("sheen", "sheen_cover", "coat", "coat_ior", "coat_tint", "rotation", "distribution")
+        for name in ("sheen", "sheen_cover", "coat", "coat_ior", "coat_tint", "rotation", "distribution", "absorption")
     },
     **{name: f"{name}es" for name in ("sheen_roughness", "coat_roughness", "stretch", "diffuse_roughness")},
 }

@@ -46,6 +46,7 @@ class FinishRecord:
     rotation: float = 0.0
     diffuse_roughness: float = 0.0
     distribution: float = 0.0
+    absorption: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
 
 @dataclass(frozen=True, slots=True)

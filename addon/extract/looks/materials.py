@@ -177,13 +177,15 @@ def _with_surface(record: MaterialRecord, read: ReadSurface) -> MaterialRecord:
             fields[f"{name}_color"], fields[f"{name}_power"] = (1.0, 1.0, 1.0), power if operand is None else 1.0
         else:
             fields[f"{name}_color"], fields[f"{name}_power"] = color(slot, operand), 0.0
-    if lobes.finish != NO_FINISH:
+    if lobes.finish != NO_FINISH or any(surface.absorption):
         finish = lobes.finish
         found: dict[str, Any] = {
             name: (color if isinstance(getattr(FinishRecord(), name), tuple) else number)(slot, getattr(finish, name))
             for name, slot in FINISH_SLOTS.items()
         }
-        fields["finish"] = FinishRecord(sheen_cover=finish.sheen_cover, distribution=finish.distribution, **found)
+        fields["finish"] = FinishRecord(
+            sheen_cover=finish.sheen_cover, distribution=finish.distribution, absorption=surface.absorption, **found
+        )
         slots.update({} if finish.tangent is None else {"TANGENT": finish.tangent})
         slots.update({} if finish.coat_normal is None else {"COAT_NORMAL": finish.coat_normal})
     if surface.normal is not None:

@@ -31,6 +31,7 @@ from .node_graph import (
 )
 from .node_values import HALF, ValueReader
 from .values import ImageRows, Nodes, Source, Value, constant, is_number
+from .volumes import NO_ABSORPTION, read_absorption
 
 BLACK: Operand = (0.0, 0.0, 0.0)
 
@@ -46,6 +47,7 @@ class Surface:
     lobes: what of it mirrors, refracts and lets light through. normal: None for that of the mesh. hair: what curves of
     it are instead. holdout: of what is there, how much cuts a hole
     into the image; a number for all of the surface. has_volume: it is nothing but the border of one, and shows nothing.
+    absorption: of light inside the mesh, by length.
     """
 
     base: Operand
@@ -56,6 +58,7 @@ class Surface:
     hair: HairRecord | None = None
     holdout: float = 0.0
     has_volume: bool = False
+    absorption: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
 
 _FIXED_SURFACES = {"BSDF_TRANSPARENT": Surface(BLACK, alpha=0.0), "HOLDOUT": Surface(BLACK, holdout=1.0)}
@@ -93,13 +96,15 @@ def _read(material: Any, plain: Value, values: ValueReader, omissions: Omissions
     output, scope = found
     inputs = output.inputs
     has_surface = is_fed(inputs["Surface"], scope)
+    absorption = NO_ABSORPTION
     if is_fed(inputs["Volume"], scope):
-        _note_source(inputs["Volume"], scope, omissions, "its surface alone is" if has_surface else "nothing is")
         if not has_surface:
+            _note_source(inputs["Volume"], scope, omissions, "nothing is")
             return Surface(BLACK, alpha=0.0, has_volume=True)  # fog has no surface
+        absorption = read_absorption(values, inputs["Volume"], scope)
     if is_fed(inputs["Displacement"], scope):
         _note_source(inputs["Displacement"], scope, omissions, "the mesh without it is")
-    return _SurfaceReader(plain.operand, values).follow(inputs["Surface"], scope, 0)
+    return replace(_SurfaceReader(plain.operand, values).follow(inputs["Surface"], scope, 0), absorption=absorption)
 
 
 def _note_source(socket: Any, scope: Scope | None, omissions: Omissions, instead: str) -> None:

@@ -150,6 +150,7 @@ SHADERS += (
     "EMISSION",
     "BACKGROUND",
     "HOLDOUT",
+    "VOLUME_ABSORPTION",
     "MIX_SHADER",
     "ADD_SHADER",
 )

@@ -28,6 +28,8 @@ class FinishTable:
         this factor. rotations: (F,) float32, of the tangent about the normal, in turns. A program sets the tangent
         ("TANGENT"), and the coat's normal ("COAT_NORMAL") where it is not the mesh's.
     diffuse_roughnesses: (F,) float32, 0 to 1.
+    absorptions: (F, 3) float32, 0 or more: how much light is absorbed inside closed meshes, by length: of light that
+        passes the surface on its way in, exp(-absorption * length) reaches the surface from inside.
     distributions: (F,) float32, rows of FACET_KINDS: of the slopes of facets. Light that facets
         scatter at each other is right with `MaterialTable.lossy_facets` 1 for all but GGX.
     """
@@ -43,6 +45,7 @@ class FinishTable:
     rotations: Float32Array | None = None
     diffuse_roughnesses: Float32Array | None = None
     distributions: Float32Array | None = None
+    absorptions: Float32Array | None = None
 
 
 # In the order of the engine's `Finish`: how wide they are, what stands for None, the least and the most they may be.
@@ -58,11 +61,12 @@ _FINISH_COLUMNS: dict[str, tuple[int, float, float, float]] = {
     "rotations": (1, 0.0, -np.inf, np.inf),
     "diffuse_roughnesses": (1, 0.0, 0.0, 1.0),
     "distributions": (1, 0.0, 0.0, len(FACET_KINDS) - 1.0),
+    "absorptions": (3, 0.0, 0.0, np.inf),
 }
 
 
 def finish_arguments(function: str, finish: FinishTable) -> npt.NDArray[np.float32]:
-    """(F, 15): all columns side by side."""
+    """(F, 18): all columns side by side."""
     given = {name: getattr(finish, name) for name in _FINISH_COLUMNS if getattr(finish, name) is not None}
     count = max((len(column) for column in given.values()), default=0)
     columns = []

@@ -207,6 +207,8 @@ void Appearance::finish() {
                      std::any_of(programs.begin(), programs.end(), program_sets_alpha);
   bends_normals_ = std::any_of(programs.begin(), programs.end(),
                                [](const auto& program) { return program->output(MaterialSlot::kNormal) != nullptr; });
+  any_absorbing_ = std::any_of(finish_rows.begin(), finish_rows.end(),
+                               [](const Finish& finish) { return !(finish.absorption == Vec3f{0, 0, 0}); });
   any_holdout_ = std::any_of(holdout.begin(), holdout.end(), [](std::uint8_t flag) { return flag != 0; }) ||
                  std::any_of(material_holdouts.begin(), material_holdouts.end(), is_above_zero);
 }

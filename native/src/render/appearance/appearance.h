@@ -130,8 +130,9 @@ struct Finish {
   float rotation = 0.0f;           // of the tangent about the normal, in turns
   float diffuse_roughness = 0.0f;  // 0 to 1
   float distribution = 0.0f;       // of facets' slopes: a FacetKind
+  Vec3f absorption{0, 0, 0};       // of light inside a mesh of it, by length
 };
-static_assert(sizeof(Finish) == 15 * sizeof(float));
+static_assert(sizeof(Finish) == 18 * sizeof(float));
 
 // The colour that a lobe has: a row's colour times the base colour, as programs make it, to the row's power.
 struct TintTable {
@@ -226,6 +227,13 @@ struct Appearance {
   [[nodiscard]] Rgba value_of(const Instance& instance, std::size_t number) const noexcept;
   // Whether some material lets anything through.
   [[nodiscard]] bool any_transparent() const noexcept { return any_transparent_; }
+  // Whether some material absorbs light inside its meshes; how much of it one of these rows does.
+  [[nodiscard]] bool any_absorbing() const noexcept { return any_absorbing_; }
+  [[nodiscard]] Vec3f absorption_of(std::int32_t material) const noexcept {
+    if (finishes.empty() || material == kNoMaterial) return {0, 0, 0};
+    const std::int32_t row = finishes[static_cast<std::size_t>(material)];
+    return row == kNoFinish ? Vec3f{0, 0, 0} : finish_rows[static_cast<std::size_t>(row)].absorption;
+  }
   // Whether nodes of some material bend its normals.
   [[nodiscard]] bool bends_normals() const noexcept { return bends_normals_; }
   // The row in the material table.
@@ -246,7 +254,7 @@ struct Appearance {
   std::vector<MeshAttributes> meshes_;
   std::vector<std::int32_t> mesh_rows_;      // by mesh id: ids are small and never reused
   std::vector<std::int32_t> instance_rows_;  // by instance id
-  bool any_holdout_ = false, any_transparent_ = false, bends_normals_ = false;
+  bool any_holdout_ = false, any_transparent_ = false, bends_normals_ = false, any_absorbing_ = false;
 };
 
 }  // namespace perfect_bvh

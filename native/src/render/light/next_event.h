@@ -35,6 +35,7 @@ struct Path {
   std::uint32_t place = 0;          // by which its random numbers differ from its neighbours' (ShadeTask::places)
   Vec3f throughput{1, 1, 1};        // what is left of light that comes along its ray
   Vec3f guide_throughput{1, 1, 1};  // the same for a denoiser's guides
+  Vec3f absorption{0, 0, 0};        // of what its ray crosses, by length
   // Of its direction, over solid angle; infinite where it was without choice.
   float density = std::numeric_limits<float>::infinity();
   float least_density = std::numeric_limits<float>::max();  // of all its directions

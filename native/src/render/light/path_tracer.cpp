@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "math/elementary.h"
 #include "query/trace.h"
 #include "render/sampling/sampler.h"
 
@@ -47,6 +48,7 @@ void PathTracer::follow(std::uint32_t sample, int depth, const PathTargets& targ
     scratch.next.clear();
     wave.hits.resize(wave.rays.size());
     trace_closest(snapshot_, cancel_, wave.rays, wave.hits);
+    if (appearance_.any_absorbing()) absorb(wave);
     const Step step{sample, kFirstDimension + kDimensionsPerDepth * static_cast<std::uint32_t>(depth), targets};
     see_lights(step, wave);
     see_environment(step, wave);
@@ -67,6 +69,27 @@ void PathTracer::add(const Step& step, const Path& path, Vec3f color, int bounce
   const Vec3f bright = clamped(color, bounces);
   Rgba& to = step.targets.colors[path.owner];
   to = {to.r + bright.x, to.g + bright.y, to.b + bright.z, to.a};
+}
+
+// By the law of Beer and Lambert. Lights inside are seen as from as far away as what is behind them.
+void PathTracer::absorb(Wave& wave) const {
+  for (std::size_t row = 0; row < wave.paths.size(); ++row) {
+    Path& path = wave.paths[row];
+    if (path.absorption == Vec3f{0, 0, 0}) continue;
+    const double length =
+        static_cast<double>(wave.hits[row].t) - static_cast<double>(std::max(wave.rays[row].t_min, 0.0f));
+    const auto left = [&](float absorbed) {
+      return absorbed > 0.0f ? static_cast<float>(exponential(-static_cast<double>(absorbed) * length)) : 1.0f;
+    };
+    const Vec3f share{left(path.absorption.x), left(path.absorption.y), left(path.absorption.z)};
+    path.throughput = path.throughput * share, path.guide_throughput = path.guide_throughput * share;
+  }
+}
+
+void PathTracer::cross_border(Path& path, const SurfacePoint& point) const noexcept {
+  if (appearance_.any_absorbing()) {
+    path.absorption = point.inside ? Vec3f{0, 0, 0} : appearance_.absorption_of(point.material);
+  }
 }
 
 void PathTracer::see_lights(const Step& step, Wave& wave) const {
@@ -135,13 +158,13 @@ void PathTracer::see_surface(const Step& step, const SurfacePoint& point, Materi
   const float through = std::clamp(material.through(), 0.0f, 1.0f);
   if (through > 0.0f) {
     if (path.is_seen()) {
-      pass(path, ray, hit, through, scratch.next);
+      pass(path, ray, hit, point, through, scratch.next);
       path.throughput = path.throughput * (1.0f - through);
       path.guide_throughput = path.guide_throughput * (1.0f - through);
     } else {
       const Dimension dimension(seed_, step.first_dimension + kPassDimension);
       const Point2 chance = (dimension.sample(step.sample) ^ dimension.offset(path.place)).to_unit();
-      if (chance.x < through) return pass(path, ray, hit, 1.0f, scratch.next);
+      if (chance.x < through) return pass(path, ray, hit, point, 1.0f, scratch.next);
     }
   }
   if (path.is_seen()) step.targets.colors[path.owner].a += path.throughput.x * (1.0f - material.holdout);
@@ -181,10 +204,11 @@ Vec3f PathTracer::emitted(const Path& path, const Ray& ray, const Hit& hit, cons
 }
 
 // On behind the surface.
-void PathTracer::pass(const Path& path, const Ray& ray, const Hit& hit, float share, Wave& next) const {
-  Path behind = path;
+void PathTracer::pass(Path behind, const Ray& ray, const Hit& hit, const SurfacePoint& point, float share,
+                      Wave& next) const {
+  cross_border(behind, point);
   behind.throughput = behind.throughput * share, behind.guide_throughput = behind.guide_throughput * share;
-  if (!(largest(behind.throughput) > (path.is_seen() ? kLeastThrough : 0.0f))) return;
+  if (!(largest(behind.throughput) > (behind.is_seen() ? kLeastThrough : 0.0f))) return;
   if (++behind.transparent > limits_.transparent_bounces) return;
   Ray rest = ray;
   rest.t_min = std::nextafter(hit.t, kInfiniteDistance);
@@ -217,6 +241,7 @@ void PathTracer::scatter(const Step& step, Scratch& scratch) const {
     // Cycles.
     const bool is_below = dot(scattered.direction, vertex.point.geometric_normal) < 0.0f;
     if (!scattered.is_strand && is_below != goes_beyond) continue;
+    if (goes_beyond) cross_border(path, vertex.point);
     scratch.next.add(path, ray_from(vertex.point, scattered.direction, kInfiniteDistance, mask_of(scattered.kind)));
   }
 }

@@ -60,13 +60,16 @@ class PathTracer {
   };
 
   void follow(std::uint32_t sample, int depth, const PathTargets& targets, Scratch& scratch) const;
+  void absorb(Wave& wave) const;
+  // Takes the path to the other side of a surface that may enclose what absorbs light.
+  void cross_border(Path& path, const SurfacePoint& point) const noexcept;
   void see_lights(const Step& step, Wave& wave) const;
   void see_environment(const Step& step, const Wave& wave) const;
   void see_surfaces(const Step& step, Scratch& scratch) const;
   void see_surface(const Step& step, const SurfacePoint& point, Material& material, Scratch& scratch) const;
   [[nodiscard]] Vec3f emitted(const Path& path, const Ray& ray, const Hit& hit, const SurfacePoint& point,
                               const Material& material) const;
-  void pass(const Path& path, const Ray& ray, const Hit& hit, float share, Wave& next) const;
+  void pass(Path path, const Ray& ray, const Hit& hit, const SurfacePoint& point, float share, Wave& next) const;
   void pass_hair(const Path& path, const Ray& ray, const Hit& hit, Wave& next) const;
   void light_vertices(const Step& step, Scratch& scratch) const;
   void scatter(const Step& step, Scratch& scratch) const;
