@@ -142,7 +142,7 @@ INSTEAD: tuple[tuple[Callable[[Any], None], list[str]], ...] = (
     (
         coated,
         [
-            "Subsurface is not shown; a diffuse surface is",
+            "Subsurface is not shown; a diffuse surface of its mean colour is",
             "Thin Film is not shown; what it covers is",
         ],
     ),

@@ -12,7 +12,7 @@ from perfect_bvh.nodes import Operand
 
 from ...sync.look_records import HairRecord
 from . import node_maths, node_places, node_textures  # noqa: F401 what reads the nodes of values
-from .finishes import FinishReader
+from .finishes import FinishReader, walked
 from .lobes import DIFFUSE, HairReader, Lobes, Part, add_thin, fixed, mix_parts, sum_hair
 from .node_graph import DIFFUSE as DIFFUSE_SURFACE
 from .node_graph import (
@@ -161,13 +161,18 @@ class _SurfaceReader:
         """Read a simple shader's colour."""
         sockets = (node.inputs[name] for name in _COLOR_INPUTS if name in node.inputs)
         socket = next((socket for socket in sockets if socket.enabled), None)
-        return self._plain if socket is None else _as_color(self._values.read(socket, scope).operand)
+        base = self._plain if socket is None else _as_color(self._values.read(socket, scope).operand)
+        if node.type == "SUBSURFACE_SCATTERING":
+            return walked(self._values, base, node.falloff, inputs_of(node)["Anisotropy"], scope)
+        return base
 
     def _principled(self, node: Any, scope: Scope | None) -> Surface:
         values, inputs, nodes = self._values, inputs_of(node), self._nodes
         level = self._least(values.number(inputs["Specular IOR Level"], 0.5, scope), 0.0)
+        base = _as_color(values.read(inputs["Base Color"], scope).operand)
+        below, kept = self._subsurface(node, inputs, base, scope)
         return Surface(
-            _as_color(values.read(inputs["Base Color"], scope).operand),
+            below,
             self._emission(inputs["Emission Color"], inputs["Emission Strength"], scope),
             nodes.clamp(values.read_or(constant(1.0), "all of the surface is", inputs["Alpha"], scope).operand),
             Lobes(
@@ -178,9 +183,21 @@ class _SurfaceReader:
                 ior=self._ior(inputs["IOR"], scope),
                 specular_tint=self._tint(inputs["Specular Tint"], scope),
                 finish=self._finishes.principled(node, inputs, scope),
+                **kept,
             ),
             self._normal(node, scope),
         )
+
+    def _subsurface(
+        self, node: Any, inputs: dict[str, Any], base: Operand, scope: Scope | None
+    ) -> tuple[Operand, dict[str, Operand]]:
+        """Read the colour of what is diffuse, and the colours of lobes that keep the base colour."""
+        weight = self._share(inputs["Subsurface Weight"], 0.0, scope)
+        if is_number(weight, 0.0):
+            return base, {}
+        color = walked(self._values, base, node.subsurface_method, inputs["Subsurface Anisotropy"], scope)
+        tint = self._nodes.add("vector_math", base, 0.5, 0.0, 0.0, mode="POWER")
+        return self._nodes.mix(weight, base, color), {"metal": base, "tint": tint}
 
     def _normal(self, node: Any, scope: Scope | None) -> Operand | None:
         socket = node.inputs.get("Normal")

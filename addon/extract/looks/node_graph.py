@@ -170,7 +170,7 @@ SIMPLIFIED_NODES: dict[str, str] = {
     "LIGHT_PATH": "what the camera sees is, for all rays",
     "BSDF_HAIR": "a diffuse surface is, or a translucent one",
     "BSDF_TOON": DIFFUSE,
-    "SUBSURFACE_SCATTERING": DIFFUSE,
+    "SUBSURFACE_SCATTERING": "a diffuse surface of its mean colour is",
     "EEVEE_SPECULAR": DIFFUSE,
     "BSDF_RAY_PORTAL": DIFFUSE,
 }
@@ -192,7 +192,7 @@ class IgnoredInput(NamedTuple):
 
 IGNORED_INPUTS: dict[str, tuple[IgnoredInput, ...]] = {
     "BSDF_PRINCIPLED": (
-        IgnoredInput("Subsurface Weight", 0.0, "Subsurface", "a diffuse surface is"),
+        IgnoredInput("Subsurface Weight", 0.0, "Subsurface", "a diffuse surface of its mean colour is"),
         IgnoredInput("Thin Film Thickness", 0.0, "Thin Film", "what it covers is"),
     ),
     "BSDF_METALLIC": (IgnoredInput("Thin Film Thickness", 0.0, "Thin Film", "what it covers is"),),
