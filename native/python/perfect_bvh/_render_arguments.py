@@ -281,7 +281,7 @@ def _mesh_arrays(
     arrays["corner_colors"] = _layers(function, name, value, "colors", layers["colors"], 3)
     arrays["corner_tangents"] = _layers(function, name, value, "tangents", layers["tangents"], 4)
     places, row = value.corner_generated, (3, 3)
-    given = [] if places is None else [_column(function, f"{name}.corner_generated", places, np.float32, row)]
+    given = [] if places is None else [check_column(function, f"{name}.corner_generated", places, np.float32, row)]
     arrays["corner_generated"] = given
     if value.texture_space is not None:
         arrays["texture_space"] = check_column(function, f"{name}.texture_space", value.texture_space, np.float32, (3,))
