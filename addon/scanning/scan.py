@@ -255,6 +255,8 @@ class Scanner:
         self._warnings |= dict.fromkeys(sync.warnings)
         if self._light is not None:
             left_out = [str(row) for row in sync.record.not_shown if row.kind in ("material", "image")]
+            with_finish = [material.name for material in sync.record.materials if material.finish is not None]
+            left_out += [f"{name}: scans leave out its sheen, coat, anisotropy and absorption" for name in with_finish]
             self._warnings |= dict.fromkeys(left_out)
         self._scene_error = sync.scene_error
         return view, Path(poses[0], poses[-1]), building, reading

@@ -49,6 +49,16 @@ def head() -> Any:
     return empty_scene()
 
 
+def test_what_scans_leave_out_of_a_surface_is_named(head) -> None:
+    material = principled(Base_Color=(0.5, 0.5, 0.5, 1.0))
+    add_plate(2.0, material)
+    assert not any("leave out" in warning for warning in scan(ONE_RAY, head, light=Light(ALL)).warnings)
+    node = next(node for node in material.node_tree.nodes if node.type == "BSDF_PRINCIPLED")
+    node.inputs["Coat Weight"].default_value = 1.0
+    (told,) = [warning for warning in scan(ONE_RAY, head, light=Light(ALL)).warnings if "leave out" in warning]
+    assert told == f"{material.name}: scans leave out its sheen, coat, anisotropy and absorption"
+
+
 # Glass and alpha -----------------------------------------------------------------------------------------------------
 
 

@@ -104,17 +104,22 @@ enum class FacetKind : std::uint8_t { kGgx, kBeckmann, kAshikhminShirley };
 
 class Facets {
  public:
-  explicit Facets(float alpha) noexcept : Facets(alpha, alpha, FacetKind::kGgx) {}
+  explicit Facets(float alpha) noexcept : along_(alpha), across_(alpha), product_(alpha * alpha) {}
   // along, across: widths along the frame's x and y.
   Facets(float along, float across, FacetKind kind) noexcept
-      : along_(along), across_(across), product_(along * across), kind_(kind) {}
+      : along_(along),
+        across_(across),
+        product_(along * across),
+        narrower_(across / along),
+        wider_(along / across),
+        kind_(kind) {}
 
   [[nodiscard]] bool narrower_than(float alpha) const noexcept { return product_ < alpha * alpha; }
 
   // Of normals over solid angle. From the sine rather than the cosine, which has no digits left where slopes are small.
   [[nodiscard]] float density(Vec3f normal) const noexcept {
-    const float x = normal.x * across_, y = normal.y * along_;
-    const float spread = normal.z * normal.z * product_ + (x * x + y * y) / product_;
+    const float slope = normal.x * normal.x * narrower_ + normal.y * normal.y * wider_;
+    const float spread = normal.z * normal.z * product_ + slope;
     return product_ * std::numbers::inv_pi_v<float> / (spread * spread);
   }
   // Of those that `choose_seen` chooses.
@@ -156,7 +161,8 @@ class Facets {
   [[nodiscard]] Vec3f choose_other(Point2 random) const noexcept;
 
   float along_, across_, product_;
-  FacetKind kind_;
+  float narrower_ = 1.0f, wider_ = 1.0f;  // across by along, and the other way round
+  FacetKind kind_ = FacetKind::kGgx;
 };
 
 // In even steps from 0 to 1: by roughness, by cosine.
