@@ -12,6 +12,7 @@ outcomes       what became of each ray, in numbers, and why a scan is of no use,
 mount          the object that carries the sensor, with its children, and how rays go through them
 point_cloud    hits of many batches as columns, and as an .npz file. Needs no Blender.
 formats        the result in the formats of others: PLY, LAS, LAZ, CSV, Parquet, HDF5. Needs no Blender.
+las            writes LAS 1.4. Needs no library
 piece_scan     a long scan as files of some frames each, which are recognised when it is run again
 point_data     the result as a Blender object: its attributes, its colours, the nodes that show it
 """

@@ -3,6 +3,7 @@
 modes             the shading modes, one row each
 scene_settings    of a scene: `scene.perfect_bvh`
 scan_settings     of the Scan button: `scene.perfect_bvh.scan`
+label_settings    of the Label Images button: `scene.perfect_bvh.label_images`
 scan_choices      what it offers: formats, colours of points, sensors
 view_settings     of overlays and compared trees
 shading_settings  of one viewport's shading

@@ -137,7 +137,7 @@ INSTEAD: tuple[tuple[Callable[[Any], None], list[str]], ...] = (
     (into_two_inputs, [f"{NOISE} its flat colour is"]),
     (behind_a_group, [f"{NOISE} its flat colour is"]),
     (labelled, ["Dirt (Ambient Occlusion) is not shown; its flat colour is"]),
-    (on_a_box, ["the projection Box of Four is not shown; Flat is"]),
+    (on_a_box, []),
     (bumpy, [f"{NOISE} the mesh's own normals are"]),
     (
         coated,

@@ -9,6 +9,8 @@ node_textures  ... of procedural textures
 node_places  ... of places, images, attributes and normals
 values       numbers and instructions of a material's program
 lobes        shares of a surface that mirror, refract, or let light through
+finishes     sheen, coats, brushed and rough structure, distributions of facets
+volumes      what glass absorbs inside
 images       pixels, read once
 lights       lights and the world
 sky          Sky Texture
