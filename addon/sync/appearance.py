@@ -10,7 +10,6 @@ from perfect_bvh import Camera, Lens
 from perfect_bvh.appearance import (
     LIGHT_KINDS,
     Appearance,
-    FinishTable,
     HairTable,
     ImageTexture,
     InstanceTable,
@@ -19,6 +18,7 @@ from perfect_bvh.appearance import (
     MeshAppearance,
     World,
 )
+from perfect_bvh.finishes import FinishTable
 
 from .records import (
     CATCHES_SHADOWS,
