@@ -69,9 +69,9 @@ class PERFECT_BVH_OT_label_images(JobOperator, bpy.types.Operator):
     def _finish(self, context: bpy.types.Context) -> set[str]:
         for warning in self._job.warnings:
             self._complain(warning, "WARNING")
-        images = show_labels(self._job.last)
-        if images and not bpy.app.background and context.window is not None:
-            show_in_editor(context, images[0])
+        images = make_images(self._job.last)
+        if images and not bpy.app.background:
+            _show_soon(images[0])
         self.report({"INFO"}, self._job.summary(time.perf_counter() - self._started))
         return {"FINISHED"}
 
@@ -152,7 +152,7 @@ def plan_of(scene: bpy.types.Scene) -> LabelPlan:
     )
 
 
-def show_labels(labels: Labels | None) -> list[bpy.types.Image]:
+def make_images(labels: Labels | None) -> list[bpy.types.Image]:
     """Puts labels into images of Blender's: objects as colours, depth from white (near) to black."""
     if labels is None:
         return []
@@ -168,6 +168,20 @@ def show_labels(labels: Labels | None) -> list[bpy.types.Image]:
         grey = 1.0 - 0.9 * (labels.depth - near) / max(float(far - near), 1e-9)
         depth[..., :3] = np.where(is_there, grey, 0.0)[..., None]
     return [_store(OBJECTS, colors), _store(DEPTH, depth)]
+
+
+def _show_soon(image: bpy.types.Image) -> None:
+    """When the operator is over: a window that opens hands events on, which would have it end a second time."""
+    uid = image.session_uid
+
+    def show() -> None:
+        found = next((image for image in bpy.data.images if image.session_uid == uid), None)
+        window = next(iter(bpy.context.window_manager.windows), None)
+        if found is not None and window is not None:
+            with bpy.context.temp_override(window=window):
+                show_in_editor(bpy.context, found)
+
+    bpy.app.timers.register(show, first_interval=0.0)
 
 
 def _store(name: str, pixels: Any) -> bpy.types.Image:

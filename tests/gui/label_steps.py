@@ -7,7 +7,7 @@ import tempfile
 from pathlib import Path
 
 import bpy
-from addon_state import forget_reports, module, settings, wait_for_report
+from addon_state import close_image_windows, forget_reports, module, settings, wait_for_report
 from driver import Step, check, redrawn, screenshot, wait_until
 from places import area_of, context_of
 
@@ -32,7 +32,4 @@ def label_images() -> Step:
     check(len(list(folder.glob("labels_*.npz"))) == 1, f"files: {list(folder.iterdir())}")
     settings().label_images.folder = ""
     shutil.rmtree(folder)
-    for window in list(bpy.context.window_manager.windows)[1:]:  # the one that was opened for the image
-        with bpy.context.temp_override(window=window):
-            bpy.ops.wm.window_close()
-    yield from redrawn()
+    yield from close_image_windows()
