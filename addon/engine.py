@@ -113,6 +113,7 @@ class PerfectBVHRenderEngine(bpy.types.RenderEngine):
     bl_use_shading_nodes_custom = False
 
     _region_viewport: Viewport | None = None
+    _status: RenderStatus  # of the frame that is being rendered
     _rendered: frozenset[tuple[int, float, str]] = frozenset()  # scene, frame and layer of the parts of one image
 
     def update_render_passes(self, scene: bpy.types.Scene, view_layer: bpy.types.ViewLayer) -> None:
@@ -268,12 +269,12 @@ class PerfectBVHRenderEngine(bpy.types.RenderEngine):
         job.frame = None
         try:
             sync = sync_of(depsgraph)
-            status = RenderStatus(self, sync)
+            self._status = status = RenderStatus(self, sync)
             job.frame = render_frame(
                 sync,
                 depsgraph,
                 plan,
-                progress=lambda done: self._advance(job, status, done),
+                progress=lambda done: self._advance(job, done),
                 tell=status.tell,
                 show=show,
                 camera=camera,
@@ -305,8 +306,8 @@ class PerfectBVHRenderEngine(bpy.types.RenderEngine):
         if line := summarize(not_shown):
             self.report({"WARNING"}, f"{line}: see Not Shown in the Render properties")
 
-    def _advance(self, job: RenderJob, status: RenderStatus, done: float) -> bool:
-        status.show(done)
+    def _advance(self, job: RenderJob, done: float) -> bool:
+        self._status.show(done)
         self.update_progress(done)
         wants_more = job.progress is None or job.progress(done)
         return wants_more and not self.test_break()
