@@ -179,6 +179,8 @@ def _trace(
     costs = trace_costs(sync.scene, sync.camera, plan.size, sync.appearance, plan.settings.threads, at_end, shutter)
     seconds = time.perf_counter() - start - (audit.seconds if audit else 0.0)
     is_blurred = sync.camera.lens is not None or (plan.motion is not None and plan.motion.blurs)
+    if plan.is_denoised and denoised_part is not None:
+        denoised_part(0.0)  # the built-in filter tells no progress
     denoised = _denoise(plan, images, noise if done > 1 else None, done, is_blurred, denoised_part)
     if progress is not None:
         progress(1.0)  # the denoiser may end without saying so; there is nothing left to cancel

@@ -98,9 +98,10 @@ def test_size_camera_and_category(scene_file: Path, tmp_path: Path) -> None:
     assert "box" in str(found["categories"])
 
 
-def test_escape_keeps_whole_files(scene_file: Path, tmp_path: Path) -> None:
-    from perfect_bvh_addon.operators import label_button
+def test_escape_keeps_whole_files(scene_file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    from perfect_bvh_addon.operators import label_button, piece_jobs
 
+    monkeypatch.setattr(piece_jobs, "STEP_SECONDS", 0.0)
     label_button_piece, label_button.PIECE = label_button.PIECE, 1
     try:
         settings_for(tmp_path / "panel")

@@ -160,7 +160,7 @@ def test_a_column_that_is_not_there_is_named(room: Any, scanned: PointCloud) -> 
 
 
 def test_without_a_scan_there_is_nothing_to_color(room: Any) -> None:
-    with pytest.raises(RuntimeError, match="There is no scan whose points could be colored"):
+    with pytest.raises(RuntimeError, match="No scan to color"):
         bpy.ops.perfect_bvh.color_points()
 
 

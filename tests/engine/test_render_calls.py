@@ -309,7 +309,7 @@ def test_appearances_that_do_not_fit_are_refused(scene: Scene, appearance: Appea
 @pytest.mark.parametrize("name", [field.name for field in fields(MaterialTable) if field.default is None])
 def test_material_columns_need_a_row_each(scene: Scene, name: str) -> None:
     row = {"programs": (None,)}.get(name, np.zeros((3, 3) if name.endswith(("colors", "emissions", "_tints")) else 3))
-    if name == "hairs":
+    if name in {"hairs", "finishes"}:
         row = row.astype(np.int32)
     colors, indices = np.ones((2, 4), np.float32), np.zeros(2, np.int32)
     appearance = Appearance(materials=MaterialTable(colors, indices, **{name: row}))

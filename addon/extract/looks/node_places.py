@@ -265,16 +265,6 @@ def _in_world(reader: ValueReader, direction: Operand) -> Operand:
     return turned.operand
 
 
-@reads("TANGENT")
-def _tangent(reader: ValueReader, node: Any, output: Any, scope: Scope | None) -> Value:
-    if reader.omissions.kind != "material":
-        return reader.fallback
-    if node.direction_type == "RADIAL":
-        return Value(radial_tangent(reader, node.axis))
-    along = reader.nodes.add("input", mode="TANGENT", layer=node.uv_map)
-    return Value(_in_world(reader, channels_of(along, 0, 3)))
-
-
 @reads("BUMP")
 def _bump(reader: ValueReader, node: Any, output: Any, scope: Scope | None) -> Value:
     strength, distance, height = reader.inputs(node, ("Strength", "Distance", "Height"), scope)
