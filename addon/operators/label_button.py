@@ -99,9 +99,8 @@ class LabelsJob(PiecesJob):
         choices = {"size": plan.size, "category": plan.category, "layers": plan.layers, "format": list(plan.formats)}
         choices |= {"labels": [], "flow": False, "viewport": False, "no_coco": not plan.has_coco}
         choices |= {"depth_scale": plan.depth_scale, "camera": camera}
-        inputs = ScannedFile(scene, view_layer).inputs_of(
-            lambda arguments: scene_inputs(arguments, *choices, begins=begins), **choices
-        )
+        self._file = ScannedFile(scene, view_layer)
+        inputs = self._file.inputs_of(lambda arguments: scene_inputs(arguments, *choices, begins=begins), **choices)
         place = PieceFolder(folder, inputs, BEFORE, WHAT)
         work = LabelWork(SceneView("labels", scene, view_layer), plan, place, camera, self._take)
         self.last: Labels | None = None
@@ -123,7 +122,8 @@ class LabelsJob(PiecesJob):
         frames = self._outcome.counts.get("frames", 0)
         return f"Labelled {frames} frame{'s' if frames != 1 else ''} into {self._folder}, {duration(1e3 * seconds)}"
 
-    def _take(self, _frame: int, labels: Labels) -> None:
+    def _take(self, frame: int, labels: Labels) -> None:
+        self._file.check_unedited(frame)
         self.last = labels
 
 
