@@ -67,6 +67,12 @@ struct Wave {
 
 // A surface that a path met, ready to be lit and to scatter.
 struct Vertex {
+  Vertex(const SurfacePoint& surface, const Material& material, Vec3f view, const Bsdf::Limits& limits,
+         const Path& arrived) noexcept
+      : point(surface),
+        bsdf(material, surface.light_normal, surface.geometric_normal, view, surface.inside, limits),
+        path(arrived) {}
+
   SurfacePoint point;
   Bsdf bsdf;
   Path path;

@@ -172,18 +172,15 @@ void PathTracer::see_surface(const Step& step, const SurfacePoint& point, Materi
   if (path.ends || material.holdout >= 1.0f) return;
   const Bsdf::Limits limits = limits_of(path);
   if (material.finish && material.coat_normal == Vec3f{0, 0, 0}) material.coat_normal = point.mesh_normal;
-  Bsdf bsdf(material, point.light_normal, point.geometric_normal, view, point.inside, limits);
-  if (!(point.light_normal == point.mesh_normal)) bsdf.set_mesh_normal(point.mesh_normal);
+  Vertex& vertex = scratch.vertices.emplace_back(point, material, view, limits, path);
+  if (!(point.light_normal == point.mesh_normal)) vertex.bsdf.set_mesh_normal(point.mesh_normal);
   if (is_hair) {
-    bsdf.add_hair({*material.hair, material.color, {point.along, point.geometric_normal, view}, limits.least_alpha});
+    vertex.bsdf.add_hair(
+        {*material.hair, material.color, {point.along, point.geometric_normal, view}, limits.least_alpha});
+    vertex.point.strand = &instance, vertex.point.segment = hit.primitive_index;
   }
-  guide_by(step, bsdf, point, material.emission, path);
-  if (bsdf.is_black()) return;
-  scratch.vertices.push_back({point, bsdf, path});
-  if (is_hair) {
-    SurfacePoint& on_strand = scratch.vertices.back().point;
-    on_strand.strand = &instance, on_strand.segment = hit.primitive_index;
-  }
+  guide_by(step, vertex.bsdf, point, material.emission, vertex.path);
+  if (vertex.bsdf.is_black()) scratch.vertices.pop_back();
 }
 
 // Hair has no inner side, as in Cycles: what looks at it looks out.
@@ -308,14 +305,14 @@ void PathTracer::light_white(std::span<const CaughtPoint> points, std::uint32_t 
                              Scratch& scratch) const {
   light.assign(points.size(), Rgba{});
   const PathTargets targets{light, {}, {}};
+  const Material white{.color = {1, 1, 1}};
   const Step first{sample, kFirstDimension, targets};
   scratch.vertices.clear(), scratch.next.clear();
   for (std::uint32_t row = 0; row < points.size(); ++row) {
     Path path;
     path.owner = row, path.place = points[row].place;
     const SurfacePoint& point = points[row].point;
-    const Bsdf white({.color = {1, 1, 1}}, point.light_normal, point.geometric_normal, points[row].view, false, {});
-    scratch.vertices.push_back({point, white, path});
+    scratch.vertices.emplace_back(point, white, points[row].view, Bsdf::Limits{}, path);
   }
   light_vertices(first, scratch);
   scatter(first, scratch);

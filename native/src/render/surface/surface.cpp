@@ -117,19 +117,21 @@ void find_surfaces(const Snapshot& snapshot, const Appearance& appearance, Surfa
     if (!hit.found()) continue;
     const Instance& instance = snapshot.instances[hit.instance_index];
     if (!needs.holdouts && appearance.is_holdout(instance, hit.primitive_index)) continue;
-    SurfacePoint point;
+    SurfacePoint& point = points.emplace_back();
     const Ray& ray = rays[row];
     point.ray = static_cast<std::uint32_t>(row), point.time = ray.time;
     if (needs.normals) {
-      const bool turns = instance.turns != nullptr;
-      set_normals(appearance, turns ? posed(instance, ray.time) : instance, ray, hit, needs.origins, point);
+      if (instance.turns == nullptr) {
+        set_normals(appearance, instance, ray, hit, needs.origins, point);
+      } else {
+        set_normals(appearance, posed(instance, ray.time), ray, hit, needs.origins, point);
+      }
     }
     point.mesh_normal = point.light_normal;
     if (needs.materials) {
       point.material = appearance.material_of(instance, hit.primitive_index);
       point.color = material_color(appearance, point.material);
     }
-    points.push_back(point);
   }
 }
 
