@@ -3,8 +3,8 @@
 render     render properties: mode, sampling, light paths, curves, motion blur
 objects    cameras, lights, materials, worlds, objects
 output     passes of a view layer, scans
-viewports  overlays, shading, the view menu, the walk of a ray
-reports    statistics, updates, trees, what is not shown, the bench
+viewports  overlays, shading, rendering a view, the walk of a ray
+reports    statistics, updates, comparison, what is not shown, the bench
 common     what they share
 """
 
@@ -35,10 +35,12 @@ CLASSES = (
     *viewports.SHADING_CLASSES,
     *output.SCAN_CLASSES,
     *output.LABEL_CLASSES,
-    *reports.BENCH_CLASSES,
+    *viewports.RENDER_VIEW_CLASSES,
     *reports.UPDATES_CLASSES,
-    *reports.TREES_CLASSES,
+    *viewports.DISPLAY_CLASSES,
+    *reports.COMPARE_CLASSES,
     *viewports.WALK_RAY_CLASSES,
+    *reports.BENCH_CLASSES,
 )
 LISTS = (*reports.NOT_SHOWN_LISTS, *reports.UPDATES_LISTS)
 

@@ -42,7 +42,7 @@ class EnginePanel(RenderPanel):
 
 
 class SidebarPanel:
-    """A panel of the add-on's own tab in the sidebar of 3D viewports, whatever the render engine is."""
+    """A panel of what users make, in a tab of the sidebar of 3D viewports, whatever the render engine is."""
 
     bl_space_type = "VIEW_3D"
     bl_region_type = "UI"
@@ -51,6 +51,13 @@ class SidebarPanel:
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
         return native_error() is None
+
+
+class StudyPanel(SidebarPanel):
+    """A panel of what can be learned about the trees and their rays, in a tab of its own."""
+
+    bl_category = "BVH"
+    bl_options: ClassVar = {"DEFAULT_CLOSED"}
 
 
 def settings_layout(panel: bpy.types.Panel) -> bpy.types.UILayout:
@@ -90,6 +97,11 @@ def draw_messages_of(context: bpy.types.Context, layout: bpy.types.UILayout, sou
     for message in messages_of(context.scene):
         if message.source == source:
             draw_message(context, layout, message, TABS)
+
+
+def draw_purpose(context: bpy.types.Context, layout: bpy.types.UILayout, sentence: str) -> None:
+    """What a sidebar's panel is for, above its settings."""
+    draw_lines(context, layout.column(), sentence, inset=TABS)
 
 
 def draw_lines(

@@ -10,7 +10,7 @@ from ..settings.modes import mode_of_render
 from ..settings.preferences import denoising_data_settings
 from ..settings.scan_choices import OTHER
 from ..statistics.messages import notes_of
-from .common import TABS, RenderPanel, SidebarPanel, draw_lines, draw_messages_of, settings_layout
+from .common import TABS, RenderPanel, SidebarPanel, draw_lines, draw_messages_of, draw_purpose, settings_layout
 
 # What the Scan button casts, what becomes of the points, and the button.
 
@@ -22,6 +22,7 @@ class PERFECT_BVH_PT_scan(SidebarPanel, bpy.types.Panel):
 
     def draw(self, context: bpy.types.Context) -> None:
         layout = settings_layout(self)
+        draw_purpose(context, layout, "Cast the rays of a camera or a LiDAR, and keep their hits as points or files")
         settings = context.scene.perfect_bvh.scan
         _draw_sensor(layout, settings)
         _draw_frames(layout, settings)
@@ -100,6 +101,7 @@ class PERFECT_BVH_PT_label_images(SidebarPanel, bpy.types.Panel):
 
     def draw(self, context: bpy.types.Context) -> None:
         layout = settings_layout(self)
+        draw_purpose(context, layout, "Images of which object, category and depth each pixel shows, as training data")
         settings = context.scene.perfect_bvh.label_images
         layout.prop(settings, "camera")
         layout.prop(settings, "frames")

@@ -19,10 +19,11 @@ from .common import (
     TABS,
     EnginePanel,
     RenderPanel,
-    SidebarPanel,
+    StudyPanel,
     draw_lines,
     draw_message,
     draw_messages_of,
+    draw_purpose,
     settings_layout,
     text_width,
 )
@@ -154,13 +155,14 @@ class PERFECT_BVH_UL_updates(bpy.types.UIList):
         return [self.bitflag_filter_item if is_shown else 0 for is_shown in shown], []
 
 
-class PERFECT_BVH_PT_updates(SidebarPanel, bpy.types.Panel):
+class PERFECT_BVH_PT_updates(StudyPanel, bpy.types.Panel):
     """The list, and two sentences about its active row."""
 
     bl_label = "Scene Updates"
 
     def draw(self, context: bpy.types.Context) -> None:
         layout, scene = self.layout, context.scene
+        draw_purpose(context, layout, "Which objects were read anew for the last image, and what rays spend on each")
         statistics, rows = last_statistics(scene), rows_of(scene)
         if statistics is None:
             draw_lines(
@@ -229,40 +231,20 @@ UPDATES_CLASSES = (PERFECT_BVH_PT_updates,)
 UPDATES_LISTS = (PERFECT_BVH_UL_updates,)
 
 
-# Trees ---------------------------------------------------------------------------------------------------------------
+# Compare -------------------------------------------------------------------------------------------------------------
 # Looking into trees: two of one object side by side.
 
 
-class PERFECT_BVH_PT_trees(SidebarPanel, bpy.types.Panel):
-    """Holds the panels below."""
-
-    bl_label = "Trees"
-
-    def draw(self, context: bpy.types.Context) -> None:
-        """Which boxes are drawn wherever boxes are drawn."""
-        layout = settings_layout(self)
-        overlay = context.scene.perfect_bvh.overlay
-        layout.prop(overlay, "level")
-        layout.prop(overlay, "color_by")
-
-
-class TreePanel(SidebarPanel):
-    """One of the panels of what can be done with trees."""
-
-    bl_parent_id = "PERFECT_BVH_PT_trees"
-    bl_options: ClassVar = {"DEFAULT_CLOSED"}
-
-
-class PERFECT_BVH_PT_compare(TreePanel, bpy.types.Panel):
+class PERFECT_BVH_PT_compare(StudyPanel, bpy.types.Panel):
     """Which two trees are compared, and the button."""
 
     bl_label = "Compare"
-    bl_options: ClassVar = set()
 
     def draw(self, context: bpy.types.Context) -> None:
         from ..view3d.compare import compare_view
 
         layout = settings_layout(self)
+        draw_purpose(context, layout, "Two BVHs of the active object side by side, with the expected cost of a ray")
         compare = context.scene.perfect_bvh.compare
         column = layout.column(align=True)
         column.prop(compare, "left")
@@ -274,7 +256,7 @@ class PERFECT_BVH_PT_compare(TreePanel, bpy.types.Panel):
         draw_messages_of(context, layout, "Compare")
 
 
-TREES_CLASSES = (PERFECT_BVH_PT_trees, PERFECT_BVH_PT_compare)
+COMPARE_CLASSES = (PERFECT_BVH_PT_compare,)
 
 
 # Not shown -----------------------------------------------------------------------------------------------------------
@@ -354,14 +336,14 @@ NOT_SHOWN_LISTS = (PERFECT_BVH_UL_not_shown,)
 # The button that measures the scene, and a table of what that has found.
 
 
-class PERFECT_BVH_PT_bench(SidebarPanel, bpy.types.Panel):
+class PERFECT_BVH_PT_bench(StudyPanel, bpy.types.Panel):
     """Measures the scene and shows what that has found."""
 
     bl_label = "Benchmark"
 
     def draw(self, context: bpy.types.Context) -> None:
         text = "Measures for about a minute which BVH builder and which kind of update suit this scene"
-        draw_lines(context, self.layout, text, inset=TABS)
+        draw_purpose(context, self.layout, text)
         self.layout.operator("perfect_bvh.bench", icon="TIME")
         draw_messages_of(context, self.layout, "Benchmark This Scene")
         results = last_results(context.scene.session_uid)

@@ -9,9 +9,16 @@ import bpy
 from ..settings.modes import find_mode
 from ..settings.preferences import native_error
 from ..settings.scene_settings import ENGINE_NAME
-from ..settings.shading_settings import mode_of
-from .common import draw_messages_of
-from .reports import TreePanel
+from ..settings.shading_settings import mode_of, overlay_settings
+from .common import (
+    TABS,
+    SidebarPanel,
+    StudyPanel,
+    draw_lines,
+    draw_messages_of,
+    draw_purpose,
+    settings_layout,
+)
 
 # Which boxes of the trees are drawn over 3D viewports; what they tell stands in the viewports themselves.
 
@@ -30,7 +37,7 @@ class PERFECT_BVH_PT_overlay(bpy.types.Panel):
 
     def draw(self, context: bpy.types.Context) -> None:
         layout = self.layout
-        settings = context.scene.perfect_bvh.overlay
+        settings = overlay_settings(context.space_data)
         layout.active = context.space_data.overlay.show_overlays
         row = layout.row()
         row.prop(settings, "show_top_level")
@@ -46,7 +53,26 @@ class PERFECT_BVH_PT_overlay(bpy.types.Panel):
         split.row(align=True).prop(settings, "color_by", expand=True)
 
 
+class PERFECT_BVH_PT_display(StudyPanel, bpy.types.Panel):
+    """The same settings in the sidebar, where Compare shows boxes of the same level in the same colors."""
+
+    bl_label = "Display"
+
+    def draw(self, context: bpy.types.Context) -> None:
+        layout = settings_layout(self)
+        draw_purpose(context, layout, "Boxes of the BVHs over this viewport, level by level")
+        settings = overlay_settings(context.space_data)
+        if not context.space_data.overlay.show_overlays:
+            draw_lines(context, layout, "Overlays are off in this viewport", icon="INFO", inset=TABS)
+        column = layout.column(heading="Boxes", align=True)
+        column.prop(settings, "show_top_level")
+        column.prop(settings, "show_active")
+        for name in ("level", "use_all_to_level", "use_in_front", "color_by"):
+            layout.prop(settings, name)
+
+
 OVERLAY_CLASSES = (PERFECT_BVH_PT_overlay,)
+DISPLAY_CLASSES = (PERFECT_BVH_PT_display,)
 
 
 # Shading -------------------------------------------------------------------------------------------------------------
@@ -105,6 +131,25 @@ def _draw_studio(layout: bpy.types.UILayout, shading: Any) -> None:
 SHADING_CLASSES = (PERFECT_BVH_PT_shading_lighting, PERFECT_BVH_PT_shading_render_pass)
 
 
+# Render view ---------------------------------------------------------------------------------------------------------
+# The button that renders what a viewport shows.
+
+
+class PERFECT_BVH_PT_render_view(SidebarPanel, bpy.types.Panel):
+    """The button, and how large the image gets."""
+
+    bl_label = "Render View to Image"
+    bl_options: ClassVar = {"DEFAULT_CLOSED"}
+
+    def draw(self, context: bpy.types.Context) -> None:
+        draw_purpose(context, self.layout, "What this viewport shows, rendered into the Image Editor")
+        self.layout.operator("perfect_bvh.preview", text="Render View", icon="RENDER_STILL")
+        draw_messages_of(context, self.layout, "Render View to Image")
+
+
+RENDER_VIEW_CLASSES = (PERFECT_BVH_PT_render_view,)
+
+
 # View menu -----------------------------------------------------------------------------------------------------------
 # The View menu of 3D viewports, where Blender renders viewports to images as well.
 
@@ -138,17 +183,17 @@ BUTTONS = (
 )
 
 
-class PERFECT_BVH_PT_walk_ray(TreePanel, bpy.types.Panel):
+class PERFECT_BVH_PT_walk_ray(StudyPanel, bpy.types.Panel):
     """Which step is shown is told in the viewport."""
 
     bl_label = "Walk a Ray"
-    bl_options: ClassVar = set()
 
     def draw(self, context: bpy.types.Context) -> None:
         from ..view3d.walk import walk_view
         from ..view3d.walk.walk_picture import place_of
 
         layout = self.layout
+        draw_purpose(context, layout, "Click a pixel to follow its ray through the BVH, box by box")
         walk = walk_view.shown()
         row = layout.row(align=True)
         row.operator("perfect_bvh.walk_ray", icon="CURVE_PATH")

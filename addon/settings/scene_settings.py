@@ -11,7 +11,7 @@ from .label_settings import PERFECT_BVH_PG_label_images
 from .modes import DEFAULT_MODE, MODES
 from .scan_settings import PERFECT_BVH_PG_scan
 from .view_settings import CLASSES as TREE_CLASSES
-from .view_settings import PERFECT_BVH_PG_compare, PERFECT_BVH_PG_overlay
+from .view_settings import PERFECT_BVH_PG_compare
 
 if TYPE_CHECKING:
     from perfect_bvh import Camera, LightPaths, Shutter
@@ -98,9 +98,6 @@ class PERFECT_BVH_PG_settings(bpy.types.PropertyGroup):
     )
     label_images: bpy.props.PointerProperty(
         name="Label Images", description="What the Label Images button writes", type=PERFECT_BVH_PG_label_images
-    )
-    overlay: bpy.props.PointerProperty(
-        name="Overlay", description="Which boxes of the trees 3D viewports show", type=PERFECT_BVH_PG_overlay
     )
     compare: bpy.props.PointerProperty(
         name="Compare", description="Which two trees of the active object are compared", type=PERFECT_BVH_PG_compare
@@ -263,7 +260,6 @@ def preview_settings() -> RenderSettings:
 CLASSES = (
     PERFECT_BVH_PG_scan,
     PERFECT_BVH_PG_label_images,
-    PERFECT_BVH_PG_overlay,
     *TREE_CLASSES,
     PERFECT_BVH_PG_settings,
 )

@@ -8,6 +8,7 @@ import bpy
 
 from .preferences import redraw_for_setting
 from .scene_settings import MODE_ITEMS, RenderSettings, read_settings
+from .view_settings import PERFECT_BVH_PG_overlay
 
 AS_RENDER = "RENDER"
 # Its number must be no mode's, of which there may be more one day.
@@ -27,6 +28,17 @@ class PERFECT_BVH_PG_shading(bpy.types.PropertyGroup):
         default=AS_RENDER,
         update=redraw_for_setting,
     )
+    overlay: bpy.props.PointerProperty(
+        name="Overlay", description="Which boxes of the trees this viewport shows", type=PERFECT_BVH_PG_overlay
+    )
+
+
+def overlay_settings(space: bpy.types.SpaceView3D) -> PERFECT_BVH_PG_overlay:
+    """Which boxes of the trees a viewport shows.
+
+    They stand with its shading: Blender lets add-ons keep nothing with its overlays.
+    """
+    return space.shading.perfect_bvh.overlay
 
 
 def mode_of(scene: bpy.types.Scene, shading: bpy.types.View3DShading) -> str:
@@ -40,8 +52,12 @@ def read_view_settings(scene: bpy.types.Scene, shading: bpy.types.View3DShading)
     return replace(read_settings(scene, is_viewport=True), mode=mode_of(scene, shading))
 
 
+CLASSES = (PERFECT_BVH_PG_overlay, PERFECT_BVH_PG_shading)
+
+
 def register() -> None:
-    bpy.utils.register_class(PERFECT_BVH_PG_shading)
+    for settings in CLASSES:
+        bpy.utils.register_class(settings)
     bpy.types.View3DShading.perfect_bvh = bpy.props.PointerProperty(
         name="Perfect BVH", description="What this viewport shows in Rendered shading", type=PERFECT_BVH_PG_shading
     )
@@ -49,4 +65,5 @@ def register() -> None:
 
 def unregister() -> None:
     del bpy.types.View3DShading.perfect_bvh
-    bpy.utils.unregister_class(PERFECT_BVH_PG_shading)
+    for settings in reversed(CLASSES):
+        bpy.utils.unregister_class(settings)

@@ -8,11 +8,11 @@ import bpy
 
 from .preferences import redraw_for_setting
 
-# Which boxes 3D viewports show: `scene.perfect_bvh.overlay`.
+# Which boxes a 3D viewport shows: `space.shading.perfect_bvh.overlay`, which is saved with the screen.
 
 
 class PERFECT_BVH_PG_overlay(bpy.types.PropertyGroup):
-    """Which boxes of the trees are drawn in 3D viewports."""
+    """Which boxes of the trees are drawn in a 3D viewport."""
 
     show_top_level: bpy.props.BoolProperty(
         name="Top Level", description="Draw the tree over all instances", default=False, update=redraw_for_setting

@@ -7,6 +7,7 @@ from typing import Any
 
 import bpy
 from perfect_bvh_addon import panels
+from perfect_bvh_addon.settings.shading_settings import overlay_settings
 from perfect_bvh_addon.statistics import update_list
 
 
@@ -83,6 +84,11 @@ def render_a_cube() -> None:
     bpy.data.materials.new("Tried")
     bpy.data.lights.new("Tried", "AREA")
     bpy.ops.render.render()
+
+
+def viewport_overlay() -> Any:
+    """Which boxes of trees a viewport shows."""
+    return overlay_settings(shaded_space())
 
 
 def shaded_space() -> Any:

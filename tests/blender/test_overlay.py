@@ -10,6 +10,7 @@ import pytest
 
 bpy = pytest.importorskip("bpy")
 
+from blender.drawn_texts import viewport_overlay  # noqa: E402
 from blender.followed_trees import synced  # noqa: E402
 from perfect_bvh_addon.settings import preferences, view_settings  # noqa: E402
 from perfect_bvh_addon.view3d.drawing import RAMP, box_lines, shares  # noqa: E402
@@ -72,7 +73,7 @@ def test_a_level_is_a_cut() -> None:
 def test_lines_are_made_again_only_when_the_boxes_change(scene, drawn_batches) -> None:
     bpy.ops.mesh.primitive_monkey_add()
     obj = bpy.context.object
-    settings = scene.perfect_bvh.overlay
+    settings = viewport_overlay()
     lines = tree_lines.TreeLines()
 
     def follow() -> int:
@@ -98,9 +99,10 @@ def test_lines_are_made_again_only_when_the_boxes_change(scene, drawn_batches) -
 def test_it_shows_no_more_boxes_than_can_be_seen(scene, drawn_batches, monkeypatch) -> None:
     monkeypatch.setattr(tree_lines, "MOST_BOXES", 5)
     bpy.ops.mesh.primitive_monkey_add()
-    scene.perfect_bvh.overlay.level, scene.perfect_bvh.overlay.use_all_to_level = 64, True
+    settings = viewport_overlay()
+    settings.level, settings.use_all_to_level = 64, True
     lines = tree_lines.TreeLines()
-    lines.follow(synced().scene.snapshot(), 0, scene.perfect_bvh.overlay)
+    lines.follow(synced().scene.snapshot(), 0, settings)
     assert lines.shown.count == 5 < lines.shown.total
     assert len(drawn_batches[0].positions) == 5 * 8
 
@@ -123,7 +125,7 @@ def test_the_active_object_is_found_where_it_stands(scene) -> None:
 
 def test_a_redraw_goes_through_no_boxes_and_no_objects(scene, drawn_batches, monkeypatch, overlay) -> None:
     bpy.ops.mesh.primitive_monkey_add()
-    settings = scene.perfect_bvh.overlay
+    settings = viewport_overlay()
     settings.show_top_level = settings.show_active = True
     asked = []
     for module, name in ((scene_overlay, "find_object"), (tree_lines, "list_levels"), (tree_lines, "are_equal")):
@@ -144,7 +146,7 @@ def test_a_redraw_goes_through_no_boxes_and_no_objects(scene, drawn_batches, mon
 
 def test_what_a_script_changes_is_drawn(scene) -> None:
     """Without a window nothing can be drawn, but the properties can be asked whom they tell."""
-    settings = scene.perfect_bvh.overlay
+    settings = viewport_overlay()
     redrawn = []
     area = SimpleNamespace(type="VIEW_3D", tag_redraw=lambda: redrawn.append(1))
     windows = [SimpleNamespace(screen=SimpleNamespace(areas=[area, SimpleNamespace(type="PROPERTIES")]))]
@@ -177,7 +179,7 @@ def test_it_follows_frames_and_forgets_files(scene, drawn_batches, overlay) -> N
     for frame, x in ((1, 0.0), (10, 9.0)):
         cube.location.x = x
         cube.keyframe_insert("location", frame=frame)
-    settings = scene.perfect_bvh.overlay
+    settings = viewport_overlay()
     settings.show_top_level = settings.show_active = True
     settings.level = 0
     for frame, x in ((1, 0.0), (10, 9.0)):
@@ -190,7 +192,7 @@ def test_it_follows_frames_and_forgets_files(scene, drawn_batches, overlay) -> N
     overlay._follow(bpy.context, settings)
     assert len(drawn_batches) == count
     bpy.ops.wm.read_factory_settings(use_empty=True)
-    settings = bpy.context.scene.perfect_bvh.overlay
+    settings = viewport_overlay()
     settings.show_top_level = settings.show_active = True
     overlay._follow(bpy.context, settings)
     assert overlay.active is None and overlay.top_level.shown.count == 0
@@ -198,7 +200,7 @@ def test_it_follows_frames_and_forgets_files(scene, drawn_batches, overlay) -> N
 
 def test_it_follows_edits_although_somebody_removed_its_handlers(scene, drawn_batches, overlay) -> None:
     bpy.ops.mesh.primitive_cube_add()
-    settings = scene.perfect_bvh.overlay
+    settings = viewport_overlay()
     settings.show_top_level, settings.level = True, 0
     for z in (0.0, 2.0):
         bpy.context.object.location.z = z

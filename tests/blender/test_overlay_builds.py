@@ -14,6 +14,7 @@ import pytest
 bpy = pytest.importorskip("bpy")
 
 import perfect_bvh  # noqa: E402
+from blender.drawn_texts import viewport_overlay  # noqa: E402
 from blender.followed_trees import synced  # noqa: E402
 from blender.long_builds import PATIENCE, Gate, building_threads, wait_until  # noqa: E402
 from perfect_bvh_addon.live import pending_commit  # noqa: E402
@@ -53,7 +54,7 @@ def test_the_last_boxes_are_drawn_in_grey_until_the_new_ones_are_there(scene, mo
     monkeypatch.setattr(pending_commit, "BUILDING_SECONDS", 0.05)
     screen = Screen(monkeypatch)
     bpy.ops.mesh.primitive_cube_add()
-    settings = scene.perfect_bvh.overlay
+    settings = viewport_overlay()
     settings.show_top_level = settings.show_active = True
     settings.level = 0
     overlay.draw(bpy.context, settings)
@@ -106,7 +107,7 @@ def test_no_frame_of_an_animation_that_plays_shows_the_boxes_of_another(scene, m
     for frame, z in ((1, 0.0), (3, 4.0)):
         cube.location.z = z
         cube.keyframe_insert("location", frame=frame)
-    settings = scene.perfect_bvh.overlay
+    settings = viewport_overlay()
     settings.show_top_level, settings.level = True, 0
     for frame in (1, 2, 3, 1):
         scene.frame_set(frame)
@@ -128,7 +129,7 @@ def test_boxes_wait_for_trees_that_take_long_and_blender_for_neither(drawn_batch
     monkeypatch.setattr(pending_commit, "BUILDING_SECONDS", 0.05)
     gate = Gate(monkeypatch)
     bpy.ops.mesh.primitive_uv_sphere_add()
-    settings = bpy.context.scene.perfect_bvh.overlay
+    settings = viewport_overlay()
     settings.show_top_level = True
     shown = scene_overlay.SceneOverlay()
     shown.draw(bpy.context, settings)

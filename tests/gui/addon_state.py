@@ -63,6 +63,11 @@ def space() -> bpy.types.SpaceView3D:
     return area_of("VIEW_3D").spaces.active
 
 
+def overlay_settings() -> Any:
+    """Which boxes the first viewport shows."""
+    return space().shading.perfect_bvh.overlay
+
+
 def overlay() -> Any:
     """What is drawn of the trees, None if nothing is."""
     with bpy.context.temp_override(**context_of(area_of("VIEW_3D"))):

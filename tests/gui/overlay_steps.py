@@ -6,7 +6,7 @@ import time
 
 import bpy
 import numpy as np
-from addon_state import is_playing, measured, overlay, settings, space
+from addon_state import is_playing, measured, overlay, overlay_settings, space
 from buttons import leave
 from driver import Step, at_rest, check, redraw, redrawn, screen_pixels, screenshot, wait_until
 from hands import handled, hover, press_key
@@ -22,7 +22,7 @@ def shown() -> object | None:
 def set_overlay(**values: object) -> Step:
     """As a script does it, which asks for no redraw."""
     for name, value in values.items():
-        setattr(settings().overlay, name, value)
+        setattr(overlay_settings(), name, value)
     yield from redrawn()
 
 
@@ -33,7 +33,7 @@ def show_the_top_level() -> Step:
     yield from redrawn()
     check(overlay() is None, "boxes are drawn before anybody asked for them")
     pixels = screen_pixels()
-    settings().overlay.show_top_level = True
+    overlay_settings().show_top_level = True
     yield from wait_until(shown, "no box of the top level is drawn")
     yield from wait_until(lambda: (screen_pixels() != pixels).mean() > 0.005, "the screen shows no box", every=0.2)
     screenshot("overlay_level_2")
@@ -128,8 +128,8 @@ def draw_100000_boxes() -> Step:
     measured["redraws a second with 100,000 boxes"] = 1.0 / sorted(times)[1]
     with bpy.context.temp_override(**context_of(area_of("VIEW_3D"))):
         started = time.perf_counter()
-        overlay()._follow(bpy.context, settings().overlay)
-        overlay().sections(settings().overlay)
+        overlay()._follow(bpy.context, overlay_settings())
+        overlay().sections(overlay_settings())
         measured["of it what does not draw, ms"] = (time.perf_counter() - started) * 1e3
     yield from set_overlay(show_active=False)
     for _ in range(3):

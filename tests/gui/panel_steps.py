@@ -35,6 +35,7 @@ from panels import (
     open_sidebar,
 )
 from places import area_of, main_area, middle_of, region_of
+from studies import with_study
 
 MAIN_BUTTONS = [
     "render.engine",
@@ -212,7 +213,7 @@ def bench() -> Step:
         screenshot("bench")
         yield from close_image_windows()
 
-    yield from open_sidebar("Bench", work)
+    yield from with_study("Benchmark", work)
     check(not is_working(), "the measurement goes on")
 
 

@@ -5,11 +5,12 @@ from __future__ import annotations
 from typing import Any
 
 import bpy
-from addon_state import is_working, module, settings, wait_for_report
+from addon_state import is_working, module, overlay_settings, wait_for_report
 from driver import Step, area_pixels, check, redrawn, screenshot, wait_until
 from gates import always, gate_of_builds
 from hands import click, handled, hover, press_here, press_key
 from places import context_of, main_area, region_of
+from studies import close_study, open_study
 
 STEP = 8  # less than half of a button
 
@@ -58,7 +59,7 @@ def differ(one: Any, other: Any) -> float:
 def compare_two_trees() -> Step:
     area, view = main_area(), module("view3d.compare.compare_view")
     bpy.context.view_layer.objects.active = bpy.data.objects["Tree"]
-    yield from open_sidebar(area)
+    yield from open_study(area, "Compare")
     before = area_pixels(area)
     with gate_of_builds() as gate:
         gate.hold_when(always)
@@ -76,11 +77,10 @@ def compare_two_trees() -> Step:
     check([half.count > 20 for half in found.halves] == [True, True], "a half has hardly any boxes")
     screenshot("compare")
     counts = [half.count for half in found.halves]
-    settings().overlay.level += 1
+    overlay_settings().level += 1
     yield from wait_until(lambda: counts != [half.count for half in found.halves], "the level stays", every=0.2)
-    settings().overlay.level -= 1
+    overlay_settings().level -= 1
     free = module("view3d.drawing").free_rect(area, region_of(area))
     yield from click_cross(area, free.right, free.top)
     yield from wait_until(lambda: view.shown() is None, "the cross does not end the comparison")
-    area.spaces.active.show_region_ui = False
-    yield from redrawn()
+    yield from close_study(area, "Compare")

@@ -8,6 +8,7 @@ from driver import Step, check, redrawn, screenshot, wait_until
 from hands import click, handled, hover
 from places import context_of, main_area, region_of
 from render_steps import start_render
+from studies import close_study, open_study
 
 ROW = 20  # the height of one, at the resolution scale that a new user has
 STEP = 5
@@ -43,11 +44,8 @@ def choose_rows_of_what_was_updated() -> Step:
     start_render()
     yield from wait_until(lambda: "render_complete" in events, "the render does not end")
     yield from close_image_windows()
-    area.spaces.active.show_region_ui = True
-    yield from redrawn()
+    yield from open_study(area, "Scene Updates")
     sidebar = region_of(area, "UI")
-    sidebar.active_panel_category = "Perfect BVH"
-    sidebar.tag_redraw()
     rows_of = module("statistics.update_list").rows_of
     yield from wait_until(lambda: rows_of(scene) is not None and len(rows_of(scene).rows) > 3, "nothing is listed")
     yield from redrawn()
@@ -64,5 +62,4 @@ def choose_rows_of_what_was_updated() -> Step:
         check(rows.done and rows.advice, f"nothing is said of {rows.rows[number].name}")
     yield from redrawn()
     screenshot("a_row_of_what_was_updated")
-    area.spaces.active.show_region_ui = False
-    yield from redrawn()
+    yield from close_study(area, "Scene Updates")

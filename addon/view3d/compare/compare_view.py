@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 import bpy
 
 from ...events.changes import edit_count, watch_again
+from ...settings.shading_settings import overlay_settings
 from .. import drawing
 from ..legend import DrawHandler, OneShown, close_rect, contains, draw_close
 from .compare_trees import Row, heading_of, level_line, rows_of
@@ -126,7 +127,7 @@ def draw_comparison(context: bpy.types.Context, found: Shown) -> None:
         _draw_centered(middle, free.bottom + gap, "There is too little room here", HEADING_SIZE, text_color)
         return
     pictures = _pictures_of(context, found, left)
-    settings = context.scene.perfect_bvh.overlay
+    settings = overlay_settings(context.space_data)
     for side, rect, picture, rows in zip(
         (found.comparison.left, found.comparison.right), (left, right), pictures.halves, columns, strict=True
     ):

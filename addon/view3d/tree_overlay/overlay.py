@@ -1,6 +1,7 @@
 """The boxes of the trees, drawn over 3D viewports: the top level, and the tree of the active object.
 
-Each scene's view layer has an overlay of its own (`scene_overlay.py`) for as long as it asks for one.
+Each viewport has an overlay of its own (`scene_overlay.py`) for each view layer that it shows, for as long as it asks
+for one.
 """
 
 from __future__ import annotations
@@ -8,21 +9,28 @@ from __future__ import annotations
 import bpy
 
 from ...settings.preferences import native_error, redraw_viewports
+from ...settings.shading_settings import overlay_settings
 from .. import pointer
 from ..legend import DrawHandler, Section
 from .scene_overlay import SceneOverlay
 
-_overlays: dict[tuple[int, str], SceneOverlay] = {}
+# The address of a viewport's space, a scene's session_uid, the name of its view layer.
+Key = tuple[int, int, str]
+_overlays: dict[Key, SceneOverlay] = {}
+
+
+def _key_of(context: bpy.types.Context) -> Key:
+    return context.space_data.as_pointer(), context.scene.session_uid, context.view_layer.name
 
 
 def overlay_of(context: bpy.types.Context) -> SceneOverlay | None:
-    """What is drawn of the context's scene, for the panel to tell of it; None if nothing is."""
-    return _overlays.get((context.scene.session_uid, context.view_layer.name))
+    """What is drawn in the context's viewport; None if nothing is."""
+    return _overlays.get(_key_of(context))
 
 
 def is_wanted(context: bpy.types.Context) -> bool:
-    """Whether the context's scene asks for boxes, and can have them: not while a ray is walked, which shows its own."""
-    settings = context.scene.perfect_bvh.overlay
+    """Whether the context's viewport asks for boxes, and can have them: not while a walk of a ray shows its own."""
+    settings = overlay_settings(context.space_data)
     if not (settings.show_top_level or settings.show_active) or native_error() is not None:
         return False
     from ..walk import walk_view
@@ -32,7 +40,7 @@ def is_wanted(context: bpy.types.Context) -> bool:
 
 def _draw() -> None:
     context = bpy.context
-    key = (context.scene.session_uid, context.view_layer.name)
+    key = _key_of(context)
     if not is_wanted(context):
         _drop(key)
         return
@@ -41,18 +49,25 @@ def _draw() -> None:
     if key not in _overlays:
         from ...events.changes import listen
 
-        there = {scene.session_uid for scene in bpy.data.scenes}
-        for gone in [other for other in _overlays if other[0] not in there]:
+        for gone in [other for other in _overlays if not _is_there(other)]:
             _drop(gone)
         _overlays[key] = SceneOverlay()
         listen(_overlays[key])
-    _overlays[key].draw(context, context.scene.perfect_bvh.overlay)
+    _overlays[key].draw(context, overlay_settings(context.space_data))
+
+
+def _is_there(key: Key) -> bool:
+    """Whether the viewport and the scene are."""
+    windows = bpy.context.window_manager.windows
+    spaces = (area.spaces.active for window in windows for area in window.screen.areas)
+    is_scene_there = any(scene.session_uid == key[1] for scene in bpy.data.scenes)
+    return is_scene_there and any(space.as_pointer() == key[0] for space in spaces)
 
 
 def sections(context: bpy.types.Context) -> list[Section]:
     """What a viewport's legend is to tell of the boxes."""
     overlay = overlay_of(context) if context.space_data.overlay.show_overlays else None
-    return [] if overlay is None else overlay.sections(context.scene.perfect_bvh.overlay)
+    return [] if overlay is None else overlay.sections(overlay_settings(context.space_data))
 
 
 def tip(context: bpy.types.Context) -> tuple[tuple[int, int], list[str]] | None:
@@ -80,7 +95,7 @@ class _Pointing:
 _pointing = _Pointing()
 
 
-def _drop(key: tuple[int, str]) -> None:
+def _drop(key: Key) -> None:
     overlay = _overlays.pop(key, None)
     if overlay is not None:
         from ...events.changes import stop_listening

@@ -1,4 +1,4 @@
-"""The boxes of one scene's trees: which are drawn, what is told of them, and the one under the mouse.
+"""The boxes of one scene's trees in a viewport: which are drawn, what is told of them, and the one under the mouse.
 
 The boxes are those of the cached sync, which is brought in step when something has changed and a viewport is drawn,
 whatever render engine the scene has. The lines of a tree are made once and kept until its boxes are others: moving an
@@ -39,7 +39,7 @@ BAR_STOPS = 9
 
 
 class SceneOverlay:
-    """The overlay of one scene's view layer. message: why it cannot be shown, "" if all is well.
+    """The overlay of a viewport that shows one scene's view layer. message: why it cannot be shown, "" if all is well.
 
     hovered: the box under the mouse, None if there is none.
     """
