@@ -113,6 +113,7 @@ _NATIVE_MODULES = (
     ".live.sync_cache",
     ".view3d.compare.compare_view",
     ".view3d.scan_points",
+    ".view3d.sensor_view",
     ".view3d.walk.walk_view",
 )
 _LANDMARK = "PERFECT_BVH_PT_render"

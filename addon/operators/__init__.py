@@ -3,6 +3,7 @@
 preview       *Render View to Image*
 scan_button   *Scan*
 scan_request  what its panel asks for, checked
+add_sensor    *Add Sensor*
 label_button  *Label Images*
 piece_jobs    what *Scan* and *Label Images* share
 measure       *Bench*, and the comparison of two trees
@@ -16,9 +17,9 @@ from __future__ import annotations
 import bpy
 
 from ..bench import results
-from . import label_button, measure, preview, scan_button, scan_request, select, ticking, walk
+from . import add_sensor, label_button, measure, preview, scan_button, scan_request, select, ticking, walk
 
-_MODULES = (preview, scan_button, scan_request, label_button, measure, select, walk)
+_MODULES = (preview, scan_button, scan_request, add_sensor, label_button, measure, select, walk)
 _CLASSES = tuple(operator for module in _MODULES for operator in module.CLASSES)
 
 

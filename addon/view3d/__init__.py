@@ -11,4 +11,5 @@ pointer       where the mouse is, and objects and rays that trees are tried with
 reading       one object as rays meet it, now or in another frame
 cost_scale    the scale of the mode "cost"
 scan_points   points of scans in their colours
+sensor_view   the lines and the range of the scan's sensor
 """
