@@ -13,14 +13,16 @@ from oracles import recorded_hooks
 
 STARTED = pytest.StashKey[float]()
 REPOSITORY = Path(__file__).resolve().parent.parent
+LONG_TESTS = REPOSITORY / "tests" / "long_tests.txt"
 # Files that take longest for the number of their tests. Begun last, they would leave one core waiting for the other.
 LONGEST_FILES = ("test_arm64.py", "test_readme.py", "test_soak.py", "test_scenes.py")
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     """Has the longest files begun first, whatever folder they are in; skips what is for `--long`."""
+    long = {line for line in LONG_TESTS.read_text().splitlines() if line and not line.startswith("#")}
     for item in items if not config.getoption("--long") else ():
-        if item.get_closest_marker("long"):
+        if item.get_closest_marker("long") or item.nodeid in long:
             item.add_marker(pytest.mark.skip(reason="--long is not given"))
     items.sort(key=lambda item: item.path.name not in LONGEST_FILES)
 
