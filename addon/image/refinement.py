@@ -63,7 +63,7 @@ class Refinement:
         self.view = view
         self.seconds = 0.0
         self.ray_count = 0
-        self.costs: Images = {}
+        self.costs: Images | None = None  # of the camera's rays; None before the first full image
         self.is_finished = False
         self.interval = DEFAULT_INTERVAL
         """How long until something new can be shown, for whoever traces it: shorter steps would only cost more."""
@@ -116,8 +116,11 @@ class Refinement:
         if self._denoiser is not None and self._is_worth_denoising:
             self._denoise(self._denoiser, stop)
             return True
+        if self.costs is None and (self.sample_count > 0 or self._schedule.is_finished):
+            self._find_costs(stop)
+            return False
         if self._schedule.is_finished:
-            self._finish(stop)
+            self._finish()
             return False
         step = self._schedule.next_step(self._pace, min(seconds, self._longest))
         is_whole = step.rows[1] >= self._schedule.rows[1]
@@ -219,14 +222,16 @@ class Refinement:
         else:
             self.canvas.replace(made.image)
 
-    def _finish(self, stop: StopFlag | None) -> None:
+    def _find_costs(self, stop: StopFlag | None) -> None:
         view = self.view
-        width, height = view.plan.size
-        if self.canvas.image is None:  # not a row lies within the border
-            self.canvas.replace(np.zeros((height, width, 4), np.float32))
         self.costs = trace_costs(
             view.snapshot, view.camera, view.plan.size, view.appearance, view.plan.settings.threads, stop
         )
+
+    def _finish(self) -> None:
+        width, height = self.view.plan.size
+        if self.canvas.image is None:  # not a row lies within the border
+            self.canvas.replace(np.zeros((height, width, 4), np.float32))
         self.is_finished = True
 
 

@@ -94,6 +94,7 @@ def test_a_reader_gets_only_what_has_changed(view: View) -> None:
     assert [patch.pixels.shape for patch in patches] == [(128, 64, 4)] * 2
     assert all(patch.pixels is None for patch in refinement.canvas.patches(held))
     refinement._pace.seconds_per_pixel = 1.0
+    refinement.step(0.0)  # what the rays of the camera cost
     refinement.step(0.0)  # a band of the second sample
     assert [patch.pixels is None for patch in refinement.canvas.patches(held)] == [False, True]
 
@@ -251,3 +252,13 @@ def test_data_has_no_noise_that_could_end_its_samples(view: View) -> None:
         finish(refinement, 1.0)
         counts.append(refinement.sample_count)
     assert counts == [16, 32]
+
+
+def test_what_the_cameras_rays_cost_is_there_with_the_first_full_image(view: View) -> None:
+    refinement = Refinement(view, Pace(seconds_per_pixel=1e-3))
+    while refinement.sample_count == 0:
+        assert refinement.costs is None
+        refinement.step(0.0)
+    while refinement.costs is None:
+        refinement.step(0.0)
+    assert refinement.costs and refinement.sample_count < view.plan.samples

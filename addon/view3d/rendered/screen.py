@@ -181,7 +181,7 @@ def remember_view(
 def view_statistics(
     source: Source, sync: SceneSync, refinement: Refinement, has_own_mode: bool = False
 ) -> FrameStatistics:
-    """Of a finished image that shows what `sync` still holds; the report is that of its last change."""
+    """Of an image that has all its costs, and shows what `sync` still holds; the report is that of its last change."""
     assert sync.last_change is not None
     plan = refinement.view.plan
     return FrameStatistics(
@@ -192,7 +192,7 @@ def view_statistics(
         trace_milliseconds=refinement.seconds * 1e3,
         camera_rays=refinement.ray_count,
         samples=refinement.mean_samples,
-        owners=owners_of(sync, refinement.costs),
+        owners=owners_of(sync, refinement.costs or {}),
         source=source,
         has_own_mode=has_own_mode,
     )

@@ -69,7 +69,7 @@ class Viewport:
         self._tracer = Tracer()
         self._screen = ScreenImage()
         self._shown: tuple[Refinement | None, int, bool] = (None, 0, False)  # whose news, their number, its end
-        self._is_remembered = False
+        self._remembered = 0  # 1: what the first full image took, 2: the last one
         self._told: BaseException | None = None
         self.region_pointer = 0
         """The address of the region that was drawn last."""
@@ -144,8 +144,9 @@ class Viewport:
         self._trace(refinement, view_is_new, context.screen.is_animation_playing)
         self._show(refinement)
         self._draw_screen(engine, context, depsgraph)
-        if refinement.is_finished and not self._is_remembered:
-            self._is_remembered = True
+        remembered = (refinement.costs is not None) + refinement.is_finished
+        if remembered > self._remembered:
+            self._remembered = remembered
             remember_view("Viewport", sync, refinement, depsgraph.scene, edits_of(depsgraph.scene))
         return self.is_working
 
@@ -263,7 +264,7 @@ class Viewport:
         key = ViewKey(sync.scene.scene_id, sync.revision, _camera_key(camera), plan, lighting)
         if key == self._key:
             return False
-        self._key, self._is_remembered = key, False
+        self._key, self._remembered = key, 0
         view = View.of(sync, as_camera(camera), plan)
         lit = lighting.light(view.appearance, sync.record.lights.of_world)
         self._refinement = Refinement(replace(view, appearance=lit), self._pace)
