@@ -101,13 +101,22 @@ def wheel_tests(session: nox.Session) -> None:
     tools = [tool for tool in extras["test"] if not tool.startswith("perfect-bvh[")]
     data = [] if (platform.system(), platform.machine()) == ("Windows", "ARM64") else extras["data"]
     session.install(*project["dependencies"], *(extras["blender"] if has_blender else ()), *tools, *data)
-    session.install(
-        "--only-binary=:all:", "--no-deps", "--no-index", "--find-links", "dist/wheels", "perfect-bvh-engine"
-    )
+    install_engine(session)
+    copy_addon(session)
+    session.run("pytest", *session.posargs)
+
+
+def install_engine(session: nox.Session) -> None:
+    """Install the wheel in dist/wheels that fits this system and Python; nothing is compiled."""
+    found = ("--only-binary=:all:", "--no-deps", "--no-index", "--find-links", "dist/wheels")
+    session.install(*found, "perfect-bvh-engine")
+
+
+def copy_addon(session: nox.Session) -> None:
+    """Put the add-on's sources into the session's environment, under the name that they have as a package."""
     asked = "import sysconfig; print(sysconfig.get_path('purelib'))"
     packages = Path(str(session.run("python", "-c", asked, silent=True)).strip())
     shutil.copytree("addon", packages / "perfect_bvh_addon", dirs_exist_ok=True)
-    session.run("pytest", *session.posargs)
 
 
 @nox.session(default=False)
