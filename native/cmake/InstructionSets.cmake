@@ -8,6 +8,7 @@
 # tells too little of, release/weak_symbols.py does so when wheels are built.
 
 set(PERFECT_BVH_ISAS avx2 avx512 neon)
+set(PERFECT_BVH_LEFT_OUT_ISAS "" CACHE STRING "Of these, those that no kernels are compiled for")
 set(perfect_bvh_processors_avx2 "^(x86_64|AMD64)$")
 set(perfect_bvh_processors_avx512 ${perfect_bvh_processors_avx2})
 set(perfect_bvh_processors_neon "^(aarch64|arm64|ARM64)$")
@@ -22,7 +23,7 @@ function(perfect_bvh_take_isa_sources sources_variable)
     set(isa_sources ${sources})
     list(FILTER isa_sources INCLUDE REGEX "/src/traverse/[^/]*_${isa}\\.cpp$")
     list(FILTER sources EXCLUDE REGEX "_${isa}\\.cpp$")
-    if(NOT CMAKE_SYSTEM_PROCESSOR MATCHES "${perfect_bvh_processors_${isa}}")
+    if(NOT CMAKE_SYSTEM_PROCESSOR MATCHES "${perfect_bvh_processors_${isa}}" OR isa IN_LIST PERFECT_BVH_LEFT_OUT_ISAS)
       set(isa_sources "")
     endif()
     set(perfect_bvh_sources_${isa} ${isa_sources} PARENT_SCOPE)

@@ -54,10 +54,9 @@ endfunction()
 # Sets the variable named by `filter_variable` to a filter of GoogleTest's. To be called once the engine is linked.
 function(perfect_bvh_sanitize_tests target filter_variable)
   if(PERFECT_BVH_SANITIZE)
-    # In the tests' own files, of which UndefinedBehaviorSanitizer doubles the compile time, not where the engine's are
-    # concerned. AddressSanitizer stops at what is wrong with a pointer there too. A library, so that these come last.
+    # A library, so that it comes last.
     add_library(perfect_bvh_sanitized_tests INTERFACE)
-    target_compile_options(perfect_bvh_sanitized_tests INTERFACE -O1 -fno-sanitize=null,alignment,vptr)
+    target_compile_options(perfect_bvh_sanitized_tests INTERFACE -O1)
     target_link_libraries(${target} PRIVATE perfect_bvh_sanitized_tests)
   endif()
   set(filter "*")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import bpy
 from addon_state import close_image_windows, events, module
-from driver import Step, check, redrawn, screenshot, wait_until
+from driver import Step, at_rest, check, redrawn, screenshot, wait_until
 from hands import click, handled, hover
 from places import context_of, main_area, region_of
 from render_steps import start_render
@@ -48,7 +48,7 @@ def choose_rows_of_what_was_updated() -> Step:
     sidebar = region_of(area, "UI")
     rows_of = module("statistics.update_list").rows_of
     yield from wait_until(lambda: rows_of(scene) is not None and len(rows_of(scene).rows) > 3, "nothing is listed")
-    yield from redrawn()
+    yield from at_rest(area)
     screenshot("what_was_updated")
     rows, x = rows_of(scene), sidebar.x + COLUMN * sidebar.width
     top, bottom = yield from find_rows(area, x)
