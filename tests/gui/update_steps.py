@@ -30,7 +30,7 @@ def find_rows(area: bpy.types.Area, x: float) -> Step:
         yield from handled()
         if is_of_list(area):
             found.append(y)
-        elif found:
+        elif found and found[-1] - y > STEP:  # not the edge between two rows
             break
     check(found, "there is no list in the sidebar")
     return found[0], found[-1]
