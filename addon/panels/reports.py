@@ -162,7 +162,7 @@ class PERFECT_BVH_PT_updates(StudyPanel, bpy.types.Panel):
 
     def draw(self, context: bpy.types.Context) -> None:
         layout, scene = self.layout, context.scene
-        draw_purpose(context, layout, "What the last image had to read and build, and the share of rays that each object takes")
+        draw_purpose(context, layout, "What the last image had to read and build, and what share of rays each takes")
         statistics, rows = last_statistics(scene), rows_of(scene)
         if statistics is None:
             draw_lines(

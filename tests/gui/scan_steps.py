@@ -8,7 +8,7 @@ import bpy
 from addon_state import forget_reports, is_working, module, settings, wait_for_report
 from builds import is_building, watch_a_build, with_cloud
 from buttons import Button, find_and_press, press
-from driver import Step, check, redrawn, screenshot, wait_until
+from driver import Step, area_pixels, at_rest, check, redrawn, screenshot, wait_until
 from gates import Gate, always, gate_of_steps
 from hands import hover, press_key
 from panels import open_sidebar
@@ -37,6 +37,33 @@ def press_scan(after: Callable[[], Step]) -> Step:
         yield from after()
 
     yield from open_sidebar("Scan", work)
+
+
+def add_a_sensor() -> Step:
+    """By the button behind the sensor's object; its lines are drawn while it is selected."""
+    scan, cursor, area = settings().scan, bpy.context.scene.cursor, area_of("VIEW_3D")
+    before, place = scan.pattern, tuple(cursor.location)
+    scan.pattern, cursor.location = "LIDAR", (0.0, 0.0, 2.0)
+    scan.max_distance = 6.0
+
+    def work(buttons: list[Button]) -> Step:
+        yield from find_and_press(area_of("VIEW_3D"), "perfect_bvh.add_sensor", COLUMN_OF_REFRESH)
+        yield from wait_until(lambda: scan.sensor is not None, "no sensor was added")
+
+    yield from open_sidebar("Add Sensor", work)
+    sensor = scan.sensor
+    check(tuple(sensor.location) == (0.0, 0.0, 2.0) and sensor.select_get(), "it is not at the cursor, or not selected")
+    yield from at_rest(area)
+    seen = area_pixels(area)
+    screenshot("a_sensor")
+    sensor.select_set(False)
+    area.tag_redraw()
+    yield from redrawn()
+    check((area_pixels(area) != seen).mean() > 0.002, "the lines of a sensor are not drawn")
+    bpy.data.objects.remove(sensor)
+    scan.pattern, cursor.location = before, place
+    scan.max_distance = 100.0
+    yield from redrawn()
 
 
 def color_points_anew() -> Step:

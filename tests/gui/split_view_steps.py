@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import bpy
 import numpy as np
-from addon_state import finished
-from driver import Step, check, redrawn, screenshot
+from addon_state import finished, module
+from driver import Step, area_pixels, at_rest, check, redrawn, screenshot, wait_until
 from places import area_of, context_of
 from shown_images import check_shows, main_window, override, redraw_views, show_plainly, view_areas
 
@@ -99,6 +99,35 @@ def hide_in_one_of_two_viewports() -> Step:
     yield from finished("all collections")
     again = yield from check_shows(window, right, "all again")
     check(np.array_equal(again, whole[1]), "not as before at the right")
+
+
+def show_boxes_in_one_of_two_viewports() -> Step:
+    """Which boxes are drawn is each viewport's own, and marks no file as unsaved."""
+    left, right = view_areas(main_window())
+    for area in (left, right):
+        area.spaces.active.overlay.show_overlays = True
+    yield from finished("two viewports with overlays")
+    yield from at_rest(right)
+    overlays = [area.spaces.active.shading.perfect_bvh.overlay for area in (left, right)]
+    before = [area_pixels(area) for area in (left, right)]
+    is_dirty = bpy.data.is_dirty
+    overlays[1].show_top_level, overlays[1].level = True, 1
+    drawn = module("view3d.tree_overlay.overlay")._overlays
+    yield from wait_until(lambda: any(o.top_level and o.top_level.shown for o in drawn.values()), "no box is drawn")
+    yield from redrawn()
+    check(len(drawn) == 1, f"boxes are drawn in {len(drawn)} viewports")
+    check((area_pixels(right) != before[1]).mean() > 0.002, "no box is seen on the right")
+    check(np.array_equal(area_pixels(left), before[0]), "the left viewport has changed")
+    check(bpy.data.is_dirty == is_dirty, "the file is marked as unsaved")
+    screenshot("boxes_in_one_of_two_viewports")
+    overlays[0].show_active, overlays[0].level = True, 3
+    yield from wait_until(lambda: len(drawn) == 2, "the boxes of the left viewport are not drawn")
+    check([o.level for o in overlays] == [3, 1], "both viewports have one level")
+    overlays[0].show_active = overlays[1].show_top_level = False
+    yield from wait_until(lambda: not drawn, "boxes are still drawn")
+    for area in (left, right):
+        show_plainly(area)
+    yield from redrawn()
 
 
 def join_viewports() -> Step:
