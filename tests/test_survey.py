@@ -8,7 +8,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from benchmarks.survey import README, count, count_groups, feature_of, find_files, format_markdown, read_groups
+from benchmarks.survey import LIMITS, count, count_groups, feature_of, find_files, format_markdown, read_groups
 
 ANSWERS = [
     {"file": "a.blend", "not_shown": ["material: Bevel", "material: Bevel", "object: volume"]},
@@ -60,7 +60,7 @@ def test_files_are_counted_by_the_rows_of_the_readme() -> None:
     groups = {"traced": ("Bevel",), "shaders": ("Hair BSDF",), "hair": ("hair",)}
     answers = [*ANSWERS, {"file": "d.glb", "not_shown": ["material: Hair BSDF"]}]
     assert count_groups(answers, groups) == {"traced": 2, "shaders": 1, "hair": 0, "": 1}
-    groups = read_groups(README.read_text(encoding="utf-8"))
+    groups = read_groups(LIMITS.read_text(encoding="utf-8"))
     assert "Bevel" in groups["what nodes trace"]
 
 

@@ -29,7 +29,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 from benchmarks.rows import write_rows
 
 SUFFIXES = (".blend", ".gltf", ".glb")
-README = Path(__file__).resolve().parents[2] / "README.md"
+LIMITS = Path(__file__).resolve().parents[2] / "docs" / "preview.md"
 GROUPS_HEAD = "| not shown | such as |"
 ANSWER = "survey: "  # before the JSON of a child process
 PROBE_SIZE, SHEET_SAMPLES, GAIN = 16, 64, 4.0
@@ -77,7 +77,7 @@ def count(answers: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
 
 
 def read_groups(text: str) -> dict[str, tuple[str, ...]]:
-    """Return what the README's table of what is not shown has: names of features and nodes, by the names of rows."""
+    """Return what the table of what is not shown has: names of features and nodes, by the names of rows."""
     lines = text[text.index(GROUPS_HEAD) :].splitlines()[2:]
     rows = [line.strip("| ").split(" | ") for line in takewhile(lambda line: line.startswith("|"), lines)]
     return {row[0]: tuple(row[1].split(", ")) for row in rows}
@@ -244,7 +244,7 @@ def main() -> None:
     with ThreadPoolExecutor(chosen.workers) as pool:
         answers = list(pool.map(one, files))
     rows = count(answers)
-    groups = count_groups(answers, read_groups(README.read_text(encoding="utf-8")))
+    groups = count_groups(answers, read_groups(LIMITS.read_text(encoding="utf-8")))
     if chosen.json is not None:
         write_rows(
             chosen.json, {"date": str(datetime.date.today()), "groups": groups, "features": rows, "files": answers}

@@ -1,4 +1,4 @@
-"""No node is dropped in silence: each that Blender has is shown as it is or named, in the README as well."""
+"""No node is dropped in silence: each that Blender has is shown as it is or named, in docs/preview.md as well."""
 
 from __future__ import annotations
 
@@ -126,8 +126,8 @@ def test_the_table_names_inputs_that_blender_has(material: Any) -> None:
         assert {ignored.identifier for ignored in inputs} <= found[kind], kind
 
 
-def test_the_readme_lists_the_nodes_that_are_not_shown(material: Any, repository: Path) -> None:
-    groups = read_groups((repository / "README.md").read_text(encoding="utf-8"))
+def test_the_documents_list_the_nodes_that_are_not_shown(material: Any, repository: Path) -> None:
+    groups = read_groups((repository / "docs" / "preview.md").read_text(encoding="utf-8"))
     assert len(groups) < 15
     listed = {name for names in groups.values() for name in names}
     nodes = [material.node_tree.nodes.new(identifier) for identifier in node_types()]

@@ -134,7 +134,7 @@ def _find(sockets: Any, wanted: Any) -> Any:
 # Shown nodes ---------------------------------------------------------------------------------------------------------
 # Which shader nodes are shown, and what is shown in place of the others: the one table, and its notes to users.
 #
-# A node type that stands nowhere here is not shown at all. The README's list of nodes is compared with this one.
+# A node type that stands nowhere here is not shown at all. The list in docs/preview.md is compared with this one.
 
 
 FLAT = "its flat colour is"
