@@ -92,7 +92,7 @@ def read_scene(
         not_shown = [*([] if for_preview else find_missing_libraries()), *parts.not_shown]
         lights = LightRecords()
         if attributes.shading:
-            images = ImageReader(cache.images, for_preview=for_preview)
+            images = ImageReader(cache.images, depsgraph.scene_eval.frame_current, for_preview=for_preview)
             lights = read_lights(depsgraph, visibility, images, not_shown, instanced=parts.instances_lights)
     not_shown += find_ignored_settings(depsgraph, attributes, for_viewport, in_time)
     record = _record_of(depsgraph, parts, cache.hair, lights, camera, read_frame(depsgraph.scene_eval, size))
@@ -136,7 +136,7 @@ def _read_parts(
     for_preview: bool,
 ) -> SceneParts:
     meshes = MeshTable(depsgraph, attributes, reader, cache.meshes, log)
-    images = ImageReader(cache.images, for_preview=for_preview)
+    images = ImageReader(cache.images, depsgraph.scene_eval.frame_current, for_preview=for_preview)
     materials = MaterialReader(depsgraph.view_layer_eval.material_override, images if attributes.shading else None)
     groups = GroupTable(meshes, materials, visibility, AdaptiveSubdivision(depsgraph))
     instances = read_instances(depsgraph, groups, reader, cache.instances)

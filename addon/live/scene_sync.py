@@ -143,10 +143,12 @@ class SceneSync(SyncedScene):
         view = {"camera": camera, "size": size, "space": space}
         if self._watch is not None:
             self._watch.start()  # again, if it was closed
+            self._watch.settle(depsgraph)
         reading = share_of(progress, 0.0, 0.5)
         committing = progress if span is None else share_of(progress, 0.5, 0.5)
         difference, read_milliseconds = self._read(lambda: self._read_any(depsgraph, view, span, reading))
         if self._watch is not None:
+            self._watch.settle(depsgraph)  # reading images makes some for a moment
             self._watch.note_synced(depsgraph)
         state = self._state
         applied = self._apply(difference)

@@ -161,6 +161,11 @@ class SceneWatch:
     def stop(self) -> None:
         changes.stop_listening(self)
 
+    def settle(self, depsgraph: Any) -> None:
+        """Lets Blender evaluate what is pending, where it may be asked: or a query after the update would find that."""
+        if may_ask():
+            evaluate_pending(depsgraph.view_layer)
+
     def note_synced(self, depsgraph: Any) -> None:
         """What the scene is about to be equal to."""
         self._synced = (depsgraph.scene.original.session_uid, depsgraph.view_layer.name)

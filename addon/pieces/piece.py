@@ -5,7 +5,8 @@ from __future__ import annotations
 import glob
 import hashlib
 import json
-from collections.abc import Iterable
+import re
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -249,9 +250,25 @@ def scene_inputs(arguments: Any, *names: str, **options: Any) -> dict[str, Any]:
 
     read = [Path(name) for name in bpy.utils.blend_paths(absolute=True)]
     return inputs_of(
-        [Path(arguments.file), *read],
+        [Path(arguments.file), *read, *_files_of_images(bpy.data.images)],
         **{name: getattr(arguments, name) for name in (*names, "autoexec", "allow_missing")},
         **options,
         blender=bpy.app.version_string,
         version=perfect_bvh.__version__,
     )
+
+
+def _files_of_images(images: Iterable[Any]) -> Iterator[Path]:
+    """The files of UDIM tiles and of sequences, which Blender lists by one name for all of them."""
+    import bpy
+
+    for image in images:
+        path = Path(bpy.path.abspath(image.filepath, library=image.library))
+        if image.source == "TILED":
+            pattern = re.sub(r"<UDIM>|<UVTILE>", "*", glob.escape(path.name))
+        elif image.source == "SEQUENCE":
+            pattern = re.sub(r"\d+(?=\D*$)", "*", glob.escape(path.stem)) + glob.escape(path.suffix)
+        else:
+            continue
+        if path.name and path.parent.is_dir():
+            yield from path.parent.glob(pattern)

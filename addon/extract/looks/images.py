@@ -2,7 +2,7 @@
 
 An image is taken as unchanged if its file, its size and its settings are as before and it was not painted on. One
 with unsaved strokes is read at every sync, as are movies and sequences: nothing tells when the next stroke came, or the
-next frame.
+next frame. Of a sequence the file of the frame is read; of a movie Blender shows Python the first frame alone.
 """
 
 from __future__ import annotations
@@ -10,6 +10,7 @@ from __future__ import annotations
 import ctypes
 import operator
 import os
+import re
 import tempfile
 import threading
 from collections.abc import Callable, Collection, Hashable, Iterator
@@ -46,11 +47,17 @@ def look_of_tiles(image: Any) -> tuple[Any, ...]:
     if not is_tiled(image):
         return ()
     path = bpy.path.abspath(image.filepath, library=image.library)
-    packed = tuple([packed.size for packed in image.packed_files])
+    packed = tuple([sample_packed(packed) for packed in image.packed_files])
     return (
         packed,
         *((tile.number, _look_of_file(_path_of(path, tile.number)), _fill_of(tile)) for tile in image.tiles),
     )
+
+
+def sample_packed(packed: Any) -> tuple[int, bytes]:
+    """Read what tells a packed file from another one of its size: its end, where checksums are, and some bytes."""
+    data = packed.data
+    return len(data), data[-64:] + data[:: 1 + len(data) // 4096]
 
 
 def _fill_of(tile: Any) -> tuple[Any, ...]:
@@ -146,6 +153,29 @@ def _look_of_file(path: str) -> tuple[int, int]:
     return status.st_mtime_ns, status.st_size
 
 
+# Sequences -----------------------------------------------------------------------------------------------------------
+# Which file a sequence shows in a frame, as Blender counts.
+
+
+def sequence_number(user: Any, frame: int) -> int:
+    """The number of the file that an image's user asks for in a frame of the scene."""
+    if user.frame_duration == 0:
+        return 0
+    number = frame - user.frame_start + 1
+    if user.use_cyclic:
+        number = (number - 1) % user.frame_duration + 1
+    return int(max(min(max(number, 0), user.frame_duration) + user.frame_offset, 0))
+
+
+def sequence_path(image: Any, number: int) -> str:
+    """The file of that number: the last digits of the name are replaced."""
+    folder, name = os.path.split(bpy.path.abspath(image.filepath, library=image.library))
+    stem, suffix = os.path.splitext(name)
+    found = list(re.finditer(r"\d+", stem))
+    start, end = found[-1].span() if found else (len(stem), len(stem))
+    return os.path.join(folder, f"{stem[:start]}{number:0{end - start}d}{stem[end:]}{suffix}")
+
+
 # Images --------------------------------------------------------------------------------------------------------------
 
 
@@ -186,10 +216,12 @@ class ImageReader:
     """Gives each image that is met a row, in the order they are met. The cache then holds those, and no others.
 
     for_preview: of an image only every so many pixels are kept, about 1024 a side at most, and of UDIM images the first
-    tile alone: to read the others makes data-blocks for a moment, which a thread beside the user's edits must not.
+    tile and of sequences the first file alone: to read the others makes data-blocks for a moment, which a thread beside
+    the user's edits must not. frame: the scene's.
     """
 
-    def __init__(self, cache: ImageCache, *, for_preview: bool = False) -> None:
+    def __init__(self, cache: ImageCache, frame: int, *, for_preview: bool = False) -> None:
+        self._frame = frame
         self._before, self._around_before, self._for_preview = cache.held, cache.around, for_preview
         self.cache = ImageCache()
         self._rows: dict[tuple[Hashable, ...], int] = {}
@@ -197,10 +229,16 @@ class ImageReader:
         self.records: list[ImageRecord] = []
         self.not_shown: dict[NotShown, None] = {}  # in the order in which they are met
 
-    def row(self, image: Any, extension: Extension = "repeat", interpolation: Interpolation = "linear") -> int:
-        """Return the row of an image with this extension and interpolation."""
+    def row(
+        self, image: Any, extension: Extension = "repeat", interpolation: Interpolation = "linear", user: Any = None
+    ) -> int:
+        """Return the row of an image with this extension and interpolation.
+
+        user: The image user that says which file of a sequence a node shows.
+        """
         uid = image.original.session_uid
-        place = (uid, extension, interpolation)
+        number = self._number_of(image, user)
+        place = (uid, extension, interpolation, number)
         row = self._rows.get(place)
         if row is None:
             row = self._rows[place] = len(self.records)
@@ -208,6 +246,8 @@ class ImageReader:
             if self._shows_tiles(image):
                 tiles = self._held(image, uid, "tiles", lambda: self._tiles(image, uid))
                 pixels = next(iter(tiles.values()), _MISSING)
+            elif number is not None:
+                pixels = self._held(image, uid, number, lambda: self._of_sequence(image, number))
             else:
                 pixels = self._held(image, uid, None, lambda: self._original(image, uid))
             is_linear = image.colorspace_settings.name in _LINEAR_SPACES
@@ -252,6 +292,23 @@ class ImageReader:
 
     def _shows_tiles(self, image: Any) -> bool:
         return is_tiled(image) and not self._for_preview
+
+    def _number_of(self, image: Any, user: Any) -> int | None:
+        """Which file of a sequence is shown; None of other images, and where the image has its pixels itself."""
+        if image.source == "MOVIE" and not self._for_preview:
+            self._warn(image, "movie is not shown; its first frame is")
+        if image.source != "SEQUENCE" or user is None or self._for_preview or image.packed_file is not None:
+            return None
+        return sequence_number(user, self._frame)
+
+    def _of_sequence(self, image: Any, number: int) -> Pixels:
+        path = sequence_path(image, number)
+        with temporary_data() as data:
+            pixels = _read_tile(data, image, path, _read_pixels)
+        if pixels is None:
+            self._warn(image, f"it could not be loaded from {path!r}; magenta is shown")
+            return _MISSING
+        return pixels
 
     def _original(self, image: Any, uid: int) -> Pixels:
         """As Blender has it, without a place in the cache."""
@@ -300,7 +357,7 @@ def _look_of(image: Any) -> tuple[Any, ...]:
         file = (status.st_mtime_ns, status.st_size)
     except (OSError, ValueError):
         file = (0, 0)  # packed, generated or missing
-    packed = image.packed_file.size if image.packed_file is not None else 0
+    packed = sample_packed(image.packed_file) if image.packed_file is not None else None
     return (
         *(image.source, image.type, path, file, packed, tuple(image.size), image.is_float),
         *(image.colorspace_settings.name, image.alpha_mode, image.has_data),

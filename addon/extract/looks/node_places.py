@@ -70,19 +70,28 @@ def _transformed(reader: ValueReader, vector: Operand, mode: str, source: str, t
 def _tangent(reader: ValueReader, node: Any, output: Any, scope: Scope | None) -> Value:
     if reader.omissions.kind != "material":
         return reader.fallback
-    nodes, normal = reader.nodes, reader.input("NORMAL").operand
     if node.direction_type == "UV_MAP":
-        along = reader.input("TANGENT", node.uv_map).operand
-    else:
-        place = nodes.minus(reader.input("GENERATED").operand, (0.5, 0.5, 0.5))
-        parts = [0.0 if channel is None else channels_of(place, channel) for channel in _RADIAL[node.axis]]
-        first = next(channel for channel, part in enumerate(parts) if part != 0.0)
-        parts[first] = nodes.times(parts[first], -1.0)
-        along = nodes.add("combine", *parts)
-    world = _transformed(reader, along, "NORMAL", "OBJECT", "WORLD").operand
+        return Value(_beside_normal(reader, reader.input("TANGENT", node.uv_map).operand))
+    return Value(radial_tangent(reader, node.axis))
+
+
+def radial_tangent(reader: ValueReader, axis: str = "Z") -> Operand:
+    """Read the direction around an axis through the middle of the mesh's texture space, beside the normal."""
+    nodes = reader.nodes
+    middle = nodes.minus(reader.input("GENERATED").operand, (0.5, 0.5, 0.5))
+    parts = [0.0 if channel is None else channels_of(middle, channel) for channel in _RADIAL[axis]]
+    first = next(channel for channel, part in enumerate(parts) if part != 0.0)
+    parts[first] = nodes.times(parts[first], -1.0)
+    return _beside_normal(reader, nodes.add("combine", *parts))
+
+
+def _beside_normal(reader: ValueReader, direction: Operand) -> Operand:
+    """Turn a direction of the object's space into the world's, at a right angle to the normal."""
+    nodes, normal = reader.nodes, reader.input("NORMAL").operand
+    world = _transformed(reader, direction, "NORMAL", "OBJECT", "WORLD").operand
     aside = nodes.add("vector_math", world, normal, 0.0, 0.0, mode="CROSS_PRODUCT")
     unit = nodes.add("vector_math", aside, 0.0, 0.0, 0.0, mode="NORMALIZE")
-    return Value(nodes.add("vector_math", normal, unit, 0.0, 0.0, mode="CROSS_PRODUCT"))
+    return nodes.add("vector_math", normal, unit, 0.0, 0.0, mode="CROSS_PRODUCT")
 
 
 @reads("UVMAP")
@@ -125,7 +134,7 @@ def _image(reader: ValueReader, node: Any, output: Any, scope: Scope | None) -> 
         vector = reader.input("POSITION")
     extension = _EXTENSIONS.get(getattr(node, "extension", "REPEAT"), "repeat")
     interpolation = "closest" if node.interpolation == "Closest" else "linear"
-    row = reader.images.row(node.image, "repeat" if is_around else extension, interpolation)
+    row = reader.images.row(node.image, "repeat" if is_around else extension, interpolation, node.image_user)
     if node.projection == "MIRROR_BALL":
         reader.omissions.note(f"the projection Mirror Ball of {node.image.name}", "Equirectangular is")
     if node.projection == "BOX" and reader.omissions.kind != "light":
@@ -238,31 +247,6 @@ def _normal_map(reader: ValueReader, node: Any, output: Any, scope: Scope | None
         *(reader.input("OBJECT_NORMAL"), reader.input("NORMAL"), reader.input("BACKFACING")),
         mode=node.space.removeprefix("BLENDER_"),
     )
-
-
-def radial_tangent(reader: ValueReader, axis: str = "Z") -> Operand:
-    """Read the direction around an axis through the middle of the mesh's texture space, in world space."""
-    middle = reader.nodes.minus(reader.input("GENERATED").operand, 0.5)
-    first, second = (channels_of(middle, channel) for channel in {"X": (1, 2), "Y": (0, 2), "Z": (0, 1)}[axis])
-    turned = reader.nodes.times(second, -1.0)
-    around: dict[str, tuple[Operand, ...]] = {
-        "X": (0.0, turned, first),
-        "Y": (turned, 0.0, first),
-        "Z": (turned, first, 0.0),
-    }
-    return _in_world(reader, reader.nodes.add("combine", *around[axis]))
-
-
-def _in_world(reader: ValueReader, direction: Operand) -> Operand:
-    """Turn a direction of object space as normals are turned."""
-    as_color = reader.nodes.plus(reader.nodes.times(direction, 0.5), 0.5)
-    turned = reader.work(
-        "normal_map",
-        *(1.0, as_color, (0.0, 0.0, 0.0), 0.0),
-        *(reader.input("OBJECT_NORMAL"), reader.input("NORMAL"), reader.input("BACKFACING")),
-        mode="OBJECT",
-    )
-    return turned.operand
 
 
 @reads("BUMP")
