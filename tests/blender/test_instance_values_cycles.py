@@ -212,6 +212,16 @@ def test_instances_of_every_kind_have_cycles_numbers(build: Callable[[], object]
     check()
 
 
+@pytest.mark.parametrize("build", [on_vertices, from_a_collection, instancers_in_a_collection, nested_nodes])
+@pytest.mark.parametrize("name", ["Color", "Alpha"])
+def test_instances_have_their_instancers_color(build: Callable[[], object], name: str) -> None:
+    build()
+    for number, obj in enumerate(sorted(bpy.data.objects, key=lambda obj: obj.name)):
+        obj.color = (0.1 * number, 0.5, 1.0 - 0.1 * number, 0.1 + 0.1 * number)
+    show(info(name))
+    check(2 if build in (from_a_collection, instancers_in_a_collection) else 1)
+
+
 # Attributes ----------------------------------------------------------------------------------------------------------
 
 

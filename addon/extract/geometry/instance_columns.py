@@ -67,7 +67,10 @@ class InstanceColumns:
             return self._of_instancers(source.name)
         if source.kind == "object_index":
             return self._of_objects(lambda obj: (obj.pass_index,) * 4)
-        return self._of_objects(lambda obj: obj.color if source.kind == "color" else (obj.color[3],) * 4)
+        # Instances have the viewport colour of their instancer, as Blender's list of instances has it.
+        parents = self._instances.parent_indices
+        rows = np.where(parents >= 0, parents, self._instances.object_indices)
+        return self._of_objects(lambda obj: obj.color if source.kind == "color" else (obj.color[3],) * 4, rows)
 
     def _random_numbers(self) -> Float32Array:
         numbers = random_ids(self._instances, self._objects.records)
@@ -81,8 +84,9 @@ class InstanceColumns:
     def _evaluated(self, row: int) -> Any:
         return self._objects.originals[row].evaluated_get(self._depsgraph)
 
-    def _of_objects(self, read: Callable[[Any], Any]) -> Float32Array:
-        used, rows = np.unique(self._instances.object_indices, return_inverse=True)
+    def _of_objects(self, read: Callable[[Any], Any], shown: npt.NDArray[Any] | None = None) -> Float32Array:
+        """(I, 4). shown: (I,), the objects' rows; None for those that the instances show."""
+        used, rows = np.unique(self._instances.object_indices if shown is None else shown, return_inverse=True)
         values = [read(self._evaluated(int(row))) for row in used]
         return np.array([(0.0,) * 4 if value is None else tuple(value) for value in values], np.float32)[rows]
 
