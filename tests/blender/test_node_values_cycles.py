@@ -167,6 +167,21 @@ def _patterns() -> Iterator[Case]:
         yield f"rings {bands}", made("TexWave", rings, Scale=0.3, Phase_Offset=1.0), ("Fac",)
 
 
+def vector_range(kind: str) -> Callable[[Any], Any]:
+    """Of a range that is none along y."""
+    ends = {"From_Min": (-20.0, 3.0, -20.0), "From_Max": (30.0, 3.0, 30.0), "To_Min": (2.0,) * 3, "To_Max": (-1.0,) * 3}
+
+    def made(tree: Any) -> Any:
+        node = of_points("MapRange", {"data_type": "FLOAT_VECTOR", "interpolation_type": kind}, "p")(tree)
+        for socket in node.inputs:
+            name = socket.identifier.removesuffix("_FLOAT3")
+            if name in ends and name != socket.identifier:
+                socket.default_value = ends[name]
+        return node
+
+    return made
+
+
 def _maths() -> Iterator[Case]:
     for mode in MATHS:
         yield f"math {mode}", of_points("Math", {"operation": mode}, "x", "y", "z"), ("Value",)
@@ -182,6 +197,7 @@ def _maths() -> Iterator[Case]:
         values = {"From_Min": -20.0, "From_Max": 30.0, "To_Min": 2.0, "To_Max": -1.0}
         make = of_points("MapRange", {"interpolation_type": kind}, "x", **values)
         yield f"map range {kind}", make, ("Result",)
+        yield f"vector range {kind}", vector_range(kind), ("Vector",)
 
 
 def _others() -> Iterator[Case]:
@@ -192,6 +208,7 @@ def _others() -> Iterator[Case]:
         turn = {"Rotation": (0.4, -0.7, 1.1)} if kind == "EULER_XYZ" else {"Angle": 0.7}
         yield f"rotate {kind}", of_points("VectorRotate", {"rotation_type": kind}, "p", **turn), ("Vector",)
     for mode in ("HSV", "HSL"):
+        yield f"combine {mode}", of_points("CombineColor", {"mode": mode}, "x", "y", "z"), ("Color",)
         yield f"separate {mode}", of_points("SeparateColor", {"mode": mode}, "p"), ("Red", "Green", "Blue")
     for kind in ("MINMAX", "RANGE"):
         yield f"clamp {kind}", of_points("Clamp", {"clamp_type": kind}, "x", "y", "z"), ("Result",)
@@ -211,7 +228,7 @@ def _others() -> Iterator[Case]:
 
 CASES = [*_fractals(), *_patterns(), *_maths(), *_others()]
 # Nodes that are asked for numbers of about 0 to 1, as colours are; the others for numbers of -50 to 50.
-OF_COLORS = ("mix", "separate", "hue", "gamma", "contrast", "invert", "ramp", "gradient")
+OF_COLORS = ("mix", "combine", "separate", "hue", "gamma", "contrast", "invert", "ramp", "gradient")
 OF_COLORS += ("math EXP", "math SINH", "math COSH", "math POW", "math ARC", "math TAN")
 
 

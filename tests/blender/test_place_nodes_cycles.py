@@ -115,12 +115,14 @@ def boxed(blend: float, place: str = "Generated") -> Output:
 
 SPACES = ("WORLD", "OBJECT", "CAMERA")
 PLACES = [node("TexCoord", name) for name in ("Camera", "Window", "Reflection", "Generated", "Normal")]
-PLACES += [node("CameraData", number) for number in range(3)]
+PLACES += [node("CameraData", number) for number in range(3)] + [node("NewGeometry", "Tangent")]
 TRANSFORMS = [(kind, one, two) for kind in ("POINT", "VECTOR", "NORMAL") for one in SPACES for two in SPACES]
 TANGENTS = [{"direction_type": "RADIAL", "axis": axis} for axis in "XYZ"] + [{"direction_type": "UV_MAP"}]
 
 
-@pytest.mark.parametrize("output", PLACES, ids=["camera", "window", "reflection", "generated", "normal", *"vzd"])
+@pytest.mark.parametrize(
+    "output", PLACES, ids=["camera", "window", "reflection", "generated", "normal", *"vzd", "tangent"]
+)
 def test_places_are_those_of_cycles(scene, output: Output) -> None:
     show(output)
     check(scene)

@@ -148,7 +148,8 @@ def _map_range(reader: ValueReader, node: Any, output: Any, scope: Scope | None)
     values = reader.inputs(node, names, scope)
     if values[0].is_guess:
         return reader.fallback
-    made = reader.work("map_range", *values, mode=node.interpolation_type).operand
+    mode = f"VECTOR_{node.interpolation_type}" if is_vector else node.interpolation_type
+    made = reader.work("map_range", *values, mode=mode).operand
     made = made if is_vector else channels_of(made, 0)
     if node.clamp and node.interpolation_type in {"LINEAR", "STEPPED"}:
         low, high = values[3].operand, values[4].operand

@@ -49,9 +49,8 @@ float hue_of(Vec3f c, Spread spread) noexcept {
   return hue < 0.0f ? hue + 1.0f : hue;
 }
 
-// How full each channel is at a hue.
+// How full each channel is at a hue, 0 to 1.
 Vec3f fullness(float hue) noexcept {
-  hue = hue - std::floor(hue);
   const auto fall = [hue](float place) { return std::clamp(std::abs(hue * 6.0f - place) - 1.0f, 0.0f, 1.0f); };
   return {fall(3.0f), 1.0f - fall(2.0f), 1.0f - fall(4.0f)};
 }
@@ -65,7 +64,10 @@ Vec3f to_hsv(Vec3f c) noexcept {
 
 Vec3f from_hsv(Vec3f hsv) noexcept {
   if (hsv.y == 0.0f) return even(hsv.z);
-  const Vec3f full = fullness(hsv.x);
+  // Hues beyond are all of the last sector, as Blender has them.
+  const float sector = hsv.x * 6.0f;
+  const bool is_beyond = sector < 0.0f || sector > 6.0f;
+  const Vec3f full = is_beyond ? Vec3f{1.0f, 0.0f, 1.0f - (sector - std::floor(sector))} : fullness(hsv.x);
   return ((full - Vec3f{1, 1, 1}) * hsv.y + Vec3f{1, 1, 1}) * hsv.z;
 }
 

@@ -87,6 +87,7 @@ enum class VectorMath : std::uint8_t {
   kTangent,
 };
 enum class Range : std::uint8_t { kLinear, kStepped, kSmoothstep, kSmootherstep };
+constexpr std::uint8_t kVectorRanges = 4;  // the first of the same for vectors
 
 // A function of doubles, in floats.
 template <class Function, class... Floats>
@@ -339,8 +340,9 @@ Vec3f node_vector_math(std::uint8_t mode, Vec3f a, Vec3f b, Vec3f c, float scale
 
 float node_map_range(std::uint8_t mode, float value, float from_min, float from_max, float to_min, float to_max,
                      float steps) noexcept {
-  const auto range = static_cast<Range>(mode);
-  if (from_max == from_min) return 0.0f;
+  const bool is_vector = mode >= kVectorRanges;
+  const auto range = static_cast<Range>(is_vector ? mode - kVectorRanges : mode);
+  if (from_max == from_min) return is_vector ? to_min : 0.0f;
   float factor = (value - from_min) / (from_max - from_min);
   if (range == Range::kStepped) factor = steps > 0.0f ? std::floor(factor * (steps + 1.0f)) / steps : 0.0f;
   if (range == Range::kSmoothstep || range == Range::kSmootherstep) factor = std::clamp(factor, 0.0f, 1.0f);
