@@ -310,3 +310,26 @@ def test_statistics_and_images_know_them():
     for mode in ("clay", "normal", "wireframe", "preview"):
         image = perfect_bvh.render(scene, camera, mode=mode, size=(32, 24))
         assert np.isfinite(image).all() and image.std() > 0.0, mode
+
+
+@pytest.mark.parametrize("kind", ["points", "poly", "catmull_rom"])
+@pytest.mark.parametrize("steps", [1, 2])
+def test_one_radius_may_be_given_for_all_steps(kind: str, steps: int) -> None:
+    scene = Scene()
+    places = np.random.default_rng(3).normal(size=(6, 3))
+    mesh = scene.add_points(places, 0.2) if kind == "points" else scene.add_curves(places, 0.2, [0, 3, 6], kind=kind)
+    move = scene.set_points_motion if kind == "points" else scene.set_curves_motion
+    scene.add_instance(mesh)
+    towards = np.array([0.0, 0.0, -1.0])
+    hits = []
+    for radii in (0.1, np.full(6, 0.1), np.full((steps, 6), 0.1)):
+        move(mesh, np.stack([places] * steps), radii)
+        scene.commit()
+        hits.append(scene.cast_rays(places - 50.0 * towards, towards).t_hit)
+    np.testing.assert_array_equal(hits[0], hits[1])
+    np.testing.assert_array_equal(hits[0], hits[2])
+    for wrong in (np.full((6, 1), 0.1), np.full((2, 3), 0.1)):
+        with pytest.raises(ValueError, match=rf"set_(points|curves)_motion: radii must have shape \({steps}, 6\)"):
+            move(mesh, np.stack([places] * steps), wrong)
+    with pytest.raises(ValueError, match="time_range"):
+        move(mesh, np.stack([places] * steps), 0.1, (1.0, 0.0))

@@ -70,7 +70,7 @@ class CurveChains:
         radii: of all steps, one number a step or one a point; empty: those that there are.
         """
         places = np.split(points, steps)
-        sizes = [None if radii.size == 0 else part for part in np.split(radii, steps)]
+        sizes = [_of_a_step(part) for part in np.split(radii, steps)]
         each = [self.moved(function, place, size)[0] for place, size in zip(places, sizes, strict=True)]
         finest = each[0].subdivision
         for chains in each[1:]:
@@ -280,11 +280,10 @@ class CurvesAndPoints:
         """
         name = "set_points_motion"
         steps, rows = as_steps(name, "centers", centers, 3)
+        sizes, span = _radii_in_steps(name, radii, rows, steps), as_time_range(name, time_range)
         if steps == 1:
-            self.update_points(mesh, rows, None if radii is None else np.asarray(radii).reshape(-1))
+            self.update_points(mesh, rows, _of_a_step(sizes))
             return
-        sizes = _radii_in_steps(name, radii, rows, steps)
-        span = as_time_range(name, time_range)
         none = np.empty(0, np.int64)
         self._scene.set_points_motion(check_id(name, "mesh", mesh), rows, sizes, none, steps, span)
 
@@ -304,11 +303,11 @@ class CurvesAndPoints:
         name = "set_curves_motion"
         number = check_id(name, "mesh", mesh)
         steps, rows = as_steps(name, "points", points, 3)
+        sizes, span = _radii_in_steps(name, radii, rows, steps), as_time_range(name, time_range)
         if steps == 1:
-            self.update_curves(number, rows, None if radii is None else np.asarray(radii).reshape(-1))
+            self.update_curves(number, rows, _of_a_step(sizes))
             return
-        sizes = _radii_in_steps(name, radii, rows, steps)
-        span, offsets, chains = as_time_range(name, time_range), np.empty(0, np.int64), self._chains.get(number)
+        offsets, chains = np.empty(0, np.int64), self._chains.get(number)
         if chains is not None:
             chains, rows, sizes = chains.moved_in_steps(name, rows, sizes, steps)
             offsets = chains.subdivision.offsets
@@ -367,3 +366,10 @@ def _radii_in_steps(function: str, radii: npt.ArrayLike | None, rows: npt.NDArra
             raise ValueError(f"{function}: radii must have shape ({steps}, {len(rows) // steps}), got {array.shape}")
         return as_radii(function, array.reshape(-1), rows)
     return np.tile(as_radii(function, array, rows[: len(rows) // steps]), steps)
+
+
+def _of_a_step(radii: npt.NDArray[Any]) -> npt.ArrayLike | None:
+    """A step's part of `_radii_in_steps`, as `as_radii` takes it; None if there are none."""
+    if radii.size == 0:
+        return None
+    return radii if len(radii) > 1 else radii[0]

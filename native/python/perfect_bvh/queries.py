@@ -88,7 +88,8 @@ class Queries:
 
         Watertight: no ray passes between triangles that share an edge or a vertex. Whether a ray hits a triangle is
         exact, with two limits for float64: a direction's components below 2^-300 (5e-91) of its longest count as zero,
-        and an origin's below 1e-90 only as they are rounded.
+        and an origin's below 1e-90 only as they are rounded. Directions shorter than 2^-1022 (2e-308) hit nothing, and
+        instances that are scaled below 1e-40 are not exact: their coordinates have no digits left.
 
         fields: names of the fields to compute; None for the usual ones, see `Hits`. What is not named costs nothing:
             coherent rays of a million take a third less time for ("t_hit", "primitive_ids") alone. The dearest of the

@@ -173,10 +173,10 @@ class Scene(Queries, CurvesAndPoints):
         """
         name = "set_mesh_motion"
         steps, rows = as_steps(name, "positions", positions, 3)
+        span = as_time_range(name, time_range)
         if steps == 1:
             self.update_mesh(mesh, rows)
             return
-        span = as_time_range(name, time_range)
         self._scene.set_mesh_motion(check_id(name, "mesh", mesh), rows, steps, span)
 
     def replace_mesh(self, mesh: int, positions: npt.ArrayLike, triangles: npt.ArrayLike) -> None:
