@@ -212,7 +212,11 @@ def _draw_denoising(layout: bpy.types.UILayout, settings: bpy.types.bpy_struct, 
     """A switch that says by what."""
     column = layout.column(heading="Denoise")
     column.active = _is_noisy(settings)
-    column.prop(settings, name, text=denoiser_in_use())
+    denoiser = denoiser_in_use()
+    is_built_in = not denoiser.startswith("OpenImageDenoise")
+    column.prop(settings, name, text="Built-in Filter" if is_built_in else denoiser)
+    if is_built_in:
+        column.label(text="OpenImageDenoise is not in this Blender", icon="INFO")
 
 
 def _is_noisy(settings: bpy.types.bpy_struct) -> bool:

@@ -142,3 +142,10 @@ def test_long_texts_are_broken_where_the_panel_ends(width: int, scale: float, co
     lines = common.wrapped(SimpleNamespace(region=SimpleNamespace(width=width), preferences=preferences), text)
     assert len(lines) == count
     assert " ".join(lines) == text
+
+
+@pytest.mark.parametrize(("denoiser", "is_built_in"), [("OpenImageDenoise 2.3.3", False), ("Joint Filter", True)])
+def test_sampling_says_by_what_is_denoised(monkeypatch, denoiser: str, is_built_in: bool) -> None:
+    monkeypatch.setattr(panels.render, "denoiser_in_use", lambda: denoiser)
+    told = drawn(panels.render.PERFECT_BVH_PT_sampling_render)
+    assert ("OpenImageDenoise is not in this Blender" in told) == is_built_in
