@@ -65,7 +65,7 @@ SYSTEMS = ("linux", "win32", "darwin")
 
 @nox.session
 def lint(session: nox.Session) -> None:
-    """Check style and types: ruff, mypy for each system, clang-format, workflow linters. Print lines by folder."""
+    """Check style, types and words by ruff, mypy for each system, clang-format and others; print lines by folder."""
     session.install(RUFF, MYPY, CLANG_FORMAT, "numpy>=2", *WORKFLOW_LINTERS)
     session.run("ruff", "check")
     session.run("ruff", "format", "--check")
@@ -78,6 +78,7 @@ def lint(session: nox.Session) -> None:
     workflows = [str(path) for path in sorted(Path(".github/workflows").glob("*.yml"))]
     session.run("check-jsonschema", "--builtin-schema", "vendor.github-workflows", *workflows)
     session.run("zizmor", "--offline", "--no-progress", *workflows)
+    session.run("python", "tests/plain_words.py")
     session.run("python", "tests/rooms.py")
 
 
