@@ -10,7 +10,8 @@ import sys
 from pathlib import Path
 
 REPOSITORY = Path(__file__).resolve().parent.parent
-PLAIN = ("README.md", "SECURITY.md", "docs/*.md", ".github/**/*.md", ".github/**/*.yml")
+PLAIN = ("README.md", "SECURITY.md", "CONTRIBUTING.md", "docs/*.md", ".github/**/*.md", ".github/**/*.yml")
+PLAIN += ("native/README.md", "blend_scenes/README.md", "tests/charts/README.md", "addon/scanning/light/README.md")
 # A pattern, and what to write.
 INSTEAD = {
     r"whatever|whoever|wherever|whichever": "any, all, or who and what it is",
