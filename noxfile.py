@@ -28,6 +28,7 @@ CLANG_FORMAT = "clang-format==23.1.5"
 # Of .github/workflows: its form, and what makes such files unsafe.
 WORKFLOW_LINTERS = ("check-jsonschema==0.39.0", "zizmor==1.32.0")
 EMBREEX = "embreex>=4.4"  # holds the library of Embree 4.4
+SITE = ("mkdocs-material==9.8.2", "mkdocstrings-python==2.0.11", RUFF)
 MATPLOTLIB = "matplotlib>=3.8"
 OLDER_BLENDERS = ("bpy==4.2.23", "bpy==4.5.15")
 
@@ -219,6 +220,14 @@ def charts(session: nox.Session) -> None:
     else:
         session.install(MATPLOTLIB)
         session.run("python", "tests/charts/make.py", *session.posargs)
+
+
+@nox.session(default=False)
+def docs(session: nox.Session) -> None:
+    """Build the site into build/site; any warning is an error. `nox -s docs -- serve` shows it while it is written."""
+    session.install(".", *SITE)
+    session.run("python", "release/site_sources.py", "build/site-sources", "build/site-packages")
+    session.run("mkdocs", *(session.posargs or ("build",)), env={"NO_MKDOCS_2_WARNING": "1"})
 
 
 @nox.session(default=False)

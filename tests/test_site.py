@@ -1,0 +1,33 @@
+"""The sources of the site: links that hold, and every public name."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import pytest
+
+sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "release"))
+
+import perfect_bvh_addon
+from site_sources import exports_of, list_files, with_page_links
+
+
+def test_links_to_pages_stay_and_others_become_paths() -> None:
+    pages = {"docs/a.md", "README.md"}
+    assert with_page_links("[x](a.md) [y](../README.md#two)", "docs/a.md", pages) == "[x](a.md) [y](../README.md#two)"
+    assert with_page_links("[the rules](../x/y.py)", "docs/a.md", pages) == "the rules (`x/y.py`)"
+    assert with_page_links("[x/y.py](x/y.py) [web](https://a.org)", "README.md", pages) == "x/y.py [web](https://a.org)"
+
+
+def test_every_export_of_the_addon_has_an_entry(repository: Path) -> None:
+    assert exports_of(repository / "addon") == perfect_bvh_addon._EXPORTS
+
+
+@pytest.mark.parametrize(
+    "line", (Path(__file__).resolve().parent.parent / "mkdocs.yml").read_text().split("nav:")[1].splitlines()[1:]
+)
+def test_each_page_of_the_menu_is_there(repository: Path, line: str) -> None:
+    page = line.rpartition(": ")[2].strip()
+    if page.endswith(".md") and not page.startswith("reference/"):
+        assert page in list_files() and (repository / page).is_file()
