@@ -36,7 +36,8 @@ def with_page_links(text: str, page: str, pages: set[str]) -> str:
         target = posixpath.normpath(posixpath.join(posixpath.dirname(page), link[2]))
         if target in pages:
             return link[0]
-        return link[1] if target in link[1] else f"{link[1]} (`{target}`)"
+        is_known = target in link[1] or target.startswith("..")  # what is beyond the repository has no path
+        return link[1] if is_known else f"{link[1]} (`{target}`)"
 
     return LINK.sub(shown, text)
 

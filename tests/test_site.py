@@ -17,7 +17,10 @@ def test_links_to_pages_stay_and_others_become_paths() -> None:
     pages = {"docs/a.md", "README.md"}
     assert with_page_links("[x](a.md) [y](../README.md#two)", "docs/a.md", pages) == "[x](a.md) [y](../README.md#two)"
     assert with_page_links("[the rules](../x/y.py)", "docs/a.md", pages) == "the rules (`x/y.py`)"
-    assert with_page_links("[x/y.py](x/y.py) [web](https://a.org)", "README.md", pages) == "x/y.py [web](https://a.org)"
+    assert (
+        with_page_links("[x/y.py](x/y.py) [web](https://a.org)[z](../../z)", "README.md", pages)
+        == "x/y.py [web](https://a.org)z"
+    )
 
 
 def test_every_export_of_the_addon_has_an_entry(repository: Path) -> None:
