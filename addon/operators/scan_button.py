@@ -24,7 +24,6 @@ from .scan_request import (
     folder_of,
     frames_of,
     plan_of,
-    sensor_of,
     threads_of,
 )
 
@@ -161,6 +160,7 @@ class PointsJob:
     def __init__(self, scene: bpy.types.Scene, view_layer: bpy.types.ViewLayer) -> None:
         from ..live.scene_view import SceneView
         from ..scanning import Scanner
+        from ..scanning.sensor_settings import sensor_of
 
         settings = scene.perfect_bvh.scan
         check_colors(settings)

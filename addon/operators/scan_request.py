@@ -10,7 +10,6 @@ from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import bpy
-import numpy as np
 
 from ..events.changes import edit_count, listen, stop_listening
 from ..settings.scan_choices import OTHER
@@ -19,54 +18,7 @@ from ..statistics.words import sentence
 from .ticking import Checked
 
 if TYPE_CHECKING:
-    from ..scanning import Sensor
     from ..scanning.piece_scan import ScanPlan
-
-
-MOST_LINES = 4096  # of a LiDAR: so many that a digit too much costs no minutes and no memory
-
-
-def sensor_of(settings: bpy.types.PropertyGroup) -> Sensor:
-    """Of the numbers in the panel, of a known name, or of a file."""
-    from ..scanning import CameraGrid, Sensor, SpinningLidar, load_sensor
-
-    if settings.pattern == "CAMERA":
-        return Sensor("camera", "", "", CameraGrid(settings.width, settings.height))
-    if settings.pattern == "LIDAR":
-        lidar = SpinningLidar(
-            elevations=parse_elevations(settings.elevations),
-            columns=settings.columns,
-            rate=settings.rate,
-            max_distance=settings.max_distance,
-        )
-        return Sensor("lidar", "", "", lidar)
-    if settings.pattern != "FILE":
-        return load_sensor(settings.pattern)
-    if not settings.sensor_file.strip():
-        raise ValueError("Choose a sensor's file, or another sensor")
-    path = absolute(settings.sensor_file)
-    if path.suffix.lower() != ".toml":
-        raise ValueError(f"A sensor's file ends in .toml, got {path.name!r}")
-    try:
-        return load_sensor(path)
-    except OSError as problem:
-        raise ValueError(f"Cannot read {path}: {problem.strerror or problem}") from problem
-
-
-def parse_elevations(text: str) -> tuple[float, ...]:
-    """Degrees from "-30.67, -29.33, ..." or from "lowest:highest:count"."""
-    try:
-        if ":" in text:
-            lowest, highest, count = text.split(":")
-            if int(count) > MOST_LINES:
-                raise ValueError(f"{count} lines")
-            return tuple(float(angle) for angle in np.linspace(float(lowest), float(highest), int(count)))
-        return tuple(float(part) for part in text.split(",") if part.strip())
-    except ValueError as problem:
-        raise ValueError(
-            f"Elevations must be degrees with commas between, or lowest:highest:count with a count of at most "
-            f"{MOST_LINES:,}, got {text!r}"
-        ) from problem
 
 
 def frames_of(scene: bpy.types.Scene, settings: bpy.types.PropertyGroup) -> tuple[int, int] | None:
@@ -94,6 +46,7 @@ def plan_of(scene: bpy.types.Scene) -> ScanPlan:
     """Of a scan into files."""
     from ..scanning.formats import check_format
     from ..scanning.piece_scan import ScanPlan
+    from ..scanning.sensor_settings import sensor_of
 
     settings = scene.perfect_bvh.scan
     frames = frames_of(scene, settings)
@@ -119,19 +72,14 @@ def plan_of(scene: bpy.types.Scene) -> ScanPlan:
 
 def folder_of(text: str) -> Path:
     """Where files go, from a panel's field."""
+    from ..scanning.sensor_settings import absolute
+
     if not text.strip():
         raise ValueError("Choose a folder for the files")
     path = absolute(text).resolve()
     if path.exists() and not path.is_dir():
         raise ValueError(f"{path} is a file: choose a folder")
     return path
-
-
-def absolute(path: str) -> Path:
-    """Of a path as Blender has them."""
-    if path.startswith("//") and not bpy.data.filepath:
-        raise ValueError(f"{path!r} is relative to the .blend file: save that first")
-    return Path(bpy.path.abspath(path))
 
 
 def check_colors(settings: bpy.types.PropertyGroup) -> None:

@@ -4,6 +4,7 @@ patterns       which rays a sensor casts: a camera's grid, a spinning LiDAR with
 more_patterns  sensors that do not spin: rosettes, rasters, depth cameras. Needs no Blender.
 sensor_files   sensors as TOML files, and the sensors that the add-on brings. Needs no Blender.
 sensors        those sensors, a TOML file each
+sensor_settings the sensor that the Scan panel describes
 light          what light does to beams: echoes, detection, noise. Needs no Blender.
 scan           places the sensor from key moment to key moment, casts the rays, collects the hits
 stretches      from one key moment to the next: where the sensor is, and what a second eye does not see

@@ -13,9 +13,9 @@ import bpy
 import numpy as np
 import numpy.typing as npt
 
-from ..operators.scan_request import absolute, sensor_of
 from ..scanning.patterns import SpinningLidar
 from ..scanning.scan import FROM_SENSOR_TO_OBJECT
+from ..scanning.sensor_settings import absolute, sensor_of
 from .legend import DrawHandler
 
 if TYPE_CHECKING:

@@ -14,7 +14,7 @@ bpy = pytest.importorskip("bpy")
 from blender.scanned_room import LIDAR, values_of  # noqa: E402
 from perfect_bvh_addon import CameraGrid, SpinningLidar, scan  # noqa: E402
 from perfect_bvh_addon.extract.camera import panorama_settings  # noqa: E402
-from perfect_bvh_addon.operators.scan_request import parse_elevations  # noqa: E402
+from perfect_bvh_addon.scanning.sensor_settings import parse_elevations  # noqa: E402
 from perfect_bvh_addon.statistics.messages import messages_of, notes_of  # noqa: E402
 
 needs_proc = pytest.mark.skipif(
