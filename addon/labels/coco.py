@@ -29,7 +29,11 @@ def check_coco() -> None:
 def image_row(labels: Labels, file_name: str) -> Row:
     """An image with its things, which are numbered once all images are together.
 
-    file_name: of the picture that belongs to it. Raises ImportError without pycocotools.
+    Args:
+        file_name: Of the picture that belongs to it.
+
+    Raises:
+        ImportError: Without pycocotools.
     """
     width, height = labels.size
     parts = [_parts(masks) for masks in (labels.visible, labels.amodal)]
@@ -136,7 +140,10 @@ class CocoFile:
     `amodal_segmentation`, `amodal_bbox`, `amodal_area` and `visible_share`. What is hidden altogether stands in a list
     of its own, `hidden`, with the same fields. `attributes` are the labels that were asked for, null where a thing has
     none, beside its `collections`. Categories are all of the file, numbered from 1 in the order of the images' own,
-    then "none" if a thing has none. Raises ImportError without pycocotools.
+    then "none" if a thing has none.
+
+    Raises:
+        ImportError: Without pycocotools.
     """
 
     def __init__(self) -> None:

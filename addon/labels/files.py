@@ -50,8 +50,10 @@ def _openexr() -> Any:
 def exr_channels(labels: Labels, plain: Mapping[str, str]) -> Channels:
     """(H, W) float32 or uint32, by the channels' names. plain: what labels are called.
 
-    Positions are rounded to float32, as are labels with fractions. Raises ValueError for labels of whole numbers that
-    floats do not hold.
+    Positions are rounded to float32, as are labels with fractions.
+
+    Raises:
+        ValueError: For labels of whole numbers that floats do not hold.
     """
     images: Channels = {"Depth.Z": labels.depth}
     for name, values, axes in (
@@ -127,8 +129,12 @@ def _pillow() -> Any:
 def grey_images(labels: Labels, depth_scale: float, plain: Mapping[str, str]) -> tuple[dict[str, Uint16Array], int]:
     """Images by their names, (H, W), and how many pixels of all depths are too far away for 16 bits.
 
-    depth_scale: world units a step. plain: what labels are called. Raises ValueError for ids above 65,534, and for
-    labels below 0 or with fractions.
+    Args:
+        depth_scale: World units a step.
+        plain: What labels are called.
+
+    Raises:
+        ValueError: For ids above 65,534, and for labels below 0 or with fractions.
     """
     ids = {"things": labels.thing_ids, "categories": labels.category_ids, "materials": labels.material_ids}
     images = {name: _png_ids(name, values) for name, values in ids.items()}
@@ -212,7 +218,8 @@ class SavedLabels(NamedTuple):
 def check_formats(formats: Sequence[str], labels: Iterable[str] = ()) -> None:
     """Raises ValueError for a format that there is not, ImportError with what to install for one that needs more.
 
-    labels: by their names; ValueError, too, if two would be files or layers of one name.
+    Args:
+        labels: By their names; ValueError, too, if two would be files or layers of one name.
     """
     for name in formats:
         if name not in FORMATS:
@@ -250,10 +257,16 @@ def save_labels(
 ) -> SavedLabels:
     """Writes what was labelled; each file takes its name once it is complete.
 
-    folder: one that is there. stem: of the files' names. formats: some of `FORMATS`. depth_scale: of PNG, world units a
-    step. frame: its number, for the one who reads STEM.json. In PNG, and as ids in EXR, a row is its number + 1 and 0
-    is nothing; in PNG depths that 16 bits do not reach are 0, too, which is a warning. Raises ValueError for what a
-    format cannot hold, before any file is written, ImportError, OSError.
+    Args:
+        folder: One that is there.
+        stem: Of the files' names.
+        formats: Some of `FORMATS`.
+        depth_scale: Of PNG, world units a step.
+        frame: Its number, for the one who reads STEM.json. In PNG, and as ids in EXR, a row is its number + 1 and 0 is
+            nothing; in PNG depths that 16 bits do not reach are 0, too, which is a warning.
+
+    Raises:
+        ValueError: For what a format cannot hold, before any file is written, ImportError, OSError.
     """
     from perfect_bvh._checks import check_number
 

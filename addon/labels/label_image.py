@@ -37,8 +37,12 @@ def corner_values(
 ) -> tuple[Floats | None, npt.NDArray[np.bool_]]:
     """Values of triangles' corners at hits, and which hits have any.
 
-    name: of a field of the meshes, (T, 3, C). mesh_rows, primitives: (R,), which triangle of which mesh was hit. uvs:
-    (R, 2), where on it. Returns (R, C) float32, zero where a mesh has no such values, None if none of them has.
+    Args:
+        name: Of a field of the meshes, (T, 3, C).
+        mesh_rows, primitives: (R,), which triangle of which mesh was hit. uvs: (R, 2), where on it.
+
+    Returns:
+        (R, C) float32, zero where a mesh has no such values, None if none of them has.
     """
     values: Floats | None = None
     found = np.zeros(len(mesh_rows), np.bool_)
@@ -103,26 +107,32 @@ def label_image(
 ) -> Labels:
     """What a camera sees, exactly: ids, depths, normals, uvs, masks of what is seen and of what is hidden.
 
-    depsgraph: evaluated; None, the default, for that of a render of the context's scene and view layer, at its current
-        frame. for_viewport: None means what viewports show instead.
-    sync: one that is kept from frame to frame, so that what stays is not read and built again; None, the default, for a
-        new one. It is brought in step.
-    camera: None, the default, for the scene's. size: (width, height) in pixels; None for the render
-        size. Of either, the render region alone if the scene has Crop to Render Region.
-    layers: how many of the nearest surfaces along each ray to keep the depths of, 1 or more.
-    category: the label whose values are the categories; None, the default: each object's name is one. labels: names of
-        others, for `Labels.labels` and the things. A label is a custom property, of the object, else of the instancer
-        that shows it, of the object's data, of the instancer's data, of the material; or "object", "instancer",
-        "material" or "collection" (the first by name that holds the object itself). Tables of names have those of the
-        whole file, so that they are the same in each frame.
-    flow: whether to tell how pixels move from the frame before to the next, for which those are evaluated. frame_set:
-        what does that, of a render its engine's; None, the default: the scene's own.
-    threads: to cast rays, at most so many; 0 for all. progress: called with 0 to 1; returning False raises
-        `perfect_bvh.Cancelled`.
-
     What is seen is what the render, or the viewport, of the depsgraph shows, as far as cameras may see it; glass and
-    what is transparent are seen as they stand there. Raises ValueError without a usable camera, for a label that
-    nothing in the file has or whose values are neither numbers, texts nor data-blocks, and what the engine raises.
+    what is transparent are seen as they stand there.
+
+    Args:
+        depsgraph: evaluated; None, the default, for that of a render of the context's scene and view layer, at its
+            current frame.
+        for_viewport: None means what viewports show instead.
+        sync: One that is kept from frame to frame, so that what stays is not read and built again; None, the default,
+            for a new one. It is brought in step.
+        camera: None, the default, for the scene's.
+        size: (width, height) in pixels; None for the render size. Of either, the render region alone if the scene has
+            Crop to Render Region.
+        layers: How many of the nearest surfaces along each ray to keep the depths of, 1 or more.
+        category: The label whose values are the categories; None, the default: each object's name is one.
+        labels: Names of others, for `Labels.labels` and the things. A label is a custom property, of the object, else
+            of the instancer that shows it, of the object's data, of the instancer's data, of the material; or "object",
+            "instancer", "material" or "collection" (the first by name that holds the object itself). Tables of names
+            have those of the whole file, so that they are the same in each frame.
+        flow: Whether to tell how pixels move from the frame before to the next, for which those are evaluated.
+            frame_set: what does that, of a render its engine's; None, the default: the scene's own.
+        threads: To cast rays, at most so many; 0 for all.
+        progress: Called with 0 to 1; returning False raises `perfect_bvh.Cancelled`.
+
+    Raises:
+        ValueError: Without a usable camera, for a label that nothing in the file has or whose values are neither
+            numbers, texts nor data-blocks, and what the engine raises.
     """
     import bpy
     from perfect_bvh._checks import check_count

@@ -26,10 +26,15 @@ if TYPE_CHECKING:
 class Thing:
     """One object, or one instance of it, in a labelled image.
 
-    name: of the object. instancer: the name of the object that shows it, "" for a plain one. instance_id: of this
-    instance; it lasts while its sync does. pass_index: the object's. category: a row of the image's categories, -1 for
-    none. collections: the names of all that hold the object itself, sorted. labels: the values of those that were asked
-    for, by name, None for none; where only materials have a label, what all of the object's agree on.
+    Attributes:
+        name: Of the object.
+        instancer: The name of the object that shows it, "" for a plain one.
+        instance_id: Of this instance; it lasts while its sync does.
+        pass_index: The object's.
+        category: A row of the image's categories, -1 for none.
+        collections: The names of all that hold the object itself, sorted.
+        labels: The values of those that were asked for, by name, None for none; where only materials have a label, what
+            all of the object's agree on.
     """
 
     name: str
@@ -46,7 +51,9 @@ def find_things(
 ) -> tuple[tuple[Thing, ...], tuple[str, ...]]:
     """A thing for each of (N,) instances, and the categories' names.
 
-    category: the label that says them, of names. labels: others by their names.
+    Args:
+        category: The label that says them, of names.
+        labels: Others by their names.
     """
     found, rows = sync.describe(instance_ids), sync.instance_rows(instance_ids)
     indices = {obj.session_uid: obj.pass_index for obj in sync.record.objects}
@@ -83,8 +90,10 @@ Bools = npt.NDArray[np.bool_]
 class Masks:
     """N masks of images of one size, as the pixels of each, which takes no more memory than there is to tell.
 
-    size: (width, height). splits: (N + 1,) int64, where each mask begins among the pixels. pixels: (P,) int32, rising
-    in each mask: row * width + column, row 0 on top.
+    Attributes:
+        size: (width, height).
+        splits: (N + 1,) int64, where each mask begins among the pixels.
+        pixels: (P,) int32, rising in each mask: row * width + column, row 0 on top.
     """
 
     size: tuple[int, int]
@@ -166,19 +175,23 @@ ARRAYS = (
 class Labels:
     """Of an image of H x W pixels, row 0 on top: what the ray through each pixel's centre meets. Nothing is blended.
 
-    depth: (H, W) float32, along the view axis (in panoramas along the ray), 1e10 where nothing was hit. positions:
-    (H, W, 3) float64, in the world. normals: (H, W, 3) float32, shading normals in the world, towards the viewer.
-    uvs: (H, W, 2) float32, of the map that is active for renders. All zero where there is nothing or no map.
-    thing_ids: (H, W) int32, rows of `things`. material_ids: (H, W) int32, rows of material_names. -1 where there is
-    none. category_ids: (H, W) int32, rows of `categories`, -1 for none.
-    flow: (H, W, 4) float32, as Blender's Vector pass has it, or None.
-    layer_depths, layer_ids: (K, H, W) float32 and int32, the K nearest surfaces along each ray, nearest first: their
-    depths and rows of `things`; 1e10 and -1 where there are fewer.
-    visible, amodal: a mask for each thing: where it is seen, and where any ray meets it, whatever is before it. Those
-    that are visible never overlap.
-    things: what is met by any ray, in the order of their instance_id. categories: the names of all that the file has.
-    labels: by the names that were asked for, (H, W) int32 or float64, see `label_image`.
-    warnings: what could not be read, as sentences.
+    Attributes:
+        depth: (H, W) float32, along the view axis (in panoramas along the ray), 1e10 where nothing was hit. positions:
+            (H, W, 3) float64, in the world.
+        normals: (H, W, 3) float32, shading normals in the world, towards the viewer.
+        uvs: (H, W, 2) float32, of the map that is active for renders. All zero where there is nothing or no map.
+        thing_ids: (H, W) int32, rows of `things`.
+        material_ids: (H, W) int32, rows of material_names. -1 where there is none.
+        category_ids: (H, W) int32, rows of `categories`, -1 for none.
+        flow: (H, W, 4) float32, as Blender's Vector pass has it, or None.
+        layer_depths, layer_ids: (K, H, W) float32 and int32, the K nearest surfaces along each ray, nearest first:
+            their depths and rows of `things`; 1e10 and -1 where there are fewer.
+        visible, amodal: A mask for each thing: where it is seen, and where any ray meets it, whatever is before it.
+            Those that are visible never overlap.
+        things: What is met by any ray, in the order of their instance_id.
+        categories: The names of all that the file has.
+        labels: By the names that were asked for, (H, W) int32 or float64, see `label_image`.
+        warnings: What could not be read, as sentences.
     """
 
     depth: Floats
@@ -232,7 +245,10 @@ class Labels:
 
         Masks are kept as `visible_splits` and `visible_pixels`, and likewise of `amodal`; labels as `label_NAME`;
         `things` as JSON, as well as `labels`, which says what the labels' values are. A file of that name is replaced
-        once the new one is complete. Raises OSError with the reason if it cannot be written.
+        once the new one is complete.
+
+        Raises:
+            OSError: With the reason if it cannot be written.
         """
         path = Path(path)
         if path.suffix.lower() != ".npz":

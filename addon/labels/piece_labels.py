@@ -29,9 +29,12 @@ WHAT = "set of labels"
 class LabelPlan:
     """What all pieces have in common.
 
-    frames: in any order. size: (width, height) in pixels; None for the render size. piece: how many frames one has at
-    most. formats, depth_scale: see `save_labels`. has_coco: whether there is a file of COCO's format. The others: see
-    `label_image`.
+    Attributes:
+        frames: In any order.
+        size: (width, height) in pixels; None for the render size.
+        piece: How many frames one has at most.
+        formats, depth_scale: See `save_labels`.
+        has_coco: Whether there is a file of COCO's format. The others: see `label_image`.
     """
 
     frames: tuple[int, ...]
@@ -65,8 +68,10 @@ class LabelPlan:
 class LabelWork(PieceWork):
     """The pieces of a plan.
 
-    view: the scene. camera: an object by its name; "" for the camera of each frame. place: where pieces go. on_labels:
-    called with each frame and its labels before they are written.
+    Args:
+        view: The scene.
+        camera: An object by its name; "" for the camera of each frame.
+        place: Where pieces go. on_labels: called with each frame and its labels before they are written.
     """
 
     def __init__(

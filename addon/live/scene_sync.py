@@ -40,12 +40,6 @@ _CLOSED = "the sync was closed: call update()"
 class SceneSync(SyncedScene):
     """Keeps an engine scene in step with a Blender scene; `update()` is the only thing that reads Blender.
 
-    attributes: what to read beside the triangles; by default the material slots. `request()` asks for more later.
-    for_viewport: whether viewport or render visibility counts; by default what each depsgraph was made for.
-    watch: whether queries raise `perfect_bvh.StaleSceneError` once anything has changed in Blender since the last
-        update: see below. For that, Blender handlers are installed until the last such sync is closed, with or without
-        `register()`. False is for renders, whose depsgraph is their own.
-
     Use it on Blender's main thread; snapshots of its scene may be traced anywhere, and never go stale.
 
     What counts as a change: whatever Blender evaluates again, a frame, an undo, a file, another scene or view layer in
@@ -55,6 +49,13 @@ class SceneSync(SyncedScene):
     evaluation, a frame change or an undo begins. What Blender itself does not notice stays unknown until something is
     evaluated for another reason, to renders and viewports as well: custom properties (`object["x"] = 1`, inputs of
     geometry nodes) until `object.update_tag()`, and in Blender 4.2 `foreach_set` until `mesh.update()`.
+
+    Args:
+        attributes: What to read beside the triangles; by default the material slots. `request()` asks for more later.
+        for_viewport: Whether viewport or render visibility counts; by default what each depsgraph was made for.
+        watch: Whether queries raise `perfect_bvh.StaleSceneError` once anything has changed in Blender since the last
+            update: see above. For that, Blender handlers are installed until the last such sync is closed, with or
+            without `register()`. False is for renders, whose depsgraph is their own.
     """
 
     def __init__(
@@ -107,24 +108,6 @@ class SceneSync(SyncedScene):
     ) -> SyncReport:
         """Makes the engine's scene equal to an evaluated `bpy.types.Depsgraph`, editing only what differs.
 
-        expected_rays: how many rays are about to be cast until the next update: what building and refitting is weighed
-            against. By default as many as the last update was told, 0 aside, or as were cast since the last update if
-            those are more. Where none was ever told, trees are chosen by class, or better ones if the rays cast since
-            repay them, and a refitted one is restructured when 5 percent worse. A mesh that rests gets a better tree
-            in some later update, although nothing has changed, once its rays repay one: see `perfect_bvh.Scene.commit`.
-        verify: reads the frame itself a second time in the slow and certain way, and reports each difference; no other
-            moment of a shutter.
-        camera: an object or a `CameraRecord` instead of the scene's camera, or a function of the depsgraph that gives
-            a record or None. size: (width, height) in pixels instead of the render size. space: the `SpaceView3D` whose
-            local view counts.
-        shutter: (begin, end), in frames from the current one, which become the times 0 and 1 of the queries: what moves
-            between them has its motion then, see below. None ends all motions.
-        steps: 2 to 255, at how many moments to look at what Cycles' *Motion Steps* were never set for; 3 by default.
-        frame_set: called with a frame and a subframe, 0 to below 1, instead of the scene's own: of a render, whose
-            depsgraph only that evaluates, its engine's `frame_set`.
-        progress: called with the share done, of the commit, after that of a shutter's moments; returning False raises
-            `perfect_bvh.Cancelled`.
-
         With a shutter Blender evaluates each moment that any object or the camera asks for, once, and is then set back
         to the frame and subframe where it was, however the update ends. As by any change of the frame, what is keyed is
         then where its keys have it. Objects and cameras have Cycles' switches *Motion Blur* and *Deformation* and steps
@@ -134,8 +117,31 @@ class SceneSync(SyncedScene):
         `camera_motion` has the camera's. What has other triangles, or is not there, at one of its moments stands still
         as at the frame, and is named in `warnings` and `report.not_shown`. Lights, materials and world are the frame's.
 
-        Raises ValueError for arguments that are none of these, and what the engine raises. Until an update succeeds,
-        queries then raise `perfect_bvh.StaleSceneError`.
+        Args:
+            expected_rays: How many rays are about to be cast until the next update: what building and refitting is
+                weighed against. By default as many as the last update was told, 0 aside, or as were cast since the last
+                update if those are more. Where none was ever told, trees are chosen by class, or better ones if the
+                rays cast since repay them, and a refitted one is restructured when 5 percent worse. A mesh that rests
+                gets a better tree in some later update, although nothing has changed, once its rays repay one: see
+                `perfect_bvh.Scene.commit`.
+            verify: Reads the frame itself a second time in the slow and certain way, and reports each difference; no
+                other moment of a shutter.
+            camera: An object or a `CameraRecord` instead of the scene's camera, or a function of the depsgraph that
+                gives a record or None.
+            size: (width, height) in pixels instead of the render size.
+            space: The `SpaceView3D` whose local view counts.
+            shutter: (begin, end), in frames from the current one, which become the times 0 and 1 of the queries: what
+                moves between them has its motion then, see above. None ends all motions.
+            steps: 2 to 255, at how many moments to look at what Cycles' *Motion Steps* were never set for; 3 by
+                default.
+            frame_set: Called with a frame and a subframe, 0 to below 1, instead of the scene's own: of a render, whose
+                depsgraph only that evaluates, its engine's `frame_set`.
+            progress: Called with the share done, of the commit, after that of a shutter's moments; returning False
+                raises `perfect_bvh.Cancelled`.
+
+        Raises:
+            ValueError: For arguments that are none of these, and what the engine raises. Until an update succeeds,
+                queries then raise `perfect_bvh.StaleSceneError`.
         """
         span = as_shutter("update", shutter, steps, frame_set)
         self.stop_building()
@@ -172,14 +178,17 @@ class SceneSync(SyncedScene):
     ) -> UpdateCommit:
         """The half of `update` that needs Blender; returns the other one, which goes on by itself: see `building`.
 
-        expected_rays: see `update`, as for the other arguments; a commit under way that is returned goes on with its
-            own number.
-        What was read (`record`, `camera`, `warnings`) is there at once. All that asks the engine raises
-        `perfect_bvh.StaleSceneError` until the commit has succeeded; its `result` is the report. Only one goes on at
-        a time: where an earlier one builds what was read now, that is returned; any other is stopped, by `update`, too.
+        Args:
+            expected_rays: See `update`, as for the other arguments; a commit under way that is returned goes on with
+                its own number. What was read (`record`, `camera`, `warnings`) is there at once. All that asks the
+                engine raises `perfect_bvh.StaleSceneError` until the commit has succeeded; its `result` is the report.
+                Only one goes on at a time: where an earlier one builds what was read now, that is returned; any other
+                is stopped, by `update`, too.
 
-        Raises RuntimeError for a sync that watches Blender: a change between the two halves would be forgotten when the
-        commit begins, and old answers be taken for new ones. Code that updates in halves looks for changes by itself.
+        Raises:
+            RuntimeError: For a sync that watches Blender: a change between the two halves would be forgotten when the
+                commit begins, and old answers be taken for new ones. Code that updates in halves looks for changes by
+                itself.
         """
         if self._watch is not None:
             raise RuntimeError("begin_update: the sync watches Blender; make it with watch=False")

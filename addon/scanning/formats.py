@@ -57,9 +57,13 @@ _TAKEN = {
 def label_columns(labels: Iterable[str], suffix: str) -> dict[str, str]:
     """The column of each label in a file of a format, by the label's name.
 
-    labels: their names. A column is called as its label, or `label_NAME` if the file has a column of that name. PLY's
-    names have ASCII characters without spaces, HDF5's no slash (others become `_`), and LAS's end after 32 bytes.
-    Raises ValueError where two labels would have one column.
+    Args:
+        labels: Their names. A column is called as its label, or `label_NAME` if the file has a column of that name.
+            PLY's names have ASCII characters without spaces, HDF5's no slash (others become `_`), and LAS's end after
+            32 bytes.
+
+    Raises:
+        ValueError: Where two labels would have one column.
     """
     found = {}
     for name, column in column_names(labels).items():
@@ -96,8 +100,11 @@ def save_cloud(cloud: PointCloud, path: str | os.PathLike[str]) -> Path:
     """Writes a cloud in the format of the path's ending; a file of that name is replaced once the new one is complete.
 
     LAS and LAZ keep positions in steps of 1/10,000 of a world unit, or of 2^-32 of an axis' extent if that is longer
-    than 429,000 units. Raises ValueError for another ending, and if positions or intensities that LAS would round to
-    whole numbers are not finite; ImportError with what to install; OSError.
+    than 429,000 units.
+
+    Raises:
+        ValueError: For another ending, and if positions or intensities that LAS would round to whole numbers are not
+            finite; ImportError with what to install; OSError.
     """
     path = Path(path)
     write = WRITERS.get(path.suffix.lower())
@@ -111,7 +118,8 @@ def save_cloud(cloud: PointCloud, path: str | os.PathLike[str]) -> Path:
 def check_format(suffix: str, labels: Iterable[str] = ()) -> None:
     """Raises ValueError for a format that there is not, ImportError with what to install for one that needs more.
 
-    labels: by their names; ValueError, too, if the format has no columns for all of them.
+    Args:
+        labels: By their names; ValueError, too, if the format has no columns for all of them.
     """
     if suffix not in WRITERS:
         raise ValueError(f"the format must be one of {', '.join(name[1:] for name in WRITERS)}, got {suffix[1:]!r}")

@@ -24,9 +24,12 @@ from .patterns import (
 class Rosette(OnAnyObject):
     """A beam that two turning prisms bend, so that it draws a rosette, closer and closer the longer it looks.
 
-    field_of_view: degrees, of the circle that is filled. turns: a second of each prism; of opposite signs they turn
-    against each other. rate: shots a second. duration: seconds of a whole pass: what a scan of one frame covers.
-    min_distance, max_distance: what it can measure, in world units.
+    Attributes:
+        field_of_view: degrees, of the circle that is filled.
+        turns: A second of each prism; of opposite signs they turn against each other.
+        rate: Shots a second.
+        duration: Seconds of a whole pass: what a scan of one frame covers.
+        min_distance, max_distance: What it can measure, in world units.
     """
 
     field_of_view: float = 38.4
@@ -75,8 +78,11 @@ class Rosette(OnAnyObject):
 class Raster(OnAnyObject):
     """A solid-state sensor that looks along one row of its field after another, from the left above to the right below.
 
-    width, height: shots of a row, and rows. horizontal, vertical: degrees that they cover. rate: whole pictures a
-    second, whose shots follow each other evenly. min_distance, max_distance: what it can measure, in world units.
+    Attributes:
+        width, height: Shots of a row, and rows.
+        horizontal, vertical: Degrees that they cover.
+        rate: Whole pictures a second, whose shots follow each other evenly.
+        min_distance, max_distance: What it can measure, in world units.
     """
 
     width: int = 1150
@@ -126,9 +132,13 @@ class Raster(OnAnyObject):
 class DepthCamera(OnAnyObject):
     """A camera that measures the depth of each pixel, all at once; on any object, with a lens of its own.
 
-    width, height: of its picture in pixels. horizontal, vertical: degrees that it covers. rate: pictures a second.
-    min_distance, max_distance: what it can measure, along its axis, in world units. baseline: how far to the right its
-    second eye or its projector is, which has to see a point as well; 0 for none, as of a time-of-flight camera.
+    Attributes:
+        width, height: Of its picture in pixels.
+        horizontal, vertical: Degrees that it covers.
+        rate: Pictures a second.
+        min_distance, max_distance: What it can measure, along its axis, in world units.
+        baseline: How far to the right its second eye or its projector is, which has to see a point as well; 0 for none,
+            as of a time-of-flight camera.
     """
 
     width: int = 640

@@ -53,12 +53,16 @@ class RayCounts:
 
     The rays of a sensor with light are its beams, however many rays stand for one and however many points it gives.
 
-    on_mount: all points of the ray are on the mount (the sensor's object and its children). behind_glass: a point was
-    reached through glass or alpha, or by a mirror. on_objects: any other ray with points. too_dark: the ray hit
-    surfaces, and none returned enough light to be detected. dropped_out: the sensor's noise dropped what was detected.
-    hidden: the second eye of a depth camera does not see what was hit. out_of_range: something is on the ray, but
-    nearer or farther than the sensor measures. hit_nothing: nothing is on the ray. Of a beam without points whose rays
-    hit nothing in range, its middle ray decides between the last three.
+    Attributes:
+        on_mount: All points of the ray are on the mount (the sensor's object and its children).
+        behind_glass: A point was reached through glass or alpha, or by a mirror.
+        on_objects: Any other ray with points.
+        too_dark: The ray hit surfaces, and none returned enough light to be detected.
+        dropped_out: The sensor's noise dropped what was detected.
+        hidden: The second eye of a depth camera does not see what was hit.
+        out_of_range: Something is on the ray, but nearer or farther than the sensor measures.
+        hit_nothing: Nothing is on the ray. Of a beam without points whose rays hit nothing in range, its middle ray
+            decides between the last three.
     """
 
     on_objects: int = 0

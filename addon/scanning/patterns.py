@@ -24,9 +24,12 @@ MOST_RAYS = 1 << 25
 class Rays:
     """R rays in the sensor's space: it looks along -Z with +Y up, as a camera does.
 
-    origins, directions: (R, 3) float64; directions need not be unit vectors. times: (R,) float64, seconds since the
-    scan began. ring_ids: (R,) int32, the line of a LiDAR or the row of a picture, from 0. t_min, t_max: the range, in
-    multiples of the directions' lengths. gap, spread: neighbouring rays are `gap + spread * distance` apart.
+    Attributes:
+        origins, directions: (R, 3) float64; directions need not be unit vectors.
+        times: (R,) float64, seconds since the scan began.
+        ring_ids: (R,) int32, the line of a LiDAR or the row of a picture, from 0.
+        t_min, t_max: The range, in multiples of the directions' lengths.
+        gap, spread: Neighbouring rays are `gap + spread * distance` apart.
     """
 
     origins: Float64Array
@@ -105,7 +108,8 @@ class OnAnyObject:
 class CameraGrid:
     """One ray through the centre of each pixel of a camera's picture, row after row from the top; all at one time.
 
-    width, height: of the picture in pixels. Rays begin and end where the camera clips.
+    Attributes:
+        width, height: Of the picture in pixels. Rays begin and end where the camera clips.
     """
 
     width: int = 640
@@ -168,12 +172,15 @@ class CameraGrid:
 class SpinningLidar(OnAnyObject):
     """A head of several lines, one above the other, that turns to the left about the sensor's upward axis.
 
-    elevations: degrees above the horizon of each line: the table that the maker of the device gives.
-    columns: shots of all lines in one turn. rate: turns a second. sweep: degrees that a turn covers, in whose middle
-    the sensor looks forward. min_distance, max_distance: what it can measure, in world units.
-
     The rays of a column are cast at once, the lines in the order of `elevations`; the next column follows
     1 / (columns * rate) seconds later.
+
+    Attributes:
+        elevations: Degrees above the horizon of each line: the table that the maker of the device gives.
+        columns: Shots of all lines in one turn.
+        rate: Turns a second.
+        sweep: Degrees that a turn covers, in whose middle the sensor looks forward.
+        min_distance, max_distance: What it can measure, in world units.
     """
 
     elevations: tuple[float, ...] = tuple(float(angle) for angle in np.linspace(-15.0, 15.0, 16))

@@ -65,47 +65,51 @@ def scan(
 ) -> PointCloud:
     """Casts a pattern of rays in the current scene and returns the points that they meet, as a `PointCloud`.
 
-    pattern: a `CameraGrid`, `SpinningLidar`, `Rosette`, `Raster` or `DepthCamera`, or a whole `Sensor`, see
-        `load_sensor`, whose light counts as well.
-    sensor: the object that casts them; by default the camera of each frame, as markers choose it. A camera looks along
-        its own -Z with +Y up; any other object along +Y with +Z up. A camera grid needs a camera. Scale is ignored.
-    frames: (first, last), both included; the frame that was current is set again at the end. A LiDAR spins on through
-        all of them. By default the current frame alone, of which a LiDAR makes one whole turn.
-    steps_per_frame: how many key moments a frame has. Blender evaluates each once; between two of them the sensor of a
-        LiDAR, and all that moves in the scene, goes in straight lines and turns evenly, so that each ray is cast from
-        where the sensor is at that ray's time, and meets things where they are then. `PointCloud.pose_error` and
-        `scene_error` say how far off that may be where ways are curved. Cycles' switches of motion blur do not count.
-        A camera grid is one picture a step, of one moment.
-    since: the frame in which the scan began, if these frames are a later part of it: times and ray_ids go on from
-        there, so that parts can be put together; object_ids, instance_ids and material_ids are those of a part alone.
-        None, the default: the first of the frames.
-    labels: names of further columns, see `PointCloud.labels`: a custom property (of the object that is met, else of the
-        instancer that shows it, of the object's data, of the instancer's data, of the material that is met), or
-        "object", "instancer", "material" or "collection" (the first by name that holds the object itself). Texts become
-        rows of a table of all that the file has, sorted, so that parts of a scan have the same; numbers stay. What has
-        no such label has -1, or NaN among floats: numbers of which one has a fraction or is -1 itself. They are as they
-        are where a stretch begins.
-    threads: at most so many; 0 for all.
-    light: what light does to the beams: how wide they are, which echoes are kept, glass, mirrors, noise. See `Light`
-        and `light/README.md` beside this file. None, the default: the sensor's own; a pattern has none, and is an ideal
-        sensor: one thin ray, whose first hit is the point, whatever it is made of.
-    seed: of noise and dropout, 0 to 2 ** 31 - 1: the same one gives the same points, whatever threads, parts and
-        processes do the work.
-    exclude_mount: whether the mount is invisible to the rays: the sensor's object and its children, and theirs, with
-        the instances that they make; not its parents. None, the default: for a `Sensor` (not for a bare pattern) whose
-        object is a mesh around it, that is if the object's origin is inside of the bounds of its mesh (without
-        modifiers); `PointCloud.warnings` then says so.
-    for_viewport: whether the scan sees what viewports show; by default what a render does: its objects, collections,
-        modifier levels and particles.
-    progress: called with 0 to 1, also while trees are built; returning False raises `perfect_bvh.Cancelled`, within
-        about a tenth of a second, as Ctrl-C raises KeyboardInterrupt. The frame is set back either way.
-
     What is seen is seen as far as cameras may see it (Object > Visibility > Ray Visibility). Blender evaluates it in a
     render that makes no image, of which handlers of renders are told. A sensor that is hidden in renders is placed as
     in viewports. What cannot be followed from one key moment to the next, since it comes, goes or gets other triangles
     in between, stands still until the later one, and is named in `PointCloud.warnings`.
-    Raises ValueError for a sensor that cannot scan, or that is deleted meanwhile, for a label that nothing in the file
-    has or whose values are neither numbers, texts nor data-blocks, and what the engine raises.
+
+    Args:
+        pattern: A `CameraGrid`, `SpinningLidar`, `Rosette`, `Raster` or `DepthCamera`, or a whole `Sensor`, see
+            `load_sensor`, whose light counts as well.
+        sensor: The object that casts them; by default the camera of each frame, as markers choose it. A camera looks
+            along its own -Z with +Y up; any other object along +Y with +Z up. A camera grid needs a camera. Scale is
+            ignored.
+        frames: (first, last), both included; the frame that was current is set again at the end. A LiDAR spins on
+            through all of them. By default the current frame alone, of which a LiDAR makes one whole turn.
+        steps_per_frame: How many key moments a frame has. Blender evaluates each once; between two of them the sensor
+            of a LiDAR, and all that moves in the scene, goes in straight lines and turns evenly, so that each ray is
+            cast from where the sensor is at that ray's time, and meets things where they are then.
+            `PointCloud.pose_error` and `scene_error` say how far off that may be where ways are curved. Cycles'
+            switches of motion blur do not count. A camera grid is one picture a step, of one moment.
+        since: The frame in which the scan began, if these frames are a later part of it: times and ray_ids go on from
+            there, so that parts can be put together; object_ids, instance_ids and material_ids are those of a part
+            alone. None, the default: the first of the frames.
+        labels: Names of further columns, see `PointCloud.labels`: a custom property (of the object that is met, else of
+            the instancer that shows it, of the object's data, of the instancer's data, of the material that is met), or
+            "object", "instancer", "material" or "collection" (the first by name that holds the object itself). Texts
+            become rows of a table of all that the file has, sorted, so that parts of a scan have the same; numbers
+            stay. What has no such label has -1, or NaN among floats: numbers of which one has a fraction or is -1
+            itself. They are as they are where a stretch begins.
+        threads: At most so many; 0 for all.
+        light: What light does to the beams: how wide they are, which echoes are kept, glass, mirrors, noise. See
+            `Light` and `light/README.md` beside this file. None, the default: the sensor's own; a pattern has none, and
+            is an ideal sensor: one thin ray, whose first hit is the point, whatever it is made of.
+        seed: Of noise and dropout, 0 to 2 ** 31 - 1: the same one gives the same points, whatever threads, parts and
+            processes do the work.
+        exclude_mount: Whether the mount is invisible to the rays: the sensor's object and its children, and theirs,
+            with the instances that they make; not its parents. None, the default: for a `Sensor` (not for a bare
+            pattern) whose object is a mesh around it, that is if the object's origin is inside of the bounds of its
+            mesh (without modifiers); `PointCloud.warnings` then says so.
+        for_viewport: Whether the scan sees what viewports show; by default what a render does: its objects,
+            collections, modifier levels and particles.
+        progress: Called with 0 to 1, also while trees are built; returning False raises `perfect_bvh.Cancelled`, within
+            about a tenth of a second, as Ctrl-C raises KeyboardInterrupt. The frame is set back either way.
+
+    Raises:
+        ValueError: For a sensor that cannot scan, or that is deleted meanwhile, for a label that nothing in the file
+            has or whose values are neither numbers, texts nor data-blocks, and what the engine raises.
     """
     how = {"frames": frames, "steps_per_frame": steps_per_frame, "since": since, "labels": labels, "threads": threads}
     how |= {"light": light, "seed": seed, "exclude_mount": exclude_mount, "for_viewport": for_viewport}
@@ -120,8 +124,10 @@ class Scanner:
 
     Run through `steps()`, or call `run`, which is faster; then ask for the `result()`. Closing the iterator of the
     steps early gives the scan up, in the middle of a build, too; the current frame is set again either way. Each
-    stretch shows the scene as it was when its first step began. Raises ValueError for arguments with which no scan is
-    possible.
+    stretch shows the scene as it was when its first step began.
+
+    Raises:
+        ValueError: For arguments with which no scan is possible.
     """
 
     def __init__(

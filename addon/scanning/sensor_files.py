@@ -53,8 +53,9 @@ class Sensor:
 def load_sensor(name: str | os.PathLike[str]) -> Sensor:
     """One of `sensor_names()`, or one's own: the path of a file that ends in .toml.
 
-    Raises ValueError for an unknown name, with the nearest one, and for what a file should not say; OSError if it
-    cannot be read.
+    Raises:
+        ValueError: For an unknown name, with the nearest one, and for what a file should not say; OSError if it cannot
+            be read.
     """
     text = os.fspath(name)
     path = Path(text)

@@ -49,7 +49,8 @@ Layers = Mapping[str, Float32Array]
 class LayerRequest:
     """Names of a mesh's uv maps and colours, and of uv maps along which tangents are needed; "" is the active one.
 
-    generated: whether materials ask for places in the mesh's texture space.
+    Attributes:
+        generated: Whether materials ask for places in the mesh's texture space.
     """
 
     uvs: frozenset[str] = frozenset()
@@ -80,29 +81,34 @@ NO_LAYERS = LayerRequest()
 class MeshRecord:
     """One distinct evaluated mesh, hair or point cloud.
 
-    key: identifies the same mesh across evaluations (never a name or a pointer); two records of one
-        scene never share it.
-    positions: (V, 3) float32, object space. triangles: (T, 3) int32, rows of positions; Blender's own
-        triangulation and order. polygon_ids: (T,) int32, the polygon each triangle came from.
-    material_slots, corner_normals: only if they were asked for, see `AttributeRequest`.
-    corner_uvs, corner_colors: (T, 3, 2) and (T, 3, 3) float32, the uv map and the colours that are active for renders.
-        named_uvs, named_colors: others by their names. layers: which of them were asked for; the mesh may lack them.
-    tangents, texture_space, corner_generated: see `perfect_bvh.MeshAppearance`; only if they were asked for.
-    dropped_triangles: how many triangles were left out because a vertex was not finite; `triangle_ids`
-        then holds the original index of each kept triangle, and is None when all were kept.
-    was_read: False if Blender is known not to have evaluated the mesh since the record before, whose arrays these are.
-    usage: what will happen to the mesh as far as its object tells: nothing ("static"), other transforms ("rigid"),
-        other positions ("deforming"), other triangles ("changing"). Sync learns better from what it sees, see `plan`.
-    usage_reason: the sentence that says why.
-    remade_by: the name of the modifier that is to blame if its triangles change; "" if there is none.
-
-    kind: what rays meet. Of curves and points `positions` are the curves' points or the points, without triangles;
-        triangle_ids and dropped_triangles tell of curves or points; material_slots is None or has one for each; uvs and
-        colours are (R, 2) and (R, 3), R being the number of curves, or of their points.
-    radii: (V,) float32, not negative. curve_offsets: (C + 1,) int64, of curves: where each begins among the positions.
-    curve_kind: straight from point to point, or bent through them, in `curve_pieces` from one to the next. curve_shape:
-        round, or flat and turned to the ray.
-    rounding: what its positions may differ by when they are read in another way.
+    Attributes:
+        key: Identifies the same mesh across evaluations (never a name or a pointer); two records of one scene never
+            share it.
+        positions: (V, 3) float32, object space.
+        triangles: (T, 3) int32, rows of positions; Blender's own triangulation and order.
+        polygon_ids: (T,) int32, the polygon each triangle came from.
+        material_slots, corner_normals: Only if they were asked for, see `AttributeRequest`.
+        corner_uvs, corner_colors: (T, 3, 2) and (T, 3, 3) float32, the uv map and the colours that are active for
+            renders. named_uvs, named_colors: others by their names.
+        layers: Which of them were asked for; the mesh may lack them.
+        tangents, texture_space, corner_generated: See `perfect_bvh.MeshAppearance`; only if they were asked for.
+        dropped_triangles: How many triangles were left out because a vertex was not finite; `triangle_ids` then holds
+            the original index of each kept triangle, and is None when all were kept.
+        was_read: False if Blender is known not to have evaluated the mesh since the record before, whose arrays these
+            are.
+        usage: What will happen to the mesh as far as its object tells: nothing ("static"), other transforms ("rigid"),
+            other positions ("deforming"), other triangles ("changing"). Sync learns better from what it sees, see
+            `plan`.
+        usage_reason: The sentence that says why.
+        remade_by: The name of the modifier that is to blame if its triangles change; "" if there is none.
+        kind: What rays meet. Of curves and points `positions` are the curves' points or the points, without triangles;
+            triangle_ids and dropped_triangles tell of curves or points; material_slots is None or has one for each; uvs
+            and colours are (R, 2) and (R, 3), R being the number of curves, or of their points.
+        radii: (V,) float32, not negative.
+        curve_offsets: (C + 1,) int64, of curves: where each begins among the positions.
+        curve_kind: Straight from point to point, or bent through them, in `curve_pieces` from one to the next.
+            curve_shape: round, or flat and turned to the ray.
+        rounding: What its positions may differ by when they are read in another way.
     """
 
     key: Hashable
@@ -187,8 +193,10 @@ INSTANCE_COLUMNS = ("mesh_indices", "object_indices", "parent_indices", "transfo
 class UnseenMesh:
     """A mesh that is in the scene and that no ray can meet: it is neither read nor built.
 
-    source, session_uid: what it would come from, as the first two parts of a `MeshRecord`'s key. reason: a sentence.
-    owner, owner_uid: an object that has it.
+    Attributes:
+        source, session_uid: What it would come from, as the first two parts of a `MeshRecord`'s key.
+        reason: A sentence.
+        owner, owner_uid: An object that has it.
     """
 
     name: str
@@ -214,12 +222,14 @@ class ObjectRecord:
 class InstanceRecords:
     """I instances as columns.
 
-    mesh_indices, object_indices: (I,) int32, rows of the scene's meshes and objects. parent_indices:
-    (I,) int32, the row in objects of the instancer, -1 for a plain object. transforms: (I, 3, 4)
-    float32 object to world, as exact as Blender's own. masks: (I,) uint32, VISIBLE_TO_* bits.
-    persistent_ids: (I, 8) int32, Blender's persistent id; zero for a plain object.
-
     Columns that are the same as in the scene's record before may be the very same arrays.
+
+    Attributes:
+        mesh_indices, object_indices: (I,) int32, rows of the scene's meshes and objects. parent_indices: (I,) int32,
+            the row in objects of the instancer, -1 for a plain object.
+        transforms: (I, 3, 4) float32 object to world, as exact as Blender's own.
+        masks: (I,) uint32, VISIBLE_TO_* bits.
+        persistent_ids: (I, 8) int32, Blender's persistent id; zero for a plain object.
     """
 
     mesh_indices: Int32Array = field(default_factory=lambda: np.empty(0, np.int32))
@@ -296,9 +306,10 @@ class SceneMotion:
 class AttributeRequest:
     """Which attributes the coming rays will use; nothing else is read.
 
-    corner_uvs: the uv map of each mesh that is active for renders.
-    shading: what materials are made of beside their viewport colour, their images, the uv maps and colours of the
-    meshes that show them, the lights and the world.
+    Attributes:
+        corner_uvs: The uv map of each mesh that is active for renders.
+        shading: What materials are made of beside their viewport colour, their images, the uv maps and colours of the
+            meshes that show them, the lights and the world.
     """
 
     material_slots: bool = True
@@ -311,13 +322,16 @@ class AttributeRequest:
 class SceneRecord:
     """Everything read from one evaluated depsgraph at one frame, and what of it moves around that frame.
 
-    motion: within the shutter that the scene was read for; nothing moves without one. All else is as at the frame.
-    camera: None if the scene has none. size: (width, height) of a render in pixels, percentage applied.
-    images, lights, world, instance_values: only if shading was asked for; without it there is no world.
-    instance_values: (I, K, 4) float32, what nodes ask of each instance; None if they ask for nothing.
-    unseen: what was left out because nothing could show it. warnings: sentences for the user (dropped triangles,
-    objects that could not be read). not_shown: what an image of it lacks or shows otherwise; of materials, lights and
-    the world only if shading was asked for.
+    Attributes:
+        motion: Within the shutter that the scene was read for; nothing moves without one. All else is as at the frame.
+        camera: None if the scene has none.
+        size: (width, height) of a render in pixels, percentage applied.
+        images, lights, world, instance_values: Only if shading was asked for; without it there is no world.
+        instance_values: (I, K, 4) float32, what nodes ask of each instance; None if they ask for nothing.
+        unseen: What was left out because nothing could show it.
+        warnings: Sentences for the user (dropped triangles, objects that could not be read).
+        not_shown: What an image of it lacks or shows otherwise; of materials, lights and the world only if shading was
+            asked for.
     """
 
     name: str

@@ -25,9 +25,12 @@ MOST_BOUNCES = 64
 class Beam:
     """How wide a beam is, and what of it is kept.
 
-    divergence: the full angle of its cone, in milliradians. rays: how many stand for it, evenly over its disc.
-    returns: how many echoes of a beam are kept at most. keep: by which rules, of "first", "strongest" and "last"; they
-    take turns. resolution: in world units: an echo that is no farther than that behind another is one with it.
+    Attributes:
+        divergence: The full angle of its cone, in milliradians.
+        rays: How many stand for it, evenly over its disc.
+        returns: How many echoes of a beam are kept at most.
+        keep: By which rules, of "first", "strongest" and "last"; they take turns.
+        resolution: In world units: an echo that is no farther than that behind another is one with it.
     """
 
     divergence: float = 0.0
@@ -51,12 +54,14 @@ class Beam:
 class Optics:
     """What of light's ways is followed, and what intensities are.
 
-    refract: whether what is clear bends rays; if not, it is taken for thin, and they go straight on.
-
-    bounces: how many surfaces a ray may pass or be mirrored by. mirror_roughness: what is less rough is a mirror, or is
-    seen through. spectrum: how much the red, green and blue of colours count at the sensor's wavelength; they are
-    divided by their sum. reference: the distance, in world units, at which white, met straight on, has the intensity 1.
-    calibrated: whether intensities are reflectivities, whatever the distance, instead.
+    Attributes:
+        refract: Whether what is clear bends rays; if not, it is taken for thin, and they go straight on.
+        bounces: How many surfaces a ray may pass or be mirrored by.
+        mirror_roughness: What is less rough is a mirror, or is seen through.
+        spectrum: How much the red, green and blue of colours count at the sensor's wavelength; they are divided by
+            their sum.
+        reference: The distance, in world units, at which white, met straight on, has the intensity 1.
+        calibrated: Whether intensities are reflectivities, whatever the distance, instead.
     """
 
     refract: bool = False
@@ -83,8 +88,10 @@ class Optics:
 class Detection:
     """The least reflectivity that is detected at some distances; straight lines between them, and even beyond.
 
-    distances: in world units, increasing. reflectivities: 1 for white that fills the beam and is met straight on.
-    Without any, everything is detected that returns any light.
+    Attributes:
+        distances: In world units, increasing.
+        reflectivities: 1 for white that fills the beam and is met straight on. Without any, everything is detected that
+            returns any light.
     """
 
     distances: tuple[float, ...] = ()
@@ -104,11 +111,12 @@ class Detection:
 class Noise:
     """What is random, and what is off.
 
-    range, range_square: standard deviation of distances, in world units: range + range_square * distance ** 2.
-
-    angle: that of the direction that is reported, in milliradians, across each of two axes. dropout: the share of beams
-    that return nothing. bias: added to all distances, in world units. line_bias: the standard deviation of what is
-    added to all distances of a line.
+    Attributes:
+        range, range_square: Standard deviation of distances, in world units: range + range_square * distance ** 2.
+        angle: That of the direction that is reported, in milliradians, across each of two axes.
+        dropout: The share of beams that return nothing.
+        bias: Added to all distances, in world units.
+        line_bias: The standard deviation of what is added to all distances of a line.
     """
 
     range: float = 0.0
@@ -168,8 +176,10 @@ def spread_over_disc(
 ) -> Float64Array:
     """(R * K, 3) directions, the K of each beam one after the other, as long as the beam's own.
 
-    across: (R, 3) unit vectors at right angles to the directions. places: (K, 2) of `disc_places`. divergence: the full
-    angle, in milliradians. The first of each beam is its own direction, bit for bit.
+    Args:
+        across: (R, 3) unit vectors at right angles to the directions.
+        places: (K, 2) of `disc_places`.
+        divergence: The full angle, in milliradians. The first of each beam is its own direction, bit for bit.
     """
     if len(places) == 1:
         return directions

@@ -78,7 +78,8 @@ _found: dict[tuple[str, ...], tuple[Library, tuple[str, ...]]] = {}
 def find_library(paths: tuple[str, ...]) -> tuple[Library | None, tuple[str, ...]]:
     """The first that works, None if none does; and of those that are there and do not, a sentence each.
 
-    paths: files to try before all others.
+    Args:
+        paths: Files to try before all others.
     """
     if has_forked():
         return None, (f"{NAME} does not work in a process that was forked",)
@@ -204,7 +205,8 @@ class _Run:
 class Filter:
     """A network over images in memory that the caller keeps; ready to be run again and again.
 
-    images: by the library's names, (H, W, 3) float32, C-contiguous. "output" may be one of the others.
+    Args:
+        images: By the library's names, (H, W, 3) float32, C-contiguous. "output" may be one of the others.
     """
 
     def __init__(self, device: Device, images: dict[str, Image], quality: str, **switches: bool) -> None:

@@ -326,14 +326,15 @@ _LARGEST_CLAMP = 1e30
 class LightPaths:
     """Limits of paths; the defaults are for a preview, Blender's own allow more bounces.
 
-    max_bounces: how often light may bounce in all, 0 to 250; 0 is light that comes straight from its source.
-    diffuse_bounces, glossy_bounces, transmission_bounces: how often of that kind, 0 to 250. Translucent surfaces count
-        as transmission.
-    transparent_bounces: how many transparent surfaces are passed, one behind another, besides; 0 to 250.
-    clamp_direct, clamp_indirect: what a path that bounced not at all, or ever, brings at most, as the mean of its
-        channels; 0 for no limit.
-    filter_glossy: by how much surfaces look rougher in light that has bounced off a rough one, 0 for not at all.
-    reflective_caustics, refractive_caustics: whether mirrors and glass throw light on diffuse surfaces.
+    Attributes:
+        max_bounces: How often light may bounce in all, 0 to 250; 0 is light that comes straight from its source.
+        diffuse_bounces, glossy_bounces, transmission_bounces: How often of that kind, 0 to 250. Translucent surfaces
+            count as transmission.
+        transparent_bounces: How many transparent surfaces are passed, one behind another, besides; 0 to 250.
+        clamp_direct, clamp_indirect: What a path that bounced not at all, or ever, brings at most, as the mean of its
+            channels; 0 for no limit.
+        filter_glossy: By how much surfaces look rougher in light that has bounced off a rough one, 0 for not at all.
+        reflective_caustics, refractive_caustics: Whether mirrors and glass throw light on diffuse surfaces.
     """
 
     max_bounces: int = 4

@@ -20,8 +20,9 @@ STRATEGIES = ("auto", "packets", "stream", "single")
 def with_policy(scene: AnyScene, policy: str) -> AnyScene:
     """The scene, which from now on always does the same with a tree whose vertices moved.
 
-    policy: "governed" is every scene's: what is expected to cost least. "refit" (wherever a tree can be refitted),
-        "rotate" and "rebuild_parts" (refit, and then always restructure so), "rebuild".
+    Args:
+        policy: "governed" is every scene's: what is expected to cost least. "refit" (wherever a tree can be refitted),
+            "rotate" and "rebuild_parts" (refit, and then always restructure so), "rebuild".
     """
     scene._policy = check_choice("with_policy", "policy", policy, POLICIES)
     return scene
@@ -30,11 +31,12 @@ def with_policy(scene: AnyScene, policy: str) -> AnyScene:
 class Traced(Queries):
     """The queries of a scene or snapshot, traced in one way; those but `cast_rays` and `test_occlusions` as ever.
 
-    strategy: "packets": 64 consecutive rays share a traversal, which is several times as fast where they go much the
-        same way; "stream": many are under way, each for itself; "single": one after the other. "auto" is every scene's:
-        it looks at the rays, and takes packets where they are coherent, else the stream. Batches that count their work
-        are not traced in packets. Into what moves within the shutter, rays of packets go one by one: where that is most
-        of a scene, "auto" takes the stream.
+    Args:
+        strategy: "packets": 64 consecutive rays share a traversal, which is several times as fast where they go much
+            the same way; "stream": many are under way, each for itself; "single": one after the other. "auto" is every
+            scene's: it looks at the rays, and takes packets where they are coherent, else the stream. Batches that
+            count their work are not traced in packets. Into what moves within the shutter, rays of packets go one by
+            one: where that is most of a scene, "auto" takes the stream.
     """
 
     __slots__ = ("_source", "_strategy")
@@ -51,8 +53,9 @@ class Traced(Queries):
 class CostedBuild(BuildConfig):
     """A `BuildConfig` with other costs; the engine checks them.
 
-    traversal_cost: of visiting a node, 0 to 1e6, relative to
-    intersection_cost: of testing a triangle, 1e-6 to 1e6: a split is made if it costs less than the leaf.
+    Attributes:
+        traversal_cost: Of visiting a node, 0 to 1e6, relative to
+        intersection_cost: Of testing a triangle, 1e-6 to 1e6: a split is made if it costs less than the leaf.
     """
 
     traversal_cost: float = 1.0

@@ -34,16 +34,18 @@ _TINY = 1e-4
 class AdaptiveSampling:
     """Ends the sampling of tiles of one image that are good enough: `render_progressively(..., sampling=sampling)`.
 
-    size: (width, height) of the image, in pixels.
-    threshold: the noise that may stay, above 0, in the mean of 8 x 8 pixels: of a pixel what its colour is off by, red,
-        green and blue together, over the square root of their sum, so that it counts as it is seen; of alpha alike.
-        0.01 is for images that will be kept, 0.1 for a first look, as in Cycles.
-    min_samples: that every tile gets; 0, the default, for as many as an estimate needs: 16.
-
     tiles (rows, columns) bool: of 32 x 32 pixels each, those that are not finished; the first in the upper left corner.
     sample_counts (rows, columns) int64: how many samples each has.
 
-    Raises ValueError for bad arguments.
+    Args:
+        size: (width, height) of the image, in pixels.
+        threshold: The noise that may stay, above 0, in the mean of 8 x 8 pixels: of a pixel what its colour is off by,
+            red, green and blue together, over the square root of their sum, so that it counts as it is seen; of alpha
+            alike. 0.01 is for images that will be kept, 0.1 for a first look, as in Cycles.
+        min_samples: That every tile gets; 0, the default, for as many as an estimate needs: 16.
+
+    Raises:
+        ValueError: For bad arguments.
     """
 
     def __init__(self, size: tuple[int, int], threshold: float, min_samples: int = 0) -> None:
@@ -98,9 +100,11 @@ class AdaptiveSampling:
     def note_round(self, before: Image, made: Image, done: int, count: int, rows: Rows | None = None) -> None:
         """A round was traced in the tiles that are not finished; those that are good enough now are.
 
-        before: (H, W, 4), the mean of the `done` samples before the round; not looked at if there were none. made: of
-        the round's `count` samples alone. rows: first and end of those that were traced, all of a tile's rows in the
-        image at once; None for the whole image.
+        Args:
+            before: (H, W, 4), the mean of the `done` samples before the round; not looked at if there were none.
+            made: Of the round's `count` samples alone.
+            rows: First and end of those that were traced, all of a tile's rows in the image at once; None for the whole
+                image.
         """
         first, end = (0, self.size[1]) if rows is None else rows
         part = slice(first // TILE_SIZE, -(-end // TILE_SIZE))

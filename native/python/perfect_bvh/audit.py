@@ -26,14 +26,15 @@ _DEVIATIONS_AT_95_PERCENT = 1.959963984540054
 class Audit:
     """What checking some of the answers again, in double precision and without a tree, has shown.
 
-    checked_count: rays that were judged, of those drawn at random.
-    wrong_rows (wrong,) int64: those whose answer is wrong, as rows of the flattened batch; of an image the pixels that
-        they belong to, counted row by row from the top. Wrong: a miss although a
-        triangle in range is surely hit; or a hit of a triangle that is surely missed, or whose t is off by more than
-        rounding the ray to float can explain, or that lies behind a surely hit one.
-    ambiguous_count: rays that pass some triangle's edge, or an end of their range, so closely that rounding them to
-        float decides: then either answer counts as right.
-    not_judged_count: rays that come near curves or points, which only tests judge; no triangle shows them wrong.
+    Attributes:
+        checked_count: Rays that were judged, of those drawn at random. wrong_rows (wrong,) int64: those whose answer is
+            wrong, as rows of the flattened batch; of an image the pixels that they belong to, counted row by row from
+            the top. Wrong: a miss although a triangle in range is surely hit; or a hit of a triangle that is surely
+            missed, or whose t is off by more than rounding the ray to float can explain, or that lies behind a surely
+            hit one.
+        ambiguous_count: Rays that pass some triangle's edge, or an end of their range, so closely that rounding them to
+            float decides: then either answer counts as right.
+        not_judged_count: Rays that come near curves or points, which only tests judge; no triangle shows them wrong.
     """
 
     checked_count: int
@@ -89,9 +90,11 @@ class Audit:
 class RenderAudit:
     """Asks a render to check a share of its camera rays, and holds what that has shown: `render(..., audit=audit)`.
 
-    share: 0 to 1. The rays are drawn at random, the same ones for the same seed, whatever the threads. Each costs about
-    5 ns for every triangle of the scene. result: of all renders that were given this object, added up; seconds: what
-    they have spent on it.
+    Attributes:
+        share: 0 to 1. The rays are drawn at random, the same ones for the same seed, whatever the threads. Each costs
+            about 5 ns for every triangle of the scene.
+        result: Of all renders that were given this object, added up
+        seconds: What they have spent on it.
     """
 
     share: float = 1e-3

@@ -21,8 +21,10 @@ def place_instances(
 ) -> Int32Array:
     """Writes parent times each local matrix into `placed`; returns its rows that hold more than `largest`, or NaN.
 
-    parent: (4, 4), None for the identity. local: (N, 4, 4) float32, each matrix transposed, as Blender stores
-    it. placed: (N, 3, 4) float32, C-contiguous. The products are bit by bit those of Blender's own list of instances.
+    Args:
+        parent: (4, 4), None for the identity.
+        local: (N, 4, 4) float32, each matrix transposed, as Blender stores it.
+        placed: (N, 3, 4) float32, C-contiguous. The products are bit by bit those of Blender's own list of instances.
     """
     matrix = None if parent is None else np.ascontiguousarray(parent, np.float32)
     return _core.place_instances(matrix, local, placed, largest)
@@ -31,8 +33,9 @@ def place_instances(
 def find_moved(old: Float32Array, new: Float32Array, rows: Int32Array | None = None) -> npt.NDArray[np.bool_]:
     """(I,) bool: whether new[i] differs from old[rows[i]] in any bit.
 
-    old: (H, 3, 4), new: (I, 3, 4) float32. rows: (I,) int32, -1 where there is no old one, which is no difference;
-    None for old[i].
+    Args:
+        old: (H, 3, 4), new: (I, 3, 4) float32.
+        rows: (I,) int32, -1 where there is no old one, which is no difference; None for old[i].
     """
     return _core.find_moved(np.ascontiguousarray(old), np.ascontiguousarray(new), rows)
 

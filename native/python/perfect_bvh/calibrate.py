@@ -83,8 +83,9 @@ class _CommitTimes:
 def calibrate(progress: Progress | None = None) -> Calibration:
     """Measures this machine: a few seconds.
 
-    progress: called with the share done; returning False raises `perfect_bvh.Cancelled`. Nothing else should run in the
-    process meanwhile: the engine works on one thread.
+    Args:
+        progress: Called with the share done; returning False raises `perfect_bvh.Cancelled`. Nothing else should run in
+            the process meanwhile: the engine works on one thread.
     """
     threads = _core.thread_count()
     _core.set_thread_count(1)

@@ -42,8 +42,9 @@ class CalibrationError(ValueError):
 class BuilderCost:
     """What a builder costs, with a mesh of 65,536 triangles.
 
-    build_nanoseconds: a triangle, ready to trace. trace_nanoseconds: a ray that meets the mesh's box,
-    the geometric mean of two meshes.
+    Attributes:
+        build_nanoseconds: A triangle, ready to trace.
+        trace_nanoseconds: A ray that meets the mesh's box, the geometric mean of two meshes.
     """
 
     build_nanoseconds: float
@@ -54,13 +55,18 @@ class BuilderCost:
 class Calibration:
     """Nanoseconds of one thread.
 
-    node_nanoseconds, leaf_nanoseconds: of a ray's visit to a node and to a leaf block. refit_nanoseconds: a triangle;
-    rotate_nanoseconds: besides, for restructuring the refitted tree by rotations; rebuild_parts_nanoseconds: of a
-    triangle in the parts, for rebuilding those, beyond twice the refit of the whole. rotation_gain: the share, up
-    to 1, of what new parts are expected to gain that rotations do.
-    builders: the costs of "fast", "binned" and "spatial". machine: where it was measured, in words.
+    Attributes:
+        node_nanoseconds, leaf_nanoseconds: Of a ray's visit to a node and to a leaf block.
+        refit_nanoseconds: A triangle
+        rotate_nanoseconds: besides, for restructuring the refitted tree by rotations
+        rebuild_parts_nanoseconds: Of a triangle in the parts, for rebuilding those, beyond twice the refit of the
+            whole.
+        rotation_gain: The share, up to 1, of what new parts are expected to gain that rotations do.
+        builders: The costs of "fast", "binned" and "spatial".
+        machine: Where it was measured, in words.
 
-    Raises `CalibrationError` (a ValueError) for numbers that are not positive and finite.
+    Raises:
+        CalibrationError: (a ValueError) for numbers that are not positive and finite.
     """
 
     node_nanoseconds: float

@@ -24,12 +24,13 @@ class Lens:
     units, by which it covers what is around it. Only the mode "preview" uses lenses, and only for "combined": all other
     modes and passes show what is seen through the middle of the lens.
 
-    radius: of the aperture, in world units: the focal length divided by twice the f-number. A polygon's corners lie at
-        this distance from the middle.
-    focus_distance: in world units, along the view axis; along the ray of a panorama.
-    blades: corners of the aperture, 3 or more; 0 for a circle.
-    rotation: of the corners about the view axis, in radians; at 0 an edge lies on the right.
-    ratio: of an anamorphic lens, by which the aperture is narrower than high.
+    Attributes:
+        radius: Of the aperture, in world units: the focal length divided by twice the f-number. A polygon's corners lie
+            at this distance from the middle.
+        focus_distance: In world units, along the view axis; along the ray of a panorama.
+        blades: Corners of the aperture, 3 or more; 0 for a circle.
+        rotation: Of the corners about the view axis, in radians; at 0 an edge lies on the right.
+        ratio: Of an anamorphic lens, by which the aperture is narrower than high.
     """
 
     radius: float
@@ -54,15 +55,16 @@ class Camera:
     Sensor size, focal length, shift, sensor fit and pixel aspect are all folded into `window`, so that the
     renderer has a single rule: pixel centres divide the window evenly.
 
-    matrix: (4, 4) float64, camera to world; any scale in it is removed, as Blender does.
-    window: (left, right, bottom, top) of the whole frame: on the plane one unit in front of a perspective
-        camera (so tangents), in world units for an orthographic one, or in radians for an equirectangular one:
-        longitudes to the right of the view axis, latitudes above it.
-    clip_start, clip_end: distances along the view axis (not along the ray), in world units. A panorama has no such
-        axis: there they are distances from the camera, and so is its depth.
-    border: (left, right, bottom, top) as fractions of the frame, 0 to 1. Pixels outside it are not traced
-        and stay zero; the image keeps the size of the whole frame.
-    lens: None for a pinhole, through which everything is sharp.
+    Attributes:
+        matrix: (4, 4) float64, camera to world; any scale in it is removed, as Blender does.
+        window: (left, right, bottom, top) of the whole frame: on the plane one unit in front of a perspective camera
+            (so tangents), in world units for an orthographic one, or in radians for an equirectangular one: longitudes
+            to the right of the view axis, latitudes above it.
+        clip_start, clip_end: Distances along the view axis (not along the ray), in world units. A panorama has no such
+            axis: there they are distances from the camera, and so is its depth.
+        border: (left, right, bottom, top) as fractions of the frame, 0 to 1. Pixels outside it are not traced and stay
+            zero; the image keeps the size of the whole frame.
+        lens: None for a pinhole, through which everything is sharp.
     """
 
     matrix: npt.NDArray[np.float64] = field(default_factory=lambda: np.eye(4))
@@ -93,9 +95,16 @@ class Camera:
     def pixel_rays(self, size: tuple[int, int], rows: slice | None = None) -> tuple[Float64Array, Float64Array]:
         """The rays through the centres of an image's pixels, as the renderer casts them: a pinhole camera's.
 
-        size: (width, height) of the whole image. rows: some of its rows, 0 on top; None for all. Returns origins and
-        directions, (H, W, 3) float64 each, in the world. A direction's length along the view axis is 1, so that t is
-        the depth; in a panorama its length is 1. Raises ValueError for a matrix with an axis of no length.
+        Args:
+            size: (width, height) of the whole image.
+            rows: Some of its rows, 0 on top; None for all.
+
+        Returns:
+            Origins and directions, (H, W, 3) float64 each, in the world. A direction's length along the view axis is 1,
+            so that t is the depth; in a panorama its length is 1.
+
+        Raises:
+            ValueError: For a matrix with an axis of no length.
         """
         width, height = (check_count("pixel_rays", "size", length, 1) for length in size)
         first, end, step = (slice(None) if rows is None else rows).indices(height)
@@ -133,7 +142,9 @@ class Camera:
     ) -> Camera:
         """A perspective camera at `position` that looks at `target`.
 
-        angle: horizontal field of view in radians. aspect: width over height of the image.
+        Args:
+            angle: Horizontal field of view in radians.
+            aspect: Width over height of the image.
         """
         eye = np.asarray(position, dtype=np.float64)
         backward = eye - np.asarray(target, dtype=np.float64)
@@ -177,18 +188,20 @@ class Shutter:
     `Scene.set_instance_motion` and its like. Only the mode "preview" blurs, and only in "combined" and a denoiser's
     guides: all other modes and passes show the middle, time 0.5. Lights stand still.
 
-    curve: how far it is open, at two or more evenly spaced times from 0 to 1, straight in between; numbers of 0 or
-        more, not all 0. None, the default: fully all the time.
-    rolling: the part of the time, 0 to 1, for which each row of pixels is seen; the first row at the beginning, the
-        last one at the end, as by sensors that are read row by row. None, the default: all rows at once.
-    cameras: two or more at evenly spaced times from 0 to 1, if the camera moves: between them it turns evenly and goes
-        in a straight line, and so do the edges of its window. Their lenses, clipping ranges and borders are not looked
-        at. Empty, the default: it stands still.
-    frame_time: when shapes are those that the appearance's corner normals are of. Normals of meshes that change their
-        shape are carried along with each triangle from there.
-    blurs: False: "combined" shows the middle, too; for the pass "vector" alone. True is the default.
+    Attributes:
+        curve: How far it is open, at two or more evenly spaced times from 0 to 1, straight in between; numbers of 0 or
+            more, not all 0. None, the default: fully all the time.
+        rolling: The part of the time, 0 to 1, for which each row of pixels is seen; the first row at the beginning, the
+            last one at the end, as by sensors that are read row by row. None, the default: all rows at once.
+        cameras: Two or more at evenly spaced times from 0 to 1, if the camera moves: between them it turns evenly and
+            goes in a straight line, and so do the edges of its window. Their lenses, clipping ranges and borders are
+            not looked at. Empty, the default: it stands still.
+        frame_time: When shapes are those that the appearance's corner normals are of. Normals of meshes that change
+            their shape are carried along with each triangle from there.
+        blurs: False: "combined" shows the middle, too; for the pass "vector" alone. True is the default.
 
-    Raises ValueError for other values.
+    Raises:
+        ValueError: For other values.
     """
 
     curve: tuple[float, ...] | None = None

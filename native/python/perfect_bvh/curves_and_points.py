@@ -29,8 +29,11 @@ _LARGEST = 1e18
 class CurveChains:
     """What is kept of curves to divide them again when they move.
 
-    offsets, cyclic: of the control points, int64 and uint8. radii: (P,) or (1,), of the points' dtype. tolerance: in
-    the mesh's units. piece_count: of every span, or 0 for as many as the tolerance asks for.
+    Attributes:
+        offsets, cyclic: Of the control points, int64 and uint8.
+        radii: (P,) or (1,), of the points' dtype.
+        tolerance: In the mesh's units.
+        piece_count: Of every span, or 0 for as many as the tolerance asks for.
     """
 
     kind: CurveKind
@@ -67,7 +70,8 @@ class CurveChains:
     ) -> tuple[CurveChains, npt.NDArray[Any], npt.NDArray[Any]]:
         """As `moved`, of steps one after another: with the pieces that the most bent of them asks for.
 
-        radii: of all steps, one number a step or one a point; empty: those that there are.
+        Args:
+            radii: Of all steps, one number a step or one a point; empty: those that there are.
         """
         places = np.split(points, steps)
         sizes = [_of_a_step(part) for part in np.split(radii, steps)]
@@ -177,12 +181,14 @@ class CurvesAndPoints:
     ) -> int:
         """Adds points, which are balls, and returns their id as a mesh. They are seen only through instances.
 
-        centers: (N, 3) float; what detail is kept: see `Scene.add_mesh`.
-        radii: (N,) float, or one number for all, not negative. Points of radius 0 are left out: no hit has their
-            number, and `statistics()` counts them.
-        build, usage: see `Scene.add_mesh`.
+        Args:
+            centers: (N, 3) float; what detail is kept: see `Scene.add_mesh`.
+            radii: (N,) float, or one number for all, not negative. Points of radius 0 are left out: no hit has their
+                number, and `statistics()` counts them.
+            build, usage: See `Scene.add_mesh`.
 
-        Raises ValueError for numbers that are not finite or above 1e18, negative radii and wrong shapes.
+        Raises:
+            ValueError: For numbers that are not finite or above 1e18, negative radii and wrong shapes.
         """
         check_usage("add_points", usage)
         rows = as_rows("add_points", "centers", centers)
@@ -205,30 +211,32 @@ class CurvesAndPoints:
     ) -> int:
         """Adds curves, and returns their id as a mesh. They are seen only through instances.
 
-        points: (P, 3) float, of one curve after another; what detail is kept: see `Scene.add_mesh`.
-        radii: (P,) float, or one number for all, not negative. What is traced is a chain of segments, a segment the
-            convex hull of the balls around two points that follow each other: a cone with round ends. Segments whose
-            two radii are 0 are left out, and `statistics()` counts them.
-        curve_offsets: (C + 1,) int: where each curve begins among the points, from 0 on, and P at the end. A curve has
-            2 points or more.
-        kind: "poly": straight from point to point. Else a cubic from one to the next, of the radius too, as Blender
-            evaluates it: "catmull_rom" (through all points, the ends counted twice), "bezier" (points 0, 3, 6, ... are
-            passed through, the two between are handles: 3 n + 1 points, or 3 n of a cyclic one), "b_spline" (uniform,
-            from near the second point to near the last but one; with fewer than 4 points a poly).
-        cyclic: (C,) bool, or one for all: whether a curve returns to where it begins.
-        tolerance: how far the chain's surface may be from the curve's, in the mesh's units; by default a tenth of the
-            mean radius. Spans between points get as many pieces as that takes, all those of a curve as many.
-        pieces: instead of it, how many each span gets, 1 to 1024: then chains of curves that move keep theirs.
-        shape: "round", or "ribbon": flat strips as wide, which face each ray. A ray meets one where it is nearest to
-            the axis, if it passes that no farther than the radius: once, as a front; normals are rounded across the
-            width, as those of a tube. Bends are filled, also where a cyclic curve returns; the ends of others are cut
-            off straight, but round where a curve begins or ends with two equal points. In an instance strips face the
-            ray as it is mapped into the mesh's space, and normals are those of the tube that the transform stretches
-            with them. Closest points are those of the round curve.
-        build, usage: see `Scene.add_mesh`.
+        Args:
+            points: (P, 3) float, of one curve after another; what detail is kept: see `Scene.add_mesh`.
+            radii: (P,) float, or one number for all, not negative. What is traced is a chain of segments, a segment the
+                convex hull of the balls around two points that follow each other: a cone with round ends. Segments
+                whose two radii are 0 are left out, and `statistics()` counts them.
+            curve_offsets: (C + 1,) int: where each curve begins among the points, from 0 on, and P at the end. A curve
+                has 2 points or more.
+            kind: "poly": straight from point to point. Else a cubic from one to the next, of the radius too, as Blender
+                evaluates it: "catmull_rom" (through all points, the ends counted twice), "bezier" (points 0, 3, 6, ...
+                are passed through, the two between are handles: 3 n + 1 points, or 3 n of a cyclic one), "b_spline"
+                (uniform, from near the second point to near the last but one; with fewer than 4 points a poly).
+            cyclic: (C,) bool, or one for all: whether a curve returns to where it begins.
+            tolerance: How far the chain's surface may be from the curve's, in the mesh's units; by default a tenth of
+                the mean radius. Spans between points get as many pieces as that takes, all those of a curve as many.
+            pieces: Instead of it, how many each span gets, 1 to 1024: then chains of curves that move keep theirs.
+            shape: "round", or "ribbon": flat strips as wide, which face each ray. A ray meets one where it is nearest
+                to the axis, if it passes that no farther than the radius: once, as a front; normals are rounded across
+                the width, as those of a tube. Bends are filled, also where a cyclic curve returns; the ends of others
+                are cut off straight, but round where a curve begins or ends with two equal points. In an instance
+                strips face the ray as it is mapped into the mesh's space, and normals are those of the tube that the
+                transform stretches with them. Closest points are those of the round curve.
+            build, usage: See `Scene.add_mesh`.
 
-        Raises ValueError for numbers that are not finite or above 1e18, negative radii, offsets that descend, do not
-        add up or leave a curve less points than its kind takes, wrong shapes, and more than 2**30 balls.
+        Raises:
+            ValueError: For numbers that are not finite or above 1e18, negative radii, offsets that descend, do not add
+                up or leave a curve less points than its kind takes, wrong shapes, and more than 2**30 balls.
         """
         check_usage("add_curves", usage)
         is_ribbon = check_choice("add_curves", "shape", shape, get_args(CurveShape)) == "ribbon"
@@ -244,7 +252,10 @@ class CurvesAndPoints:
         """Moves points: (N, 3) with as many rows as before, and radii as in `add_points`; None keeps them.
 
         The next commit refits the tree, or rebuilds it where a refitted one would be too slow, or where points got
-        their first radius or lost it, and reports which and why. Raises ValueError as `add_points` does.
+        their first radius or lost it, and reports which and why.
+
+        Raises:
+            ValueError: As `add_points` does.
         """
         self._update("update_points", "centers", mesh, centers, radii)
 
@@ -253,8 +264,10 @@ class CurvesAndPoints:
 
         The next commit refits the tree, or rebuilds it where a refitted one would be too slow, where segments got
         their first radius or lost it, or where the curves bend so much that the tolerance asks for more pieces, and
-        reports which and why. Pieces that a straighter curve would not need are kept. Raises ValueError as
-        `add_curves` does.
+        reports which and why. Pieces that a straighter curve would not need are kept.
+
+        Raises:
+            ValueError: As `add_curves` does.
         """
         number = check_id("update_curves", "mesh", mesh)
         rows = as_rows("update_curves", "points", points)
@@ -275,8 +288,9 @@ class CurvesAndPoints:
     ) -> None:
         """Moves points within the shutter, as `Scene.set_mesh_motion` moves vertices: (S, N, 3) at S steps.
 
-        radii: (S, N), or (N,) or one number for all steps; None keeps those that they have. A point whose radius is 0
-            at one step must have none at any.
+        Args:
+            radii: (S, N), or (N,) or one number for all steps; None keeps those that they have. A point whose radius is
+                0 at one step must have none at any.
         """
         name = "set_points_motion"
         steps, rows = as_steps(name, "centers", centers, 3)
@@ -296,9 +310,10 @@ class CurvesAndPoints:
     ) -> None:
         """Moves curves within the shutter, as `Scene.set_mesh_motion` moves vertices: (S, P, 3) at S steps.
 
-        radii: (S, P), or (P,) or one number for all steps; None keeps those that they have. A segment whose radii are 0
-            at one step must have none at any. Curves that are not poly get the pieces that the most bent step asks for,
-            at every step; the balls between which their segments are go in straight lines.
+        Args:
+            radii: (S, P), or (P,) or one number for all steps; None keeps those that they have. A segment whose radii
+                are 0 at one step must have none at any. Curves that are not poly get the pieces that the most bent step
+                asks for, at every step; the balls between which their segments are go in straight lines.
         """
         name = "set_curves_motion"
         number = check_id(name, "mesh", mesh)

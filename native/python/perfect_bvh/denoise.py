@@ -63,21 +63,23 @@ def denoise(
 class Denoiser:
     """Denoises images of one size, as many as come: what takes time to set up is kept. Any thread may use it.
 
-    size: (width, height) in pixels.
-    prefilter: "accurate": albedo and normal are denoised first, then taken as they are, which keeps most detail and
-        takes three times as long; "fast": they are taken as noisy; "none": as free of noise, which those of
-        `render_passes` are from some 16 samples a pixel on. Cycles' settings of the same names. The joint filter knows
-        no difference.
-    quality: of OpenImageDenoise. "balanced" takes twice as long as "fast", and "high" five times.
-    threads: at most so many; 0, the default, for as many as the engine uses (`set_thread_count`).
-    backend: "oidn": OpenImageDenoise; "joint": an edge-avoiding wavelet of our own, which needs no library and leaves
-        more noise; "auto", the default: the former where it can be used, and for images of 16 pixels or more each way,
-        as it darkens what has no surroundings.
-    libraries: paths of OpenImageDenoise's library (libOpenImageDenoise.so.2, OpenImageDenoise.dll or
-        libOpenImageDenoise.dylib) to try first. Then follow the one that this process has loaded, as Blender does, the
-        system's, and that of the package pyoidn.
+    Args:
+        size: (width, height) in pixels.
+        prefilter: "accurate": albedo and normal are denoised first, then taken as they are, which keeps most detail and
+            takes three times as long; "fast": they are taken as noisy; "none": as free of noise, which those of
+            `render_passes` are from some 16 samples a pixel on. Cycles' settings of the same names. The joint filter
+            knows no difference.
+        quality: Of OpenImageDenoise. "balanced" takes twice as long as "fast", and "high" five times.
+        threads: At most so many; 0, the default, for as many as the engine uses (`set_thread_count`).
+        backend: "oidn": OpenImageDenoise; "joint": an edge-avoiding wavelet of our own, which needs no library and
+            leaves more noise; "auto", the default: the former where it can be used, and for images of 16 pixels or more
+            each way, as it darkens what has no surroundings.
+        libraries: Paths of OpenImageDenoise's library (libOpenImageDenoise.so.2, OpenImageDenoise.dll or
+            libOpenImageDenoise.dylib) to try first. Then follow the one that this process has loaded, as Blender does,
+            the system's, and that of the package pyoidn.
 
-    Raises ValueError for bad arguments, EngineError if "oidn" cannot be used, MemoryError.
+    Raises:
+        ValueError: For bad arguments, EngineError if "oidn" cannot be used, MemoryError.
     """
 
     def __init__(
@@ -119,15 +121,17 @@ class Denoiser:
     ) -> Image:
         """The same image with less noise, as a new array. The same arrays give the same bits.
 
-        color: (H, W, 3) or (H, W, 4) scene-linear. The fourth channel, alpha, is handed on as it is; where there is
-            neither alpha nor colour, nothing is put.
-        albedo, normal: (H, W, 3), what guides it, as means of each pixel's samples: the surface's colour from 0 to 1,
-            and its normal, -1 to 1 in any space; zero where there is nothing. None where they are not known.
-        progress: called with the share done, 0 to 1; returning False raises `Cancelled`. Ctrl-C works too.
-
         Numbers that are not finite count as 0. Returns float32 of `color`'s shape.
 
-        Raises ValueError for bad arguments, Cancelled, EngineError or MemoryError if OpenImageDenoise fails.
+        Args:
+            color: (H, W, 3) or (H, W, 4) scene-linear. The fourth channel, alpha, is handed on as it is; where there is
+                neither alpha nor colour, nothing is put.
+            albedo, normal: (H, W, 3), what guides it, as means of each pixel's samples: the surface's colour from 0 to
+                1, and its normal, -1 to 1 in any space; zero where there is nothing. None where they are not known.
+            progress: Called with the share done, 0 to 1; returning False raises `Cancelled`. Ctrl-C works too.
+
+        Raises:
+            ValueError: For bad arguments, Cancelled, EngineError or MemoryError if OpenImageDenoise fails.
         """
         pixels = self._check("color", color, (3, 4))
         guides = {"albedo": albedo, "normal": normal}
@@ -250,19 +254,20 @@ def restore_detail(
 ) -> Image:
     """The mean of a traced image and the denoised one that is nearest to the converged image, weighed place by place.
 
-    image: (H, W, C) with C 3 or 4, scene-linear: "combined" of `render_progressively`.
-    noise: what that puts into its `noise` under the same name.
-    denoised: what a `Denoiser` makes of "denoising_color".
-    let_through: by how much that is less if "denoising_color" is less its own `noise`. The difference of two images
-        that a quicker denoiser has made with the same guides will do.
-
-    albedo, normal: (H, W, 3), what guides it.
-
     All but the guides of one shape. Where `noise` is zero all around, `image` counts alone; so it must not be of a
     single round of samples. `denoised` stays in pixels of `image` that are not finite, on even surfaces and in much
     noise. Returns float32 of that shape, a new array.
 
-    Raises ValueError for arrays of another shape.
+    Args:
+        image: (H, W, C) with C 3 or 4, scene-linear: "combined" of `render_progressively`.
+        noise: What that puts into its `noise` under the same name.
+        denoised: What a `Denoiser` makes of "denoising_color".
+        let_through: By how much that is less if "denoising_color" is less its own `noise`. The difference of two images
+            that a quicker denoiser has made with the same guides will do.
+        albedo, normal: (H, W, 3), what guides it.
+
+    Raises:
+        ValueError: For arrays of another shape.
     """
     given = {"image": image, "noise": noise, "denoised": denoised, "let_through": let_through}
     arrays = {name: as_array("restore_detail", name, array) for name, array in given.items()}

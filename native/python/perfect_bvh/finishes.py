@@ -18,20 +18,24 @@ FACET_KINDS = ("ggx", "beckmann", "ashikhmin_shirley")
 class FinishTable:
     """F finishes: what few surfaces have. None in a column: what changes nothing.
 
-    sheens: (F, 3) float32, 0 or more: the colour of fibers on top, as of cloth. sheen_roughnesses: (F,) float32, 0 to
-        1; None: 0.5. sheen_covers: (F,) float32, 0 to 1: how much of the light that fibers reflect is kept from what
-        lies below, as in Blender's Principled BSDF; None: all.
-    coats: (F,) float32, 0 to 1: the weight of a clear coat below the sheen. coat_roughnesses: (F,) float32, 0 to 1;
-        None: 0.03. coat_iors: (F,) float32, 1 or more; None: 1.5. coat_tints: (F, 3) float32: what the coat lets
-        through, seen from straight above.
-    stretches: (F,) float32, more than 0: widens the slopes of facets along the tangent and narrows them across it by
-        this factor. rotations: (F,) float32, of the tangent about the normal, in turns. A program sets the tangent
-        ("TANGENT"), and the coat's normal ("COAT_NORMAL") where it is not the mesh's.
-    diffuse_roughnesses: (F,) float32, 0 to 1.
-    absorptions: (F, 3) float32, 0 or more: how much light is absorbed inside closed meshes, by length: of light that
-        passes the surface on its way in, exp(-absorption * length) reaches the surface from inside.
-    distributions: (F,) float32, rows of FACET_KINDS: of the slopes of facets. Light that facets
-        scatter at each other is right with `MaterialTable.lossy_facets` 1 for all but GGX.
+    Attributes:
+        sheens: (F, 3) float32, 0 or more: the colour of fibers on top, as of cloth.
+        sheen_roughnesses: (F,) float32, 0 to 1; None: 0.5.
+        sheen_covers: (F,) float32, 0 to 1: how much of the light that fibers reflect is kept from what lies below, as
+            in Blender's Principled BSDF; None: all.
+        coats: (F,) float32, 0 to 1: the weight of a clear coat below the sheen.
+        coat_roughnesses: (F,) float32, 0 to 1; None: 0.03.
+        coat_iors: (F,) float32, 1 or more; None: 1.5.
+        coat_tints: (F, 3) float32: what the coat lets through, seen from straight above.
+        stretches: (F,) float32, more than 0: widens the slopes of facets along the tangent and narrows them across it
+            by this factor.
+        rotations: (F,) float32, of the tangent about the normal, in turns. A program sets the tangent ("TANGENT"), and
+            the coat's normal ("COAT_NORMAL") where it is not the mesh's.
+        diffuse_roughnesses: (F,) float32, 0 to 1.
+        absorptions: (F, 3) float32, 0 or more: how much light is absorbed inside closed meshes, by length: of light
+            that passes the surface on its way in, exp(-absorption * length) reaches the surface from inside.
+        distributions: (F,) float32, rows of FACET_KINDS: of the slopes of facets. Light that facets scatter at each
+            other is right with `MaterialTable.lossy_facets` 1 for all but GGX.
     """
 
     sheens: Float32Array | None = None

@@ -28,8 +28,11 @@ Float32Array = npt.NDArray[np.float32]
 class NodeShape(NamedTuple):
     """A kind of instruction.
 
-    operands: how wide each one is, 1 or 3 channels. channels: how many it writes. numbers: how many settings it has, -1
-    for any number of them. modes: its variants, by their names; one of "" where it has none.
+    Attributes:
+        operands: How wide each one is, 1 or 3 channels.
+        channels: How many it writes.
+        numbers: How many settings it has, -1 for any number of them.
+        modes: Its variants, by their names; one of "" where it has none.
     """
 
     row: int
@@ -95,8 +98,11 @@ def channels_of(operand: Operand, first: int, width: int = 1) -> Operand:
 class NodeProgram:
     """Instructions as the engine takes them; made by `NodeBuilder.program`.
 
-    codes: int32; numbers: float32. layers: where in `numbers` a layer's number belongs, with the kind of the layer and
-    its name. key: equal for programs that do the same.
+    Attributes:
+        codes: int32
+        numbers: float32.
+        layers: Where in `numbers` a layer's number belongs, with the kind of the layer and its name.
+        key: Equal for programs that do the same.
     """
 
     codes: npt.NDArray[np.int32]

@@ -25,8 +25,9 @@ ALL_MASK = 0xFFFFFFFF
 class Intersections(NamedTuple):
     """What `list_intersections` found: `hits, ray_splits = ...`.
 
-    hits: one row a hit, ray after ray in C order. ray_splits (R + 1) int64: ray i's hits are the rows from
-    ray_splits[i] to ray_splits[i + 1], the nearest first.
+    Attributes:
+        hits: One row a hit, ray after ray in C order. ray_splits (R + 1) int64: ray i's hits are the rows from
+            ray_splits[i] to ray_splits[i + 1], the nearest first.
     """
 
     hits: Hits
@@ -91,18 +92,20 @@ class Queries:
         and an origin's below 1e-90 only as they are rounded. Directions shorter than 2^-1022 (2e-308) hit nothing, and
         instances that are scaled below 1e-40 are not exact: their coordinates have no digits left.
 
-        fields: names of the fields to compute; None for the usual ones, see `Hits`. What is not named costs nothing:
-            coherent rays of a million take a third less time for ("t_hit", "primitive_ids") alone. The dearest of the
-            usual ones are geometric_normals, which take the triangle's corners from memory.
-        out: arrays to write fields into and return, so that call after call uses the same memory: a dict of arrays by
-            the fields' names, or the `Hits` of an earlier call, whose fields are then computed if `fields` is None.
-            Contiguous, of the field's dtype and shape (...) or (..., 2 or 3); none may overlap another or the rays.
-        audit: the share of rays, 0 to 1, to check again in double precision and without any tree; what that shows is
-            in the answer's `audit`. It costs about 5 ns for each checked ray and triangle of the scene. Rays that come
-            near curves or points are not judged.
-
         Returns `Hits`, one row a ray, always; invalid rays are misses, counted in `invalid_count`. With `out` it is a
         new one around the arrays given.
+
+        Args:
+            fields: Names of the fields to compute; None for the usual ones, see `Hits`. What is not named costs
+                nothing: coherent rays of a million take a third less time for ("t_hit", "primitive_ids") alone. The
+                dearest of the usual ones are geometric_normals, which take the triangle's corners from memory.
+            out: Arrays to write fields into and return, so that call after call uses the same memory: a dict of arrays
+                by the fields' names, or the `Hits` of an earlier call, whose fields are then computed if `fields` is
+                None. Contiguous, of the field's dtype and shape (...) or (..., 2 or 3); none may overlap another or the
+                rays.
+            audit: The share of rays, 0 to 1, to check again in double precision and without any tree; what that shows
+                is in the answer's `audit`. It costs about 5 ns for each checked ray and triangle of the scene. Rays
+                that come near curves or points are not judged.
         """
         audit = check_number("cast_rays", "audit", audit, 0.0, 1.0)
         batch = ray_batch("cast_rays", origins, directions, t_min, t_max, mask, times, cull, threads)
@@ -138,8 +141,9 @@ class Queries:
 
         True exactly where `cast_rays` finds a hit, but faster.
 
-        out: an array to write into and return, so that call after call uses the same memory: contiguous, bool, of the
-            rays' shape (...); it may not overlap them.
+        Args:
+            out: An array to write into and return, so that call after call uses the same memory: contiguous, bool, of
+                the rays' shape (...); it may not overlap them.
         """
         name = "test_occlusions"
         batch = ray_batch(name, origins, directions, t_min, t_max, mask, times, cull, threads)
@@ -193,15 +197,16 @@ class Queries:
     ) -> Intersections:
         """All surfaces on each ray between t_min and t_max, nearest first. For the other arguments see `Queries`.
 
-        fields: names of the fields to compute for each hit; None for the usual ones, see `Hits`. Those that say what
-            a ray cost, nodes_visited and primitives_tested, belong to no single hit.
-        max_hits: at most so many of each ray, the nearest; None for all.
-
         Returns `Intersections`: hits and ray_splits. Each triangle is there once a ray; a ray through an edge meets
         each of the triangles at it. Of a curve or point there is where the ray enters and where it leaves, but not what
         lies inside of the same curve's next segment; a cyclic curve's first one comes after its last. At equal t the
         smallest (order, instance id, primitive) comes first, so that a ray's first row is what `cast_rays` answers. The
         rays are traced twice, first to count: so no more memory is needed than for what is returned.
+
+        Args:
+            fields: Names of the fields to compute for each hit; None for the usual ones, see `Hits`. Those that say
+                what a ray cost, nodes_visited and primitives_tested, belong to no single hit.
+            max_hits: At most so many of each ray, the nearest; None for all.
         """
         name = "list_intersections"
         if max_hits is not None:
@@ -243,12 +248,13 @@ class Queries:
     ) -> RayWalk:
         """What one ray does on its way through the trees: each box and each triangle that it looks at, in order.
 
-        origin, direction: (3,), float32 or float64. time: within the shutter, 0 to 1. For the other arguments see
-        `Queries`.
-
         Returns `RayWalk`. It ends at the hit that `cast_rays` answers, after as many nodes and triangles as its
         nodes_visited and primitives_tested count. An invalid ray hits nothing. Some 300 bytes for each event; a ray
         through a usual scene has some hundreds.
+
+        Args:
+            origin, direction: (3,), float32 or float64.
+            time: Within the shutter, 0 to 1. For the other arguments see `Queries`.
         """
         batch = ray_batch("walk_ray", origin, direction, t_min, t_max, mask, time, cull, 0)
         if batch.shape != ():
@@ -268,16 +274,18 @@ class Queries:
     ) -> ClosestPoints:
         """The nearest point of the scene to each point, and how far away it is. For threads, progress see `Queries`.
 
-        points: (..., 3), float32 or float64.
-        max_distance: a number or (...): nothing farther away is found; the smaller, the faster.
-        mask: 32 bits or (...): an instance is seen if its mask shares a bit with the point's.
-
         Returns `ClosestPoints`. Distances are those of the world, in double, through any transform, sheared or scaled
         unevenly. Curves and points are solid: what lies inside of one is its own nearest point, at distance 0. At equal
         distance the smallest (order, instance id, primitive) is found. Points that are not finite, or with a negative
         distance, find nothing, nor do those so far away (1e150) that a square of it is no number.
 
-        Raises ValueError for arrays of the wrong shape or kind, and on a `Scene` StaleSceneError if edits wait.
+        Args:
+            points: (..., 3), float32 or float64.
+            max_distance: A number or (...): nothing farther away is found; the smaller, the faster.
+            mask: 32 bits or (...): an instance is seen if its mask shares a bit with the point's.
+
+        Raises:
+            ValueError: For arrays of the wrong shape or kind, and on a `Scene` StaleSceneError if edits wait.
         """
         batch = point_batch("compute_closest_points", points, max_distance, mask, times, threads)
         columns = allocate_closest(batch.shape)
@@ -298,12 +306,14 @@ class Queries:
     ) -> SceneStatistics:
         """Sizes and quality of all trees, as `SceneStatistics`.
 
-        detailed: also end-point overlap and leaf-count variability (Aila, Karras and Laine 2013). They take
-            microseconds for each triangle, and binary trees that are no longer kept are built again for them, with
-            the same settings.
-        progress: called with the share done, 0 to 1; returning False raises `Cancelled`. Ctrl-C works too.
+        Args:
+            detailed: Also end-point overlap and leaf-count variability (Aila, Karras and Laine 2013). They take
+                microseconds for each triangle, and binary trees that are no longer kept are built again for them, with
+                the same settings.
+            progress: Called with the share done, 0 to 1; returning False raises `Cancelled`. Ctrl-C works too.
 
-        Raises StaleSceneError (on a `Scene`) if edits wait.
+        Raises:
+            StaleSceneError: (on a `Scene`) if edits wait.
         """
         return SceneStatistics.from_core(_core.measure(self._committed(), bool(detailed), progress))
 

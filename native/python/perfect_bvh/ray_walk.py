@@ -49,17 +49,19 @@ TRIANGLE_TESTS = (WalkEvent.TRIANGLE_MISSED, WalkEvent.TRIANGLE_HIT, WalkEvent.T
 class RayWalk:
     """What `walk_ray` saw: one row an event, in the order in which they happen.
 
-    events: (N,) uint8, numbers of `WalkEvent`.
-    bounds: (N, 2, 3) float64, lower and upper corners of the box, in the object space of its mesh; of the top level in
-        world space. For triangles the box of their leaf.
-    transforms: (N, 3, 4) float64: the map from the space of `bounds` to the world.
-    triangles: (N, 3, 3) float64, corners in the world; NaN where the event is a box's.
-    t: (N,) float64: where the ray enters the box, a little early by design, or meets the triangle; inf where it does
-        not. Of a tree's root also where the ray begins inside: its t_min.
-    nearest_t: (N,) float64: t of the nearest hit after the event, inf before the first.
-    levels: (N,) int32, of the box in its tree, 0 for the root. A triangle has its leaf's.
-    instance_ids, mesh_ids: (N,) int32: whose tree it is, or which instance is entered; -1 for boxes of the top level.
-    primitive_ids: (N,) int32: the triangle; -1 where the event is a box's.
+    Attributes:
+        events: (N,) uint8, numbers of `WalkEvent`.
+        bounds: (N, 2, 3) float64, lower and upper corners of the box, in the object space of its mesh; of the top level
+            in world space. For triangles the box of their leaf.
+        transforms: (N, 3, 4) float64: the map from the space of `bounds` to the world.
+        triangles: (N, 3, 3) float64, corners in the world; NaN where the event is a box's.
+        t: (N,) float64: where the ray enters the box, a little early by design, or meets the triangle; inf where it
+            does not. Of a tree's root also where the ray begins inside: its t_min.
+        nearest_t: (N,) float64: t of the nearest hit after the event, inf before the first.
+        levels: (N,) int32, of the box in its tree, 0 for the root. A triangle has its leaf's.
+        instance_ids, mesh_ids: (N,) int32: whose tree it is, or which instance is entered; -1 for boxes of the top
+            level.
+        primitive_ids: (N,) int32: the triangle; -1 where the event is a box's.
     """
 
     events: npt.NDArray[np.uint8]
@@ -100,8 +102,10 @@ class RayWalk:
     def nanoseconds(self, calibration: Calibration | None = None) -> npt.NDArray[np.float64]:
         """(N,) float64: what each event costs one thread, as the governor reckons; together, what the ray costs.
 
-        calibration: what visits cost; None for this machine's, as scenes have it. Boxes that are tested at once share
-        the visit of their node, triangles that of their leaf. An instance that is reached costs what a node does.
+        Args:
+            calibration: What visits cost; None for this machine's, as scenes have it. Boxes that are tested at once
+                share the visit of their node, triangles that of their leaf. An instance that is reached costs what a
+                node does.
         """
         costs = current_calibration() if calibration is None else calibration
         visits = np.zeros(len(WalkEvent))
@@ -138,21 +142,23 @@ _COLUMNS = ("boxes", "levels", "leaf_sizes", "costs", "subtree_costs", "overlaps
 class TreeBoxes:
     """What `Snapshot.tree_boxes` lists: one row a box, from the root downwards, a level after the other.
 
-    boxes: (N, 2, 3) float64, lower and upper corners, in the object space of the mesh; of the top level in world space.
-    levels: (N,) int32, 0 for the root.
-    leaf_sizes: (N,) int32: the triangles of a leaf, 1 for an instance in the top level, 0 for an interior node.
-    costs: (N,) float32: what a random ray through the root's box spends on this box, one for a visited node and one for
-        each tested triangle or instance (MacDonald and Booth 1990). Over a whole tree they add up to its SAH.
-    subtree_costs: (N,) float32: what it spends on this box and on all below it.
-    overlaps: (N,) float32: the surface area that the box shares with its siblings, as a share of its own; 0 is
-        best, and more than 1 is possible where several siblings cover it.
-    ranges: (N, 2) int64: the rows of `primitives` that the box holds, from the first to before the second.
-
     Of the whole tree, whichever levels were listed:
     primitives: (M,) int32: the triangles of the mesh, or the ids of the instances, leaf after leaf. Where spatial
         splits have cut triangles, these stand in several leaves.
     depth: the deepest level.
     sah: all costs together. built_sah: the same when the tree was built; `sah` where it was not refitted since.
+
+    Attributes:
+        boxes: (N, 2, 3) float64, lower and upper corners, in the object space of the mesh; of the top level in world
+            space.
+        levels: (N,) int32, 0 for the root.
+        leaf_sizes: (N,) int32: the triangles of a leaf, 1 for an instance in the top level, 0 for an interior node.
+        costs: (N,) float32: what a random ray through the root's box spends on this box, one for a visited node and one
+            for each tested triangle or instance (MacDonald and Booth 1990). Over a whole tree they add up to its SAH.
+        subtree_costs: (N,) float32: what it spends on this box and on all below it.
+        overlaps: (N,) float32: the surface area that the box shares with its siblings, as a share of its own; 0 is
+            best, and more than 1 is possible where several siblings cover it.
+        ranges: (N, 2) int64: the rows of `primitives` that the box holds, from the first to before the second.
     """
 
     boxes: npt.NDArray[np.float64]

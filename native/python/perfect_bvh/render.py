@@ -65,27 +65,28 @@ PASSES: tuple[str, ...] = tuple(_PASSES)
 class RenderOptions(TypedDict, total=False):
     """What else `render`, `render_passes` and `render_progressively` take, by keyword.
 
-    threads: at most so many; 0, the default, for all that the process may use. It changes no pixel.
-    seed: another seed gives another noise; images of one seed are equal bit for bit.
-    first_sample: the number of the first sample, so that an image can be continued: the mean of samples 0 to 3 and 4
-        to 7, weighted by their counts, is as good as that of 0 to 7. A single sample with first_sample 0 stands at the
-        pixel's centre; all others spread over the pixel filter.
-    is_continued: whether other samples will follow, so that a single first one spreads like them; default False.
-    filter_width: how far the pixel filter (a Blackman-Harris window) reaches to each side, in pixels; default 1.5. 0
-        puts every sample at the pixel's centre. Neighbouring pixels share samples.
-    ao_distance: clay: how far away a surface still keeps light from another, in world units; its effect fades to
-        nothing over that distance. None, the default: 0.35 of the diagonal of the scene's bounding box.
-    light_rays: clay: rays to the sky and to the key light for each sample. None, the default: 1 for a single sample,
-        else 2, which takes less time for an image of the same noise.
-    light_paths: preview: how far light is followed, see `LightPaths`.
-    clay_color: clay, matcap, wireframe: one scene-linear colour for everything instead of the materials' viewport
-        colours.
-    wire_width: wireframe: the width of the lines in pixels; default 1.
-    wire_color: wireframe: their scene-linear colour.
-    tiles: (rows, columns) bool, which tiles of the image to trace, 32 x 32 pixels each, the first in the upper left
-        corner; what lies in others is as outside of a border. None, the default: all.
-    shutter: how an image shows what moves, see `Shutter`. None, the default: things stand where they are at time 0.
-    audit: a `RenderAudit`, which says what share of the camera rays to check again and takes what that shows.
+    Attributes:
+        threads: At most so many; 0, the default, for all that the process may use. It changes no pixel.
+        seed: Another seed gives another noise; images of one seed are equal bit for bit.
+        first_sample: The number of the first sample, so that an image can be continued: the mean of samples 0 to 3 and
+            4 to 7, weighted by their counts, is as good as that of 0 to 7. A single sample with first_sample 0 stands
+            at the pixel's centre; all others spread over the pixel filter.
+        is_continued: Whether other samples will follow, so that a single first one spreads like them; default False.
+        filter_width: How far the pixel filter (a Blackman-Harris window) reaches to each side, in pixels; default 1.5.
+            0 puts every sample at the pixel's centre. Neighbouring pixels share samples.
+        ao_distance: clay: how far away a surface still keeps light from another, in world units; its effect fades to
+            nothing over that distance. None, the default: 0.35 of the diagonal of the scene's bounding box.
+        light_rays: clay: rays to the sky and to the key light for each sample. None, the default: 1 for a single
+            sample, else 2, which takes less time for an image of the same noise.
+        light_paths: preview: how far light is followed, see `LightPaths`.
+        clay_color: clay, matcap, wireframe: one scene-linear colour for everything instead of the materials' viewport
+            colours.
+        wire_width: wireframe: the width of the lines in pixels; default 1.
+        wire_color: wireframe: their scene-linear colour.
+        tiles: (rows, columns) bool, which tiles of the image to trace, 32 x 32 pixels each, the first in the upper left
+            corner; what lies in others is as outside of a border. None, the default: all.
+        shutter: How an image shows what moves, see `Shutter`. None, the default: things stand where they are at time 0.
+        audit: A `RenderAudit`, which says what share of the camera rays to check again and takes what that shows.
     """
 
     threads: int
@@ -137,49 +138,45 @@ def render_passes(
 ) -> Passes:
     """An image of a scene and what its pixels show, all from one walk over the pixels.
 
-    scene: a `Scene` without pending edits, or a `Snapshot`.
-    mode: how the image looks:
-        "preview": the scene under its own lights and world, by path tracing: base colours and images, metal, glass,
-            emission, transparency, soft shadows, light that bounces (`RenderOptions.light_paths`). Without a world in
-            the appearance the studio's sky.
-        "clay": diffuse surfaces in a photographer's studio: soft sky, ambient occlusion, one soft key light.
-        "matcap": form from the normals as the viewer sees them, without shadows: a ball in a studio.
-        "wireframe": the edges of the triangles over softly lit surfaces.
-        "normal": the shading normal in world space, -1..1 as 0..1.
-        "uv": the place in the mesh's uv map as red and green, blue 1; black where there is no map.
-        "depth", "distance": along the view axis, along the ray, in world units, in all of R, G and B; 1e10 where
-            there is nothing. Not blended: whatever `samples` says, one ray through the pixel's centre.
-        "instance", "material": one colour for each, always the same for the same id or row of the material table.
-        "cost": nodes visited plus triangles tested by the camera ray, on a logarithmic scale from 2 (violet) to
-            512 and more (pale yellow), the same for all images.
-        The colours of the last three are meant for a plain sRGB display, without a scene's view transform.
-    size: (width, height) in pixels.
-    samples: camera rays for each pixel of the image.
-    appearance: materials, normals and visibility; None: everything is plain, flat and visible.
-    passes: which arrays to make. All but "combined" hold what the ray through the pixel's centre hits: they are
-        exact, and never blended where an edge crosses the pixel.
-        "combined" (H, W, 4) float32: the image, see `render`.
-        "depth", "distance" (H, W) float32: along the view axis, along the ray; 1e10 where nothing was hit. They are
-            equal in panoramas.
-        "normal" (H, W, 3) float32: shading normal, world space, unit length, towards the viewer; zero on a miss.
-        "object_index", "material_index" (H, W) int32: pass indices; 0 on a miss.
-        "instance", "primitive" (H, W) int32: instance id, triangle of its mesh; -1 on a miss.
-        "vector" (H, W, 4) float32: how what the pixel shows moves in the image, in pixels to the right and up, as
-            Blender's Vector pass has it: where it was when the shutter opened, seen from here, and here, seen from
-            where it will be when it closes. Zero on a miss, for what is then behind the camera, without a shutter.
-        "nodes_visited", "primitives_tested" (H, W) int32: what the ray cost.
-        "denoising_color" (H, W, 4) float32: the image as a denoiser wants it, which takes noise for independent: the
-            mean of each pixel's own samples, whereas neighbours share samples in "combined".
-        "denoising_albedo", "denoising_normal" (H, W, 3) float32: what guides a denoiser: the share of light that
-            surfaces give back and their normal in world space. Blended as "combined" is; "preview" looks for them
-            in mirrors and through panes.
-    progress: called with the share done, 0 to 1; returning False raises `Cancelled`. Ctrl-C works too.
-    options: see `RenderOptions`.
-
     Returns the arrays by name, row 0 on top. Holdouts are transparent, and misses in the other passes. Pixels outside
     the camera's border are not traced: they are transparent black, and misses.
 
-    Raises ValueError for bad arguments, StaleSceneError if edits wait, Cancelled.
+    Args:
+        scene: A `Scene` without pending edits, or a `Snapshot`.
+        mode: How the image looks: "preview": the scene under its own lights and world, by path tracing: base colours
+            and images, metal, glass, emission, transparency, soft shadows, light that bounces
+            (`RenderOptions.light_paths`). Without a world in the appearance the studio's sky. "clay": diffuse surfaces
+            in a photographer's studio: soft sky, ambient occlusion, one soft key light. "matcap": form from the normals
+            as the viewer sees them, without shadows: a ball in a studio. "wireframe": the edges of the triangles over
+            softly lit surfaces. "normal": the shading normal in world space, -1..1 as 0..1. "uv": the place in the
+            mesh's uv map as red and green, blue 1; black where there is no map. "depth", "distance": along the view
+            axis, along the ray, in world units, in all of R, G and B; 1e10 where there is nothing. Not blended:
+            whatever `samples` says, one ray through the pixel's centre. "instance", "material": one colour for each,
+            always the same for the same id or row of the material table. "cost": nodes visited plus triangles tested by
+            the camera ray, on a logarithmic scale from 2 (violet) to 512 and more (pale yellow), the same for all
+            images. The colours of the last three are meant for a plain sRGB display, without a scene's view transform.
+        size: (width, height) in pixels.
+        samples: Camera rays for each pixel of the image.
+        appearance: materials, normals and visibility; None: everything is plain, flat and visible.
+        passes: Which arrays to make. All but "combined" hold what the ray through the pixel's centre hits: they are
+            exact, and never blended where an edge crosses the pixel. "combined" (H, W, 4) float32: the image, see
+            `render`. "depth", "distance" (H, W) float32: along the view axis, along the ray; 1e10 where nothing was
+            hit. They are equal in panoramas. "normal" (H, W, 3) float32: shading normal, world space, unit length,
+            towards the viewer; zero on a miss. "object_index", "material_index" (H, W) int32: pass indices; 0 on a
+            miss. "instance", "primitive" (H, W) int32: instance id, triangle of its mesh; -1 on a miss. "vector" (H, W,
+            4) float32: how what the pixel shows moves in the image, in pixels to the right and up, as Blender's Vector
+            pass has it: where it was when the shutter opened, seen from here, and here, seen from where it will be when
+            it closes. Zero on a miss, for what is then behind the camera, without a shutter. "nodes_visited",
+            "primitives_tested" (H, W) int32: what the ray cost. "denoising_color" (H, W, 4) float32: the image as a
+            denoiser wants it, which takes noise for independent: the mean of each pixel's own samples, whereas
+            neighbours share samples in "combined". "denoising_albedo", "denoising_normal" (H, W, 3) float32: what
+            guides a denoiser: the share of light that surfaces give back and their normal in world space. Blended as
+            "combined" is; "preview" looks for them in mirrors and through panes.
+        progress: Called with the share done, 0 to 1; returning False raises `Cancelled`. Ctrl-C works too. options: see
+            `RenderOptions`.
+
+    Raises:
+        ValueError: For bad arguments, StaleSceneError if edits wait, Cancelled.
     """
     return _render("render_passes", scene, camera, mode, size, samples, appearance, passes, progress, options)
 
@@ -201,18 +198,19 @@ def render_progressively(
 ) -> Iterator[tuple[int, Passes]]:
     """Renders 1, 2, 4, 8 ... samples of a pixel, and yields (samples done, passes) after each of these rounds.
 
-    time_limit: in seconds, 0 for none: rounds are made smaller, so that what they are expected to take fits, and end
-        when not one more sample does. The first sample is always there. What the caller does in between counts.
-    sampling: a new `AdaptiveSampling` of this size: tiles that are good enough get no more samples, and rounds end when
-        all are. It holds how many each has got; the samples done are those of the others. None, the default: as many
-        everywhere.
-    noise: a dictionary that takes, by the name of each pass that is refined, an array of the pass's shape and dtype: an
-        error as large as that of the pass may be, see `restore_detail`. Zero as long as there is one round alone. None,
-        the default: it is not worked out.
-
     The arguments are those of `render_passes`; `progress` counts over all rounds. The arrays are the same objects each
     time; "combined" and a denoiser's guides are refined in place and the others are complete after the first round. The
     scene may be edited meanwhile: all rounds show the state at the first one.
+
+    Args:
+        time_limit: In seconds, 0 for none: rounds are made smaller, so that what they are expected to take fits, and
+            end when not one more sample does. The first sample is always there. What the caller does in between counts.
+        sampling: A new `AdaptiveSampling` of this size: tiles that are good enough get no more samples, and rounds end
+            when all are. It holds how many each has got; the samples done are those of the others. None, the default:
+            as many everywhere.
+        noise: A dictionary that takes, by the name of each pass that is refined, an array of the pass's shape and
+            dtype: an error as large as that of the pass may be, see `restore_detail`. Zero as long as there is one
+            round alone. None, the default: it is not worked out.
     """
     snapshot = _snapshot_of("render_progressively", scene)
     total = check_count("render_progressively", "samples", samples, 1)
@@ -270,9 +268,11 @@ def add_samples(
 ) -> None:
     """Makes the mean of `done` samples of pixels, (H, W, C), that of `count` more, too, in place.
 
-    made: the mean of those. pixels: (H, W), which have them; None for all. noise: like `mean`, for an error as large as
-    that of the new mean may be. Both means, of the samples before and of all, are off by errors of known proportion,
-    so that their difference, scaled, has the new one's variance.
+    Args:
+        made: The mean of those.
+        pixels: (H, W), which have them; None for all.
+        noise: Like `mean`, for an error as large as that of the new mean may be. Both means, of the samples before and
+            of all, are off by errors of known proportion, so that their difference, scaled, has the new one's variance.
     """
     change = (made - mean) * np.float32(count / (done + count))
     where = True if pixels is None else pixels[..., np.newaxis]
@@ -286,8 +286,12 @@ def depth_to_grey(
 ) -> npt.NDArray[np.float32]:
     """A depth pass as greys to look at: 1 at `near` and nearer, 0 at `far` and beyond, evenly between.
 
-    depth: (...) float32, as the passes "depth" and "distance". near, far: None for the nearest and the farthest thing
-    that was hit. Returns (...) float32; 0 where nothing was hit.
+    Args:
+        depth: (...) float32, as the passes "depth" and "distance".
+        near, far: None for the nearest and the farthest thing that was hit.
+
+    Returns:
+        (...) float32; 0 where nothing was hit.
     """
     hit = depth < NO_DEPTH
     if not hit.any():
@@ -301,7 +305,11 @@ def depth_to_grey(
 def cost_to_color(costs: npt.ArrayLike) -> npt.NDArray[np.float32]:
     """What the mode "cost" shows for these numbers of nodes visited and triangles tested together, for a legend.
 
-    costs: (...) numbers. Returns (..., 3) float32, scene-linear RGB, as the image has it.
+    Args:
+        costs: (...) numbers.
+
+    Returns:
+        (..., 3) float32, scene-linear RGB, as the image has it.
     """
     values = np.asarray(costs, np.float32)
     return _core.cost_colors(np.ascontiguousarray(values.reshape(-1))).reshape(*values.shape, 3)

@@ -15,8 +15,9 @@ MeshAction = Literal["built", "refitted", "rotated", "partly_rebuilt", "rebuilt"
 class Alternative:
     """What could have been done about a mesh, and what that was expected to cost on one thread.
 
-    builder: of the tree that would be built; "" where none would. trace_milliseconds: of the rays that were expected;
-    None if their number is unknown.
+    Attributes:
+        builder: Of the tree that would be built; "" where none would.
+        trace_milliseconds: Of the rays that were expected; None if their number is unknown.
     """
 
     action: MeshAction
@@ -29,20 +30,26 @@ class Alternative:
 class MeshReport:
     """One mesh that a commit worked on, and why it did what it did: a row of the governor's ledger.
 
-    usage: its class, as `Scene.add_mesh` was told. reason: a sentence. alternatives: what the engine chose from; empty
-    where there was no choice. expected_rays: how many were expected to meet the mesh's box, None if unknown.
-    node_visits, leaf_visits: what a random ray that meets the box is expected to visit of the tree that is traced now.
-
-    builder: what made the tree (now, or before it was refitted; or will make it), as in `BuildConfig`.
-    milliseconds: of one mesh, on however many threads; then of its stages, 0 for those that did not run: building the
-    binary tree, improving it by reinsertion, collapsing it into the wide tree that rays are traced through; or
-    refitting that (also where it was then found too slow to trace) and restructuring it by rotations or by rebuilding
-    parts of it; restructured_share: which share of its leaves those parts have.
-    fresh_cost, refitted_cost, cost: visits to nodes that a ray through the mesh's box is expected to make: in the tree
-    when it was built, in that tree refitted (both 0 where no refit was tried), and in the one that the mesh has now.
-    kind: "triangles", "curves" or "points"; triangle_count: of curves, their segments, or of points those.
-    byte_count: of the geometry, its tree and what refits go by. Besides, as long as a mesh deforms in every commit, the
-    memory of its last tree but one is kept for the next.
+    Attributes:
+        usage: Its class, as `Scene.add_mesh` was told.
+        reason: A sentence.
+        alternatives: What the engine chose from; empty where there was no choice.
+        expected_rays: How many were expected to meet the mesh's box, None if unknown.
+        node_visits, leaf_visits: What a random ray that meets the box is expected to visit of the tree that is traced
+            now.
+        builder: What made the tree (now, or before it was refitted; or will make it), as in `BuildConfig`.
+        milliseconds: Of one mesh, on however many threads; then of its stages, 0 for those that did not run: building
+            the binary tree, improving it by reinsertion, collapsing it into the wide tree that rays are traced through;
+            or refitting that (also where it was then found too slow to trace) and restructuring it by rotations or by
+            rebuilding parts of it
+        restructured_share: Which share of its leaves those parts have.
+        fresh_cost, refitted_cost, cost: Visits to nodes that a ray through the mesh's box is expected to make: in the
+            tree when it was built, in that tree refitted (both 0 where no refit was tried), and in the one that the
+            mesh has now.
+        kind: "triangles", "curves" or "points"
+        triangle_count: Of curves, their segments, or of points those.
+        byte_count: Of the geometry, its tree and what refits go by. Besides, as long as a mesh deforms in every commit,
+            the memory of its last tree but one is kept for the next.
     """
 
     mesh_id: int
@@ -79,12 +86,13 @@ class MeshReport:
 class TopLevelReport:
     """The tree over the instances, and the stages of making it; 0 where one did not run.
 
-    is_refitted: whether the last tree got new boxes, and no other was built. reason: why it was refitted, built or
-        kept.
-    builder: "agglomerative" where joining its upper parts pair by pair made it cheaper, else what made it: "binned", or
-    "fast" where rays are few for so many instances; "" over nothing.
-    placing: inverse transforms and world boxes. refit: also where its result was then rejected. build: the binary
-    tree. clustering: of its upper part. collapse: the tree that rays are traced through.
+    Attributes:
+        is_refitted: Whether the last tree got new boxes, and no other was built.
+        reason: Why it was refitted, built or kept.
+        builder: "agglomerative" where joining its upper parts pair by pair made it cheaper, else what made it:
+            "binned", or "fast" where rays are few for so many instances; "" over nothing. placing: inverse transforms
+            and world boxes. refit: also where its result was then rejected. build: the binary tree. clustering: of its
+            upper part. collapse: the tree that rays are traced through.
     """
 
     is_refitted: bool
@@ -107,9 +115,11 @@ class TopLevelReport:
 class CommitReport:
     """meshes: those that were not kept. resting: those kept in trees degraded by motion ("governed" only), and why.
 
-    kept_count: all that were kept, resting or not.
-    baked_count: instances whose transform has no usable inverse.
-    byte_count: of the whole committed scene. generation: of the snapshot, counted from 1.
+    Attributes:
+        kept_count: All that were kept, resting or not.
+        baked_count: Instances whose transform has no usable inverse.
+        byte_count: Of the whole committed scene.
+        generation: Of the snapshot, counted from 1.
     """
 
     meshes: tuple[MeshReport, ...]
@@ -152,11 +162,6 @@ class CommitReport:
 class TreeStatistics:
     """One tree. mesh_id: -1 for the top level. builder: what made it, as in `BuildConfig`.
 
-    kind: "triangles", "curves" or "points"; of the top level "instances".
-    primitive_count, vertex_count: of the mesh (of curves segments and points); of the top level, instances and 0.
-    left_out_count: points, and segments of curves, that have no radius and are not among the primitives.
-    user_count: instances of the mesh.
-
     Of the binary tree that the wide one was made from; of a mesh whose tree was built straight into the one that rays
     are traced through (usage "changing") or was refitted since, of that one, whose visits are fewer than a binary
     tree's:
@@ -178,6 +183,12 @@ class TreeStatistics:
     before the first one), motion_byte_count of what moves within the shutter (positions and trees at the steps after
     the first; of the top level its trees at the shutter's times, and where instances are at their steps; 0 of what
     stands still); byte_count is the five together.
+
+    Attributes:
+        kind: "triangles", "curves" or "points"; of the top level "instances".
+        primitive_count, vertex_count: Of the mesh (of curves segments and points); of the top level, instances and 0.
+        left_out_count: points, and segments of curves, that have no radius and are not among the primitives.
+        user_count: Instances of the mesh.
     """
 
     mesh_id: int

@@ -55,13 +55,15 @@ class Snapshot(Queries):
     ) -> TreeBoxes:
         """The boxes that rays meet on their way down one tree, for drawing it or judging it.
 
-        mesh: the id of a mesh, for its tree; None for the top level, over the instances.
-        first_level, last_level: which levels, both included; the root is level 0, and None is the deepest. A node has
-            up to eight children, so that each level may hold eight times as many boxes as the one above.
-        with_leaves_above: also the leaves that stand above the first level. One level with them is a cut through the
-            tree: its boxes together hold all that the tree holds.
+        Args:
+            mesh: The id of a mesh, for its tree; None for the top level, over the instances.
+            first_level, last_level: Which levels, both included; the root is level 0, and None is the deepest. A node
+                has up to eight children, so that each level may hold eight times as many boxes as the one above.
+            with_leaves_above: Also the leaves that stand above the first level. One level with them is a cut through
+                the tree: its boxes together hold all that the tree holds.
 
-        Raises ValueError for a mesh that this snapshot does not have, and for levels out of order.
+        Raises:
+            ValueError: For a mesh that this snapshot does not have, and for levels out of order.
         """
         return list_tree_boxes(self._snapshot, mesh, first_level, last_level, with_leaves_above)
 
@@ -71,7 +73,8 @@ class Snapshot(Queries):
         One for a visited node and one for each tested triangle (MacDonald and Booth 1990), summed in another order than
         there: the last digits may differ. The tree is gone through once, and nothing is copied.
 
-        Raises ValueError for a mesh that this snapshot does not have.
+        Raises:
+            ValueError: For a mesh that this snapshot does not have.
         """
         return _core.tree_sah(self._snapshot, check_id("tree_sah", "mesh", mesh))
 
@@ -90,8 +93,10 @@ class Scene(Queries, CurvesAndPoints):
     `StaleSceneError` while edits wait. Every edit checks its input before it changes anything. Arrays are copied in.
     May be used from several threads.
 
-    calibration: what work costs on this machine; by default what `perfect-bvh calibrate` measured, or else what comes
-        with the package. With equal calibrations, edits and expected rays the decisions are the same anywhere.
+    Args:
+        calibration: What work costs on this machine; by default what `perfect-bvh calibrate` measured, or else what
+            comes with the package. With equal calibrations, edits and expected rays the decisions are the same
+            anywhere.
     """
 
     __slots__ = (
@@ -134,14 +139,17 @@ class Scene(Queries, CurvesAndPoints):
     ) -> int:
         """Adds a mesh and returns its id. It is seen only through instances.
 
-        positions: (V, 3) float; float64 keeps its detail however far from zero it lies. Of a mesh larger than 2^20
-            detail below 2^-126 of its size is rounded.
-        triangles: (T, 3) int, rows of positions; counter-clockwise seen from the front.
-        build: "auto" or a `BuildConfig`. usage: what will happen to the mesh: "static" (nothing, or rigid motion),
-            "deforming" (its positions) or "changing" (its topology). "auto" builds a mesh of the last kind with the
-            "fast" builder, others with "binned".
+        Args:
+            positions: (V, 3) float; float64 keeps its detail however far from zero it lies. Of a mesh larger than 2^20
+                detail below 2^-126 of its size is rounded.
+            triangles: (T, 3) int, rows of positions; counter-clockwise seen from the front.
+            build: "auto" or a `BuildConfig`.
+            usage: What will happen to the mesh: "static" (nothing, or rigid motion), "deforming" (its positions) or
+                "changing" (its topology). "auto" builds a mesh of the last kind with the "fast" builder, others with
+                "binned".
 
-        Raises ValueError for non-finite positions and for indices out of range.
+        Raises:
+            ValueError: For non-finite positions and for indices out of range.
         """
         check_usage("add_mesh", usage)
         rows, corners = as_rows("add_mesh", "positions", positions), as_triangles("add_mesh", triangles)
@@ -160,16 +168,19 @@ class Scene(Queries, CurvesAndPoints):
     ) -> None:
         """Moves a mesh's vertices within the shutter: rays see it as it is at their own time (`times` of the queries).
 
-        positions: (S, V, 3), S steps from 2 to 255 at equal intervals, each with as many rows as before; between two
-            steps every vertex goes in a straight line, as float32 interpolates it. One step, (1, V, 3), is
-            `update_mesh`, which ends the motion.
-        time_range: when the first and the last step are reached; before and after, the mesh stands still.
-
         The next commit refits or rebuilds the first step's tree, as for `update_mesh`, and refits it to each of the
         other steps; so the mesh takes as much memory at each step.
-        Raises ValueError for positions of other counts or not finite, for a range that is not a rising pair of finite
-        numbers, and for a mesh that was added with the builder "spatial", whose trees cannot follow; nothing is
-        changed then.
+
+        Args:
+            positions: (S, V, 3), S steps from 2 to 255 at equal intervals, each with as many rows as before; between
+                two steps every vertex goes in a straight line, as float32 interpolates it. One step, (1, V, 3), is
+                `update_mesh`, which ends the motion.
+            time_range: When the first and the last step are reached; before and after, the mesh stands still.
+
+        Raises:
+            ValueError: For positions of other counts or not finite, for a range that is not a rising pair of finite
+                numbers, and for a mesh that was added with the builder "spatial", whose trees cannot follow; nothing is
+                changed then.
         """
         name = "set_mesh_motion"
         steps, rows = as_steps(name, "positions", positions, 3)
@@ -203,11 +214,14 @@ class Scene(Queries, CurvesAndPoints):
     ) -> int:
         """Places a mesh and returns the instance's id.
 
-        transform: (4, 4) or (3, 4), object to world, any affine map; None for the identity. Rays are mapped into the
-            mesh's space in double precision, and whether they hit is exact for the mapped ray. Where the transform's
-            condition number times the ray's distance in mesh sizes exceeds about 2^36, the mapping itself may miss.
-        mask: 32 bits, see `Queries`. order: of several hits at exactly the same t, the one with the smallest
-            order wins; by default that is the instance added first.
+        Args:
+            transform: (4, 4) or (3, 4), object to world, any affine map; None for the identity. Rays are mapped into
+                the mesh's space in double precision, and whether they hit is exact for the mapped ray. Where the
+                transform's condition number times the ray's distance in mesh sizes exceeds about 2^36, the mapping
+                itself may miss.
+            mask: 32 bits, see `Queries`.
+            order: Of several hits at exactly the same t, the one with the smallest order wins; by default that is the
+                instance added first.
         """
         transforms = np.eye(4)[None] if transform is None else transform
         orders = None if order is None else [order]
@@ -244,15 +258,17 @@ class Scene(Queries, CurvesAndPoints):
     ) -> None:
         """Moves instances within the shutter: rays see each where it is at their own time (`times` of the queries).
 
-        ids: (I,). transforms: (S, I, 4, 4) or (S, I, 3, 4), S steps from 2 to 255 at equal intervals. Between two steps
-            the rotation turns evenly by the shorter way, and what is left of the matrix (scale and shear) and the
-            translation go in straight lines, as in Blender's and Cycles' motion blur. A turn of more than half of one
-            between two steps needs more steps. One step is `set_transforms`, which ends the motion.
-        time_range: when the first and the last step are reached; before and after, the instances stand still.
-
         No mesh's tree is touched. Where an instance's scale passes through zero it is not seen at that moment. Raises
         ValueError for unknown ids, matrices that are not finite or not affine, for those that flatten an instance, of
         which nobody can tell how it turns, and for other ranges and shapes; nothing is changed then.
+
+        Args:
+            ids: (I,).
+            transforms: (S, I, 4, 4) or (S, I, 3, 4), S steps from 2 to 255 at equal intervals. Between two steps the
+                rotation turns evenly by the shorter way, and what is left of the matrix (scale and shear) and the
+                translation go in straight lines, as in Blender's and Cycles' motion blur. A turn of more than half of
+                one between two steps needs more steps. One step is `set_transforms`, which ends the motion.
+            time_range: When the first and the last step are reached; before and after, the instances stand still.
         """
         name = "set_instance_motion"
         rows = as_integers(name, "ids", ids, np.int32).reshape(-1)
@@ -281,18 +297,21 @@ class Scene(Queries, CurvesAndPoints):
     def commit(self, expected_rays: int | None = None, *, progress: Progress | None = None) -> CommitReport:
         """Brings the trees up to date with all edits.
 
-        expected_rays: how many rays are about to be cast until the next commit: what refitting and building is weighed
-            against, and builders are chosen by. By default as many as the last commit was told, 0 aside, or as were
-            cast since the last commit (see `rays_cast`) if those are more. Where none was ever told, builders are
-            chosen by usage, or better ones if the rays cast since the last commit repay them; and a refitted tree is
-            restructured or rebuilt where a ray is expected to cost 5 percent more than when it was built.
-        progress: called with the share done, up to 20 times a second; returning False raises `Cancelled`. It must not
-            use this scene. What is done between two looks at the time does not grow with the meshes. Ctrl-C works too.
-
         With the build "auto", a mesh that rests gets the tree of a better builder once the
         rays that its tree has served and those to come repay that: at most twice for the same triangles.
 
         After a failed or cancelled commit the edits still wait, and snapshots taken before stay valid.
+
+        Args:
+            expected_rays: How many rays are about to be cast until the next commit: what refitting and building is
+                weighed against, and builders are chosen by. By default as many as the last commit was told, 0 aside, or
+                as were cast since the last commit (see `rays_cast`) if those are more. Where none was ever told,
+                builders are chosen by usage, or better ones if the rays cast since the last commit repay them; and a
+                refitted tree is restructured or rebuilt where a ray is expected to cost 5 percent more than when it was
+                built.
+            progress: Called with the share done, up to 20 times a second; returning False raises `Cancelled`. It must
+                not use this scene. What is done between two looks at the time does not grow with the meshes. Ctrl-C
+                works too.
         """
         rays = None
         if expected_rays is not None:

@@ -14,7 +14,10 @@ _MOST_THREADS = 1024
 def set_thread_count(count: int) -> None:
     """Sets how many threads long calls use from now on; 0, the default, for as many as the process may use.
 
-    Changes no answer. Calls under way are finished. Raises ValueError for anything but an integer from 0 to 1024.
+    Changes no answer. Calls under way are finished.
+
+    Raises:
+        ValueError: For anything but an integer from 0 to 1024.
     """
     _core.set_thread_count(check_count("set_thread_count", "count", count, 0, _MOST_THREADS))
 
@@ -31,7 +34,8 @@ def available_isas() -> tuple[str, ...]:
 def active_isa() -> str:
     """The one that queries use: the best, unless the variable PERFECT_BVH_ISA or `set_active_isa` says else.
 
-    Raises ValueError if PERFECT_BVH_ISA names none of `available_isas()`.
+    Raises:
+        ValueError: If PERFECT_BVH_ISA names none of `available_isas()`.
     """
     return _core.active_isa()
 
@@ -39,6 +43,9 @@ def active_isa() -> str:
 def set_active_isa(name: str | None) -> None:
     """Uses another instruction set from now on, in all threads; None goes back to the default.
 
-    For tests and benchmarks: it changes no answer. Raises ValueError for a name that is not available.
+    For tests and benchmarks: it changes no answer.
+
+    Raises:
+        ValueError: For a name that is not available.
     """
     _core.set_active_isa("" if name is None else name)
