@@ -315,28 +315,6 @@ def test_scans_are_measured_beside_blenders_own_rays(repository: Path, tmp_path:
         assert row["times_as_fast"] > 0.0
 
 
-def test_errors_of_images_are_measured_beside_cycles(repository: Path, tmp_path: Path) -> None:
-    pytest.importorskip("bpy", reason="Blender's module is not installed")
-    out = tmp_path / "image_error.json"
-    command = [sys.executable, str(repository / "tests" / "benchmarks" / "image_error.py"), "--json", str(out)]
-    command += ["--scenes", "gears", "cloth", "--size", "64", "--most", "4", "--seeds", "1", "--converged", "64"]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=300)
-    assert done.returncode == 0, done.stderr
-    figures = json.loads(out.read_text())
-    assert [scene["name"] for scene in figures["scenes"]] == ["gears", "cloth"]
-    for scene in figures["scenes"]:
-        runs = {run["name"]: run["points"] for run in scene["runs"]}
-        assert list(runs) == ["ours", "ours, denoised", "Cycles", "Cycles, denoised"]
-        for name, points in runs.items():
-            assert [point["samples"] for point in points] == [1, 2, 4], name
-            assert points[-1]["error"]["median"] < points[0]["error"]["median"], name
-            assert all(point["cpu"]["median"] > 0.0 < point["wall"]["median"] for point in points), name
-        for engine in ("ours", "Cycles"):
-            assert runs[f"{engine}, denoised"][0]["error"]["median"] < runs[engine][0]["error"]["median"]
-    assert list(figures["cpu_to_equal_error"]) == ["4"]
-    assert set(figures["cpu_to_equal_error"]["4"]["scenes"]) == {"gears", "cloth"}
-
-
 def test_converged_images_are_compared_with_cycles(repository: Path, tmp_path: Path) -> None:
     pytest.importorskip("bpy", reason="Blender's module is not installed")
     words = ["--scenes", "gears", "--size", "96", "--samples", "32"]

@@ -20,7 +20,7 @@ import bpy
 import numpy as np
 import numpy.typing as npt
 import perfect_bvh_addon
-from benchmarks.image_error import REFERENCE_SEED, SCENES
+from benchmarks.image_error import REFERENCE_SEED, SCENES, file_of
 from benchmarks.machine import describe
 from benchmarks.rows import write_rows
 from benchmarks.tables import format_table
@@ -38,20 +38,25 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     add = parser.add_argument
     add("--json", type=Path, required=True, metavar="OUT.json", help="where the figures go")
-    add("--scenes", nargs="+", default=sorted(path.stem for path in SCENES.glob("*.blend")), help="of blend_scenes")
+    add(
+        "--scenes",
+        nargs="+",
+        default=sorted(path.stem for path in SCENES.glob("*.blend")),
+        help="names in blend_scenes, or paths of .blend files",
+    )
     add("--size", type=int, default=480, metavar="W", help="of the images, 16:9")
     add("--samples", type=int, default=2048, metavar="N", help="of each pixel")
     chosen = parser.parse_args()
     perfect_bvh_addon.register()
-    rows = [measure(name, chosen.size, chosen.samples) for name in tqdm(chosen.scenes, unit="scene")]
+    rows = [measure(file_of(name), chosen.size, chosen.samples) for name in tqdm(chosen.scenes, unit="scene")]
     figures = {"machine": describe(), "width": chosen.size, "samples": chosen.samples, "scenes": rows}
     write_rows(chosen.json, figures)
     print(format_table(HEADINGS, [cells_of(row) for row in rows]))
 
 
-def measure(name: str, width: int, samples: int) -> dict[str, Any]:
-    """One scene."""
-    bpy.ops.wm.open_mainfile(filepath=str(SCENES / f"{name}.blend"))
+def measure(file: Path, width: int, samples: int) -> dict[str, Any]:
+    """Return the differences for one scene."""
+    bpy.ops.wm.open_mainfile(filepath=str(file))
     scene = bpy.context.scene
     render = scene.render
     with preserved(
@@ -64,7 +69,7 @@ def measure(name: str, width: int, samples: int) -> dict[str, Any]:
         ours, theirs = (image[..., :3].astype(np.float64) for image in render_beside(scene, samples))
     off = ours.mean(axis=(0, 1)) / theirs.mean(axis=(0, 1)) - 1.0
     return {
-        "name": name,
+        "name": file.stem,
         "mean": off.tolist(),
         "pixels": quantiles(ours, theirs),
         "blocks": quantiles(blocks(ours), blocks(theirs)),

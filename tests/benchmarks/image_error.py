@@ -1,21 +1,25 @@
 """How far images are from Cycles' converged one, against the time that they took: ours and Cycles', raw and denoised.
 
     python tests/benchmarks/image_error.py --json image_error.json
+    python tests/benchmarks/image_error.py --json image_error.json --scenes FILE.blend ...
 
-Each example scene as it is but for motion blur, by its own light paths and view transform. All images are whole renders
-in Blender, from the request to the file, of a scene that neither engine knows anything of; all take turns. Each engine
+Each scene is rendered without motion blur, by its own light paths and view transform. All images are whole renders in
+Blender, from the request to the file, of a scene that neither engine has seen before; all take turns. Each engine
 denoises as its own settings do by default. Errors are of what is seen: the root of the mean square difference from the
-converged image after the view transform, in parts of 255. CPU seconds are those of all threads.
+converged image after the view transform, in parts of 255. CPU seconds are those of all threads. Where the package
+flip-evaluator is installed, images are compared by FLIP as well. The JSON is written again after each scene.
 """
 
 from __future__ import annotations
 
 import argparse
+import importlib.util
 import math
 import sys
 import tempfile
 import time
 from collections import defaultdict
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -30,6 +34,7 @@ import perfect_bvh_addon
 from benchmarks.machine import REPOSITORY, describe
 from benchmarks.rounds import Spread
 from benchmarks.rows import write_rows
+from benchmarks.tables import Cell, format_table
 from oracles.cycles import preserved
 from perfect_bvh_addon.live.sync_cache import clear_syncs
 from tqdm import tqdm
@@ -38,6 +43,9 @@ Image = npt.NDArray[np.float32]
 SCENES = REPOSITORY / "blend_scenes"
 REFERENCE_SEED = 1000
 ASKED = (4, 16)  # numbers of Cycles' samples whose error ours is to reach
+MOST_BEYOND = 100.0  # times the longest measured: an error that more samples would not reach counts as this
+HAS_FLIP = importlib.util.find_spec("flip_evaluator") is not None
+MEASURES = ("error", "flip") if HAS_FLIP else ("error",)
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,52 +75,64 @@ class Rendered:
 
 
 def main() -> None:
-    """Measure, write the JSON."""
+    """Measure, write the JSON, print a table."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     add = parser.add_argument
     add("--json", type=Path, required=True, metavar="OUT.json", help="where the figures go")
-    add("--scenes", nargs="+", default=sorted(path.stem for path in SCENES.glob("*.blend")), help="of blend_scenes")
+    add(
+        "--scenes",
+        nargs="+",
+        default=sorted(path.stem for path in SCENES.glob("*.blend")),
+        help="names in blend_scenes, or paths of .blend files",
+    )
     add("--size", type=int, default=480, metavar="W", help="of the images, 16:9")
     add("--most", type=int, default=64, metavar="N", help="samples a pixel at most")
     add("--seeds", type=int, default=3, metavar="N", help="images of each number of samples")
     add("--converged", type=int, default=2048, metavar="N", help="Cycles' samples of what images are compared with")
+    add("--denoised", action="store_true", help="leave out images that are not denoised")
     add("--truths", type=Path, metavar="DIR", help="where converged images are kept, and found again")
     chosen = parser.parse_args()
     perfect_bvh_addon.register()
     counts = [2**power for power in range(chosen.most.bit_length()) if 2**power <= chosen.most]
-    steps = len(chosen.scenes) * (1 + len(counts) * chosen.seeds * len(RENDERERS))
+    renderers = tuple(which for which in RENDERERS if which.denoises or not chosen.denoised)
+    steps = len(chosen.scenes) * (1 + len(counts) * chosen.seeds * len(renderers))
     with tqdm(total=steps, unit="image") as bar:
-        scenes = [measure(name, chosen, counts, bar) for name in chosen.scenes]
-    figures = {
-        "width": chosen.size,
-        "converged_samples": chosen.converged,
-        "scenes": scenes,
-        "cpu_to_equal_error": {str(samples): shares(scenes, samples) for samples in ASKED if samples <= chosen.most},
-    }
-    write_rows(chosen.json, {"machine": describe(), **figures})
+        scenes: list[dict[str, Any]] = []
+        for name in chosen.scenes:
+            scenes.append(measure(file_of(name), chosen, renderers, counts, bar))
+            figures = {"width": chosen.size, "converged_samples": chosen.converged, **compare(scenes)}
+            write_rows(chosen.json, {"machine": describe(), **figures})
+    print(format_comparison(figures))
 
 
-def measure(name: str, chosen: argparse.Namespace, counts: list[int], bar: tqdm[Any]) -> dict[str, Any]:
-    """One scene: the figures of each renderer."""
-    width, seeds = chosen.size, chosen.seeds
+def file_of(scene: str) -> Path:
+    """Return the file of a scene: a path of a .blend file, or a name in blend_scenes."""
+    return Path(scene) if scene.endswith(".blend") else SCENES / f"{scene}.blend"
+
+
+def measure(
+    file: Path, chosen: argparse.Namespace, renderers: Sequence[Renderer], counts: list[int], bar: tqdm[Any]
+) -> dict[str, Any]:
+    """Return the figures of each renderer for one scene."""
+    name, width, seeds = file.stem, chosen.size, chosen.seeds
     bar.set_description(name)
-    bpy.ops.wm.open_mainfile(filepath=str(SCENES / f"{name}.blend"))
+    bpy.ops.wm.open_mainfile(filepath=str(file))
     scene = bpy.context.scene
     truth, converged = converge(scene, name, chosen)
     bar.update()
-    taken: dict[tuple[str, int], list[tuple[float, Rendered]]] = defaultdict(list)
+    taken: dict[tuple[str, int], list[dict[str, float]]] = defaultdict(list)
     for samples in counts:
         for seed in range(seeds):
-            for turn in range(len(RENDERERS)):
-                which = RENDERERS[(turn + seed) % len(RENDERERS)]
+            for turn in range(len(renderers)):
+                which = renderers[(turn + seed) % len(renderers)]
                 made = render(scene, which, width, samples, seed)
-                taken[which.name, samples].append((error(made.image, truth), made))
+                taken[which.name, samples].append(figures_of(made, truth))
                 bar.update()
     return {
         "name": name,
         "converged_samples": converged,
         "runs": [
-            {"name": which.name, "points": [point_of(n, taken[which.name, n]) for n in counts]} for which in RENDERERS
+            {"name": which.name, "points": [point_of(n, taken[which.name, n]) for n in counts]} for which in renderers
         ],
     }
 
@@ -183,26 +203,83 @@ def error(image: Image, truth: Image) -> float:
     return 255.0 * float(np.sqrt(np.mean((image.astype(np.float64) - truth) ** 2)))
 
 
-def point_of(samples: int, taken: list[tuple[float, Rendered]]) -> dict[str, Any]:
-    """What the figures hold of a number of samples."""
+def flip(image: Image, truth: Image) -> float:
+    """Return the mean of FLIP's error map, 0 to 1, at its default viewing distance."""
+    import flip_evaluator
+
+    return float(flip_evaluator.evaluate(np.ascontiguousarray(truth), np.ascontiguousarray(image), "LDR")[1])
+
+
+def figures_of(made: Rendered, truth: Image) -> dict[str, float]:
+    """Return the errors of an image and the seconds it took."""
+    figures = {"error": error(made.image, truth), "cpu": made.cpu, "wall": made.wall}
+    return figures | {"flip": flip(made.image, truth)} if HAS_FLIP else figures
+
+
+def point_of(samples: int, taken: list[dict[str, float]]) -> dict[str, Any]:
+    """Return the spread of each figure over the images of a number of samples."""
+    return {"samples": samples} | {key: Spread.of([figures[key] for figures in taken]).as_json() for key in taken[0]}
+
+
+def compare(scenes: list[dict[str, Any]]) -> dict[str, Any]:
+    """Return the scenes with the two comparisons over all of them: CPU time to equal error, error at equal CPU time."""
+    most = max(point["samples"] for scene in scenes for point in scene["runs"][0]["points"])
+    asked = [samples for samples in ASKED if samples <= most]
     return {
-        "samples": samples,
-        "error": Spread.of([wrong for wrong, _ in taken]).as_json(),
-        "cpu": Spread.of([made.cpu for _, made in taken]).as_json(),
-        "wall": Spread.of([made.wall for _, made in taken]).as_json(),
+        "scenes": scenes,
+        "cpu_to_equal_error": {str(samples): shares(scenes, samples) for samples in asked},
+        "error_at_equal_cpu": {str(samples): errors_beside(scenes, samples) for samples in asked},
     }
+
+
+def denoised(scene: dict[str, Any], samples: int) -> tuple[list[dict[str, Any]], dict[str, Any]]:
+    """Return all our denoised points, and Cycles' denoised one of a number of samples."""
+    runs = {run["name"]: run["points"] for run in scene["runs"]}
+    (theirs,) = (point for point in runs["Cycles, denoised"] if point["samples"] == samples)
+    return runs["ours, denoised"], theirs
 
 
 def shares(scenes: list[dict[str, Any]], samples: int) -> dict[str, Any]:
     """Our CPU time to the error of so many of Cycles' samples, in parts of its own; both denoised."""
     by_scene = {}
     for scene in scenes:
-        runs = {run["name"]: run["points"] for run in scene["runs"]}
-        (theirs,) = (point for point in runs["Cycles, denoised"] if point["samples"] == samples)
-        cpu = cpu_at(runs["ours, denoised"], theirs["error"]["median"])
-        by_scene[scene["name"]] = cpu / theirs["cpu"]["median"]
-    mean = math.exp(sum(map(math.log, by_scene.values())) / len(by_scene))
-    return {"scenes": by_scene, "geometric_mean": mean}
+        ours, theirs = denoised(scene, samples)
+        by_scene[scene["name"]] = cpu_at(ours, theirs["error"]["median"]) / theirs["cpu"]["median"]
+    return {"scenes": by_scene, "geometric_mean": geometric_mean(by_scene.values())}
+
+
+def errors_beside(scenes: list[dict[str, Any]], samples: int) -> dict[str, Any]:
+    """Return our error in parts of Cycles' at the CPU time of its samples, by measure; both denoised."""
+    found = {}
+    for kind in MEASURES:
+        by_scene = {}
+        for scene in scenes:
+            ours, theirs = denoised(scene, samples)
+            at = error_at(ours, theirs["cpu"]["median"], kind)
+            by_scene[scene["name"]] = None if at is None else at / theirs[kind]["median"]
+        known = [ratio for ratio in by_scene.values() if ratio is not None]
+        found[kind] = {
+            "scenes": by_scene,
+            "geometric_mean": geometric_mean(known) if known else None,
+            "nearer": sum(ratio < 1.0 for ratio in known),
+        }
+    return found
+
+
+def geometric_mean(values: Iterable[float]) -> float:
+    """Return the geometric mean of positive values."""
+    return math.exp(float(np.mean([math.log(value) for value in values])))
+
+
+def error_at(points: list[dict[str, Any]], cpu: float, kind: str) -> float | None:
+    """Return the error at a CPU time: between measured ones along straight lines of logarithms, later the last.
+
+    None before the first: nothing is that fast.
+    """
+    times = np.maximum.accumulate([math.log(point["cpu"]["median"]) for point in points])
+    if math.log(cpu) < times[0]:
+        return None
+    return math.exp(float(np.interp(math.log(cpu), times, [math.log(point[kind]["median"]) for point in points])))
 
 
 def cpu_at(points: list[dict[str, Any]], wanted: float) -> float:
@@ -215,8 +292,32 @@ def cpu_at(points: list[dict[str, Any]], wanted: float) -> float:
             return math.exp(times[first])
         if errors[first + 1] <= target or first + 2 == len(points):
             slope = (times[first + 1] - times[first]) / min(errors[first + 1] - errors[first], -1e-9)
-            return math.exp(times[first] + slope * (target - errors[first]))
+            return math.exp(min(times[first] + slope * (target - errors[first]), times[-1] + math.log(MOST_BEYOND)))
     return math.exp(times[-1])
+
+
+def format_comparison(figures: dict[str, Any]) -> str:
+    """Return a table of the denoised images, a line for each scene, and how many are nearer to the truth by ours."""
+    shares_of, beside = figures["cpu_to_equal_error"], figures["error_at_equal_cpu"]
+    if not shares_of:
+        return f"The table needs --most {ASKED[0]} or more."
+    last = list(beside)[-1]
+    heads = ["scene", *(f"Cycles' error, {samples}" for samples in shares_of)]
+    heads += [f"our CPU to it, {samples}" for samples in shares_of]
+    heads += [f"our {kind} at the CPU of {last}" for kind in beside[last]]
+    lines: list[list[Cell]] = []
+    for scene in figures["scenes"]:
+        name = scene["name"]
+        line: list[Cell] = [name, *(denoised(scene, int(samples))[1]["error"]["median"] for samples in shares_of)]
+        line += [share["scenes"][name] for share in shares_of.values()]
+        lines.append(line + [ratio["scenes"][name] for ratio in beside[last].values()])
+    means: list[Cell] = ["geometric mean", *([None] * len(shares_of))]
+    means += [share["geometric_mean"] for share in (*shares_of.values(), *beside[last].values())]
+    nearer = [f"{ratio['nearer']} of {len(lines)} by {kind}" for kind, ratio in beside[last].items()]
+    return (
+        f"{format_table(heads, [*lines, means])}\n"
+        "CPU times and our errors are in parts of Cycles'. At equal CPU time ours is nearer in " + ", ".join(nearer)
+    )
 
 
 if __name__ == "__main__":
