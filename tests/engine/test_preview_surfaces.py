@@ -94,6 +94,17 @@ def test_transparent_surfaces_let_light_and_looks_through(alpha, through):
     assert above == pytest.approx(PLAIN * through * through, abs=0.03)
 
 
+@pytest.mark.parametrize(("bounces", "is_lit"), [(2, False), (3, False), (5, False), (6, True)])
+def test_a_shadow_ray_passes_only_as_many_surfaces_as_its_path_has_left(bounces, is_lit):
+    """Three clear panes over a floor: a path passes them on its way to the floor, and again towards the sun."""
+    panes = made_of(3, base_colors=(0.0, 0.0, 0.0), alphas=0.0)
+    panes["instances"] = replace(panes["instances"], ids=np.array([1, 2, 3], np.int32))
+    look = Appearance(**panes, lights=lights(1, power=math.pi), world=BLACK)
+    scene = floor(*(square(50.0, height) for height in (1.0, 1.1, 1.2)))
+    seen = brightness(scene, look, light_paths=LightPaths(transparent_bounces=bounces))
+    assert seen == pytest.approx(PLAIN * is_lit, abs=0.03)
+
+
 def test_mirrored_rays_pass_by_what_they_must_not_see():
     scene = quads(FLOOR, square(50.0, 9.0), masks=(0xFFFFFFFF, 0b10))
     mirror = made_of(1, base_colors=(1.0, 1.0, 1.0), metallics=1.0, roughnesses=0.0)

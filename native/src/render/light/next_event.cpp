@@ -195,8 +195,8 @@ void NextEvent::aim_at_sky(std::span<const Vertex> vertices, std::uint32_t index
 namespace {
 
 // Surface after surface takes its share, until nothing is left or nothing is in the way.
-void pass_layers(const Snapshot& snapshot, const Appearance& appearance, int most_layers, CancelToken& cancel,
-                 ShadowRays& shadows) {
+void pass_layers(const Snapshot& snapshot, const Appearance& appearance, std::span<const Vertex> vertices,
+                 int most_layers, CancelToken& cancel, ShadowRays& shadows) {
   for (int layer = 0; layer <= most_layers; ++layer) {
     shadows.hits.resize(shadows.rays.size());
     trace_closest(snapshot, cancel, shadows.rays, shadows.hits);
@@ -210,7 +210,8 @@ void pass_layers(const Snapshot& snapshot, const Appearance& appearance, int mos
       }
       const Instance& instance = snapshot.instances[hit.instance_index];
       const std::int32_t material = appearance.material_of(instance, hit.primitive_index);
-      const float passes = layer == most_layers ? 0.0f : 1.0f - alpha_at(snapshot, appearance, ray, hit, material);
+      const bool is_last = layer + vertices[shadows.vertices[i]].path.transparent >= most_layers;
+      const float passes = is_last ? 0.0f : 1.0f - alpha_at(snapshot, appearance, ray, hit, material);
       shadows.passed[i] *= std::max(passes, 0.0f);
       ray.t_min = std::nextafter(hit.t, kInfiniteDistance);
       if (!(shadows.passed[i] > 0.0f)) ray.t_max = -1.0f;
@@ -222,10 +223,10 @@ void pass_layers(const Snapshot& snapshot, const Appearance& appearance, int mos
 
 }  // namespace
 
-void find_what_passes(const Snapshot& snapshot, const Appearance& appearance, int most_layers, CancelToken& cancel,
-                      ShadowRays& shadows) {
+void find_what_passes(const Snapshot& snapshot, const Appearance& appearance, std::span<const Vertex> vertices,
+                      int most_layers, CancelToken& cancel, ShadowRays& shadows) {
   shadows.passed.assign(shadows.rays.size(), 1.0f);
-  if (appearance.any_transparent()) return pass_layers(snapshot, appearance, most_layers, cancel, shadows);
+  if (appearance.any_transparent()) return pass_layers(snapshot, appearance, vertices, most_layers, cancel, shadows);
   shadows.blocked.resize(shadows.rays.size());
   trace_occluded(snapshot, cancel, shadows.rays, shadows.blocked);
   for (std::size_t i = 0; i < shadows.rays.size(); ++i) {

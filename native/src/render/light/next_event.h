@@ -139,9 +139,10 @@ struct ShadowRays {
 };
 
 // Fills `passed`. Spoils the rays.
-// most_layers: of transparent surfaces that a ray passes; what is behind them is dark.
-void find_what_passes(const Snapshot& snapshot, const Appearance& appearance, int most_layers, CancelToken& cancel,
-                      ShadowRays& shadows);
+// vertices: where the rays start. most_layers: transparent surfaces that a path and its shadow ray pass together; what
+// is behind them is dark.
+void find_what_passes(const Snapshot& snapshot, const Appearance& appearance, std::span<const Vertex> vertices,
+                      int most_layers, CancelToken& cancel, ShadowRays& shadows);
 
 // Next event ----------------------------------------------------------------------------------------------------------
 // Next-event estimation: rays to the scene's lights, its emissive triangles, and what is bright in its environment.

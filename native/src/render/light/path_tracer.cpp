@@ -217,7 +217,7 @@ void PathTracer::light_vertices(const Step& step, Scratch& scratch) const {
   if (next_event_.empty() || scratch.vertices.empty()) return;
   shadows.clear();
   next_event_.aim(scratch.vertices, step.sample, step.first_dimension + kLightDimension, scratch.guesses, shadows);
-  find_what_passes(snapshot_, appearance_, limits_.transparent_bounces, cancel_, shadows);
+  find_what_passes(snapshot_, appearance_, scratch.vertices, limits_.transparent_bounces, cancel_, shadows);
   for (std::size_t i = 0; i < shadows.rays.size(); ++i) {
     const Path& path = scratch.vertices[shadows.vertices[i]].path;
     if (shadows.passed[i] > 0.0f) add(step, path, shadows.carried[i] * shadows.passed[i], path.bounces);
