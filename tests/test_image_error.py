@@ -9,6 +9,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 
@@ -23,6 +24,7 @@ def test_errors_of_images_are_measured_beside_cycles(repository: Path, tmp_path:
     figures = json.loads(out.read_text())
     assert [scene["name"] for scene in figures["scenes"]] == ["gears", "cloth"]
     for scene in figures["scenes"]:
+        assert 0.0 < scene["converged_noise"] < 16.0
         runs = {run["name"]: run["points"] for run in scene["runs"]}
         assert list(runs) == ["ours", "ours, denoised", "Cycles", "Cycles, denoised"]
         for name, points in runs.items():
@@ -50,3 +52,15 @@ def test_errors_are_compared_at_equal_cpu_time() -> None:
     assert cpu_at(points, 2.0) == pytest.approx(16.0)
     flat = [*points, {"cpu": {"median": 8.0}, "error": {"median": 4.0}}]
     assert cpu_at(flat, 3.9) == pytest.approx(8.0 * MOST_BEYOND), "a bias stays"
+
+
+def test_the_noise_of_the_truth_is_no_error() -> None:
+    pytest.importorskip("bpy", reason="Blender's module is not installed")
+    from benchmarks.image_error import error, mean_of
+
+    random = np.random.default_rng(1)
+    halves, image = (random.normal(0.5, 0.02, (count, 90, 160, 3)).astype(np.float32) for count in (2, 1))
+    truth, noise = mean_of(halves)
+    assert noise == pytest.approx(255.0 * 0.02 / math.sqrt(2.0), rel=0.02)
+    assert error(image[0], truth, noise) == pytest.approx(255.0 * 0.02, rel=0.02)
+    assert mean_of(truth) == (pytest.approx(truth), 0.0)

@@ -6,8 +6,10 @@
 Each scene is rendered without motion blur, by its own light paths and view transform. All images are whole renders in
 Blender, from the request to the file, of a scene that neither engine has seen before; all take turns. Each engine
 denoises as its own settings do by default. Errors are of what is seen: the root of the mean square difference from the
-converged image after the view transform, in parts of 255. CPU seconds are those of all threads. Where the package
-flip-evaluator is installed, images are compared by FLIP as well. The JSON is written again after each scene.
+converged image after the view transform, in parts of 255. The converged image is the mean of two halves of different
+noise; their difference says how much noise is left in it, and errors are without that. CPU seconds are those of all
+threads. Where the package flip-evaluator is installed, images are compared by FLIP as well, which includes that noise.
+The JSON is written again after each scene.
 """
 
 from __future__ import annotations
@@ -43,6 +45,7 @@ Image = npt.NDArray[np.float32]
 SCENES = REPOSITORY / "blend_scenes"
 REFERENCE_SEED = 1000
 ASKED = (4, 16)  # numbers of Cycles' samples whose error ours is to reach
+LEAST_ERROR = 0.01  # in parts of 255: what is less cannot be told from the truth's noise
 MOST_BEYOND = 100.0  # times the longest measured: an error that more samples would not reach counts as this
 HAS_FLIP = importlib.util.find_spec("flip_evaluator") is not None
 MEASURES = ("error", "flip") if HAS_FLIP else ("error",)
@@ -118,7 +121,7 @@ def measure(
     bar.set_description(name)
     bpy.ops.wm.open_mainfile(filepath=str(file))
     scene = bpy.context.scene
-    truth, converged = converge(scene, name, chosen)
+    truth, noise, converged = converge(scene, name, chosen)
     bar.update()
     taken: dict[tuple[str, int], list[dict[str, float]]] = defaultdict(list)
     for samples in counts:
@@ -126,29 +129,46 @@ def measure(
             for turn in range(len(renderers)):
                 which = renderers[(turn + seed) % len(renderers)]
                 made = render(scene, which, width, samples, seed)
-                taken[which.name, samples].append(figures_of(made, truth))
+                taken[which.name, samples].append(figures_of(made, truth, noise))
                 bar.update()
     return {
         "name": name,
         "converged_samples": converged,
+        "converged_noise": noise,
         "runs": [
             {"name": which.name, "points": [point_of(n, taken[which.name, n]) for n in counts]} for which in renderers
         ],
     }
 
 
-def converge(scene: bpy.types.Scene, name: str, chosen: argparse.Namespace) -> tuple[Image, int]:
-    """Cycles' image of at least as many samples as were asked for, the best that is kept, and how many it has."""
-    if chosen.truths is None:
-        return render(scene, RENDERERS[2], chosen.size, chosen.converged, REFERENCE_SEED).image, chosen.converged
-    kept = {int(path.stem.rsplit("_", 1)[1]): path for path in chosen.truths.glob(f"{name}_{chosen.size}_*.npy")}
+def converge(scene: bpy.types.Scene, name: str, chosen: argparse.Namespace) -> tuple[Image, float, int]:
+    """Return Cycles' image of the asked samples or more, its noise in parts of 255, and how many samples it has."""
+    kept = {}
+    if chosen.truths is not None:
+        kept = {int(path.stem.rsplit("_", 1)[1]): path for path in chosen.truths.glob(f"{name}_{chosen.size}_*.npy")}
     most = max(kept, default=0)
     if most >= chosen.converged:
-        return np.load(kept[most]), most
-    image = render(scene, RENDERERS[2], chosen.size, chosen.converged, REFERENCE_SEED).image
-    chosen.truths.mkdir(parents=True, exist_ok=True)
-    np.save(chosen.truths / f"{name}_{chosen.size}_{chosen.converged}.npy", image)
-    return image, chosen.converged
+        return *mean_of(np.load(kept[most])), most
+    halves = np.stack(
+        [
+            render(scene, RENDERERS[2], chosen.size, samples, REFERENCE_SEED + half).image
+            for half, samples in enumerate((chosen.converged // 2, chosen.converged - chosen.converged // 2))
+        ]
+    )
+    if chosen.truths is not None:
+        chosen.truths.mkdir(parents=True, exist_ok=True)
+        np.save(chosen.truths / f"{name}_{chosen.size}_{chosen.converged}.npy", halves)
+    return *mean_of(halves), chosen.converged
+
+
+def mean_of(halves: Image) -> tuple[Image, float]:
+    """Return the mean of two images of different noise, (2, H, W, 3), and the noise of the mean in parts of 255.
+
+    A single image, (H, W, 3), is returned with no noise, as nothing is known of it.
+    """
+    if halves.ndim == 3:
+        return halves, 0.0
+    return halves.mean(axis=0), error(*halves) / 2.0
 
 
 def render(scene: bpy.types.Scene, which: Renderer, width: int, samples: int, seed: int) -> Rendered:
@@ -198,9 +218,10 @@ def read(path: Path) -> Image:
     return pixels.reshape(height, width, 4)[..., :3]
 
 
-def error(image: Image, truth: Image) -> float:
-    """Root of the mean square difference, in parts of 255."""
-    return 255.0 * float(np.sqrt(np.mean((image.astype(np.float64) - truth) ** 2)))
+def error(image: Image, truth: Image, noise: float = 0.0) -> float:
+    """Return the root of the mean square difference, in parts of 255, without the truth's own noise."""
+    square = 255.0**2 * float(np.mean((image.astype(np.float64) - truth) ** 2))
+    return math.sqrt(max(square - noise**2, LEAST_ERROR**2))
 
 
 def flip(image: Image, truth: Image) -> float:
@@ -210,9 +231,9 @@ def flip(image: Image, truth: Image) -> float:
     return float(flip_evaluator.evaluate(np.ascontiguousarray(truth), np.ascontiguousarray(image), "LDR")[1])
 
 
-def figures_of(made: Rendered, truth: Image) -> dict[str, float]:
+def figures_of(made: Rendered, truth: Image, noise: float) -> dict[str, float]:
     """Return the errors of an image and the seconds it took."""
-    figures = {"error": error(made.image, truth), "cpu": made.cpu, "wall": made.wall}
+    figures = {"error": error(made.image, truth, noise), "cpu": made.cpu, "wall": made.wall}
     return figures | {"flip": flip(made.image, truth)} if HAS_FLIP else figures
 
 
