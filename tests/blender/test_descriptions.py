@@ -20,7 +20,7 @@ OPERATORS = [
     found
     for module in (
         *(operators.preview, operators.scan_button, operators.scan_request, operators.label_button, operators.measure),
-        *(operators.select, operators.walk, pointer),
+        *(operators.add_sensor, operators.select, operators.walk, pointer),
     )
     for found in vars(module).values()
     if isinstance(found, type) and issubclass(found, bpy.types.Operator)

@@ -220,7 +220,7 @@ class ImageReader:
     the user's edits must not. frame: the scene's.
     """
 
-    def __init__(self, cache: ImageCache, frame: int, *, for_preview: bool = False) -> None:
+    def __init__(self, cache: ImageCache, frame: int = 1, *, for_preview: bool = False) -> None:
         self._frame = frame
         self._before, self._around_before, self._for_preview = cache.held, cache.around, for_preview
         self.cache = ImageCache()
