@@ -133,6 +133,7 @@ def _draw() -> None:
         for batch, color in zip(batches, (COLOR, FAINT), strict=True):
             shader.uniform_float("color", color)
             batch.draw(shader)
+    gpu.state.point_size_set(1.0)
     gpu.state.depth_test_set("NONE")
     gpu.state.blend_set("NONE")
 
