@@ -39,7 +39,8 @@ def corner_values(
 
     Args:
         name: Of a field of the meshes, (T, 3, C).
-        mesh_rows, primitives: (R,), which triangle of which mesh was hit. uvs: (R, 2), where on it.
+        mesh_rows, primitives: (R,), which triangle of which mesh was hit.
+        uvs: (R, 2), where on it.
 
     Returns:
         (R, C) float32, zero where a mesh has no such values, None if none of them has.

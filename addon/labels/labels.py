@@ -176,8 +176,8 @@ class Labels:
     """Of an image of H x W pixels, row 0 on top: what the ray through each pixel's centre meets. Nothing is blended.
 
     Attributes:
-        depth: (H, W) float32, along the view axis (in panoramas along the ray), 1e10 where nothing was hit. positions:
-            (H, W, 3) float64, in the world.
+        depth: (H, W) float32, along the view axis (in panoramas along the ray), 1e10 where nothing was hit.
+        positions: (H, W, 3) float64, in the world.
         normals: (H, W, 3) float32, shading normals in the world, towards the viewer.
         uvs: (H, W, 2) float32, of the map that is active for renders. All zero where there is nothing or no map.
         thing_ids: (H, W) int32, rows of `things`.

@@ -71,7 +71,8 @@ class LabelWork(PieceWork):
     Args:
         view: The scene.
         camera: An object by its name; "" for the camera of each frame.
-        place: Where pieces go. on_labels: called with each frame and its labels before they are written.
+        place: Where pieces go.
+        on_labels: Called with each frame and its labels before they are written.
     """
 
     def __init__(

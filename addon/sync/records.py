@@ -89,7 +89,8 @@ class MeshRecord:
         polygon_ids: (T,) int32, the polygon each triangle came from.
         material_slots, corner_normals: Only if they were asked for, see `AttributeRequest`.
         corner_uvs, corner_colors: (T, 3, 2) and (T, 3, 3) float32, the uv map and the colours that are active for
-            renders. named_uvs, named_colors: others by their names.
+            renders.
+        named_uvs, named_colors: Others by their names.
         layers: Which of them were asked for; the mesh may lack them.
         tangents, texture_space, corner_generated: See `perfect_bvh.MeshAppearance`; only if they were asked for.
         dropped_triangles: How many triangles were left out because a vertex was not finite; `triangle_ids` then holds
@@ -225,8 +226,8 @@ class InstanceRecords:
     Columns that are the same as in the scene's record before may be the very same arrays.
 
     Attributes:
-        mesh_indices, object_indices: (I,) int32, rows of the scene's meshes and objects. parent_indices: (I,) int32,
-            the row in objects of the instancer, -1 for a plain object.
+        mesh_indices, object_indices: (I,) int32, rows of the scene's meshes and objects.
+        parent_indices: (I,) int32, the row in objects of the instancer, -1 for a plain object.
         transforms: (I, 3, 4) float32 object to world, as exact as Blender's own.
         masks: (I,) uint32, VISIBLE_TO_* bits.
         persistent_ids: (I, 8) int32, Blender's persistent id; zero for a plain object.

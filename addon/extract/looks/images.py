@@ -209,7 +209,8 @@ class ImageCache:
         import bpy
 
         images = {image.session_uid: image for image in bpy.data.images}
-        return all(uid in images and _has_look(images[uid], look) for (uid, _), (look, _) in self.held.items())
+        looks = {(uid, look) for (uid, _), (look, _) in self.held.items()}  # of an image once
+        return all(uid in images and _has_look(images[uid], look) for uid, look in looks)
 
 
 class ImageReader:

@@ -54,7 +54,8 @@ class CostedBuild(BuildConfig):
     """A `BuildConfig` with other costs; the engine checks them.
 
     Attributes:
-        traversal_cost: Of visiting a node, 0 to 1e6, relative to
+        traversal_cost: Of visiting a node, 0 to 1e6, in the same unit as
+            intersection_cost.
         intersection_cost: Of testing a triangle, 1e-6 to 1e6: a split is made if it costs less than the leaf.
     """
 

@@ -63,7 +63,7 @@ class MaterialTable:
 
     Attributes:
         colors: (M, 4) float32, scene-linear viewport colour.
-        indices: (M,) int32, pass index. The rest is what the mode "preview" shows:
+        indices: (M,) int32, pass index. All that follows is for the mode "preview".
         base_colors: (M, 3) float32, scene-linear, the share of light that comes back. None: the viewport colours.
         emissions: (M, 3) float32, radiance. None: none shines.
         alphas: (M,) float32, 0 to 1. None: all are opaque.
@@ -163,7 +163,8 @@ class HairTable:
         colored: (H,) bool, whether the material's base colour absorbs, too, as in "Direct Coloring".
         roughnesses: (H, 2) float32, 0 to 1: of the fiber, along and around it.
         coats: (H,) float32, 0 to 1: how much of the roughness what is reflected at once is without.
-        tilts: (H,) float32, radians, of the cuticle's scales. iors: (H,) float32, more than 0.
+        tilts: (H,) float32, radians, of the cuticle's scales.
+        iors: (H,) float32, more than 0.
     """
 
     surfaces: Float32Array = field(default_factory=lambda: np.empty(0, np.float32))

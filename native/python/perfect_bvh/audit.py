@@ -27,11 +27,11 @@ class Audit:
     """What checking some of the answers again, in double precision and without a tree, has shown.
 
     Attributes:
-        checked_count: Rays that were judged, of those drawn at random. wrong_rows (wrong,) int64: those whose answer is
-            wrong, as rows of the flattened batch; of an image the pixels that they belong to, counted row by row from
-            the top. Wrong: a miss although a triangle in range is surely hit; or a hit of a triangle that is surely
-            missed, or whose t is off by more than rounding the ray to float can explain, or that lies behind a surely
-            hit one.
+        checked_count: Rays that were judged, of those drawn at random.
+        wrong_rows: (wrong,) int64: those whose answer is wrong, as rows of the flattened batch; of an image the pixels
+            that they belong to, counted row by row from the top. Wrong: a miss although a triangle in range is surely
+            hit; or a hit of a triangle that is surely missed, or whose t is off by more than rounding the ray to float
+            can explain, or that lies behind a surely hit one.
         ambiguous_count: Rays that pass some triangle's edge, or an end of their range, so closely that rounding them to
             float decides: then either answer counts as right.
         not_judged_count: Rays that come near curves or points, which only tests judge; no triangle shows them wrong.

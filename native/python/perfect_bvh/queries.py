@@ -26,8 +26,8 @@ class Intersections(NamedTuple):
     """What `list_intersections` found: `hits, ray_splits = ...`.
 
     Attributes:
-        hits: One row a hit, ray after ray in C order. ray_splits (R + 1) int64: ray i's hits are the rows from
-            ray_splits[i] to ray_splits[i + 1], the nearest first.
+        hits: One row a hit, ray after ray in C order.
+        ray_splits: (R + 1,) int64: ray i's hits are the rows from ray_splits[i] to ray_splits[i + 1], nearest first.
     """
 
     hits: Hits

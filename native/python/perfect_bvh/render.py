@@ -172,8 +172,8 @@ def render_passes(
             neighbours share samples in "combined". "denoising_albedo", "denoising_normal" (H, W, 3) float32: what
             guides a denoiser: the share of light that surfaces give back and their normal in world space. Blended as
             "combined" is; "preview" looks for them in mirrors and through panes.
-        progress: Called with the share done, 0 to 1; returning False raises `Cancelled`. Ctrl-C works too. options: see
-            `RenderOptions`.
+        progress: Called with the share done, 0 to 1; returning False raises `Cancelled`. Ctrl-C works too.
+        options: See `RenderOptions`.
 
     Raises:
         ValueError: For bad arguments, StaleSceneError if edits wait, Cancelled.

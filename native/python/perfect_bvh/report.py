@@ -90,9 +90,12 @@ class TopLevelReport:
         is_refitted: Whether the last tree got new boxes, and no other was built.
         reason: Why it was refitted, built or kept.
         builder: "agglomerative" where joining its upper parts pair by pair made it cheaper, else what made it:
-            "binned", or "fast" where rays are few for so many instances; "" over nothing. placing: inverse transforms
-            and world boxes. refit: also where its result was then rejected. build: the binary tree. clustering: of its
-            upper part. collapse: the tree that rays are traced through.
+            "binned", or "fast" where rays are few for so many instances; "" over nothing.
+        placing_milliseconds: Of inverse transforms and world boxes.
+        refit_milliseconds: Also where its result was then rejected.
+        build_milliseconds: Of the binary tree.
+        clustering_milliseconds: Of its upper part.
+        collapse_milliseconds: Of making the tree that rays are traced through.
     """
 
     is_refitted: bool
