@@ -224,9 +224,13 @@ def charts(session: nox.Session) -> None:
 
 @nox.session(default=False)
 def docs(session: nox.Session) -> None:
-    """Build the site into build/site; any warning is an error. `nox -s docs -- serve` shows it while it is written."""
-    session.install(".", *SITE)
+    """Build the site into build/site; any warning is an error. `nox -s docs -- serve` shows it while it is written.
+
+    The gallery's pictures are made by running all examples.
+    """
+    session.install(".[blender]", *SITE)
     session.run("python", "release/site_sources.py", "build/site-sources", "build/site-packages")
+    session.run("python", "release/gallery.py", "build/site-sources/gallery")
     session.run("mkdocs", *(session.posargs or ("build",)), env={"NO_MKDOCS_2_WARNING": "1"})
 
 

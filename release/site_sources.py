@@ -2,8 +2,9 @@
 
 python release/site_sources.py SOURCES PACKAGES
 
-Documents keep their places, so that their links hold. A link to a file that is no page becomes its path. PACKAGES gets
-both packages under the names that they are imported by, for mkdocstrings to read.
+Documents keep their places, so that their links hold. A link to a file that is no page becomes its path; one to an
+example, alone on its line, becomes its code. PACKAGES gets both packages under the names that they are imported by, for
+mkdocstrings to read.
 """
 
 from __future__ import annotations
@@ -20,6 +21,7 @@ from pathlib import Path
 REPOSITORY = Path(__file__).resolve().parent.parent
 SHOWN = (".md", ".png", ".jpg")
 LINK = re.compile(r"(?<!!)\[([^\]]*)\]\((?!\w+:|#)([^)#\s]+)(#[^)\s]*)?\)", re.DOTALL)
+EXAMPLE = re.compile(r"^\[`(examples/\w+\.py)`\]\([^)]*\)$", re.MULTILINE)
 COMMANDS = ("render", "scan", "labels", "info", "bench", "calibrate")
 
 
@@ -42,6 +44,16 @@ def with_page_links(text: str, page: str, pages: set[str]) -> str:
     return LINK.sub(shown, text)
 
 
+def with_examples(text: str) -> str:
+    """Return a page's text, in which links to examples that are alone on their lines are replaced by their code."""
+
+    def shown(link: re.Match[str]) -> str:
+        code = (REPOSITORY / link[1]).read_text(encoding="utf-8").strip()
+        return f'```python title="{link[1]}"\n{code}\n```'
+
+    return EXAMPLE.sub(shown, text)
+
+
 def copy_documents(sources: Path) -> None:
     """Copy documents and pictures."""
     pages = {name for name in list_files() if name.endswith(SHOWN) and not name.startswith(".")}
@@ -50,7 +62,7 @@ def copy_documents(sources: Path) -> None:
         target.parent.mkdir(parents=True, exist_ok=True)
         if name.endswith(".md"):
             text = (REPOSITORY / name).read_text(encoding="utf-8")
-            target.write_text(with_page_links(text, name, pages), encoding="utf-8")
+            target.write_text(with_page_links(with_examples(text), name, pages), encoding="utf-8")
         else:
             shutil.copyfile(REPOSITORY / name, target)
 

@@ -31,6 +31,7 @@ COMMENTS = {
 INVENTED = re.compile(r"(^|[_/])x\.\w+$")  # stands for what a reader adds
 ELSEWHERE = {
     "the site's that shows the repository": ("../../releases",),
+    "any example": ("examples/NAME.py",),
     "the user's": ("FILE.blend", "mine.toml", "random.py", "scene.blend", "shot.blend", "walk.blend"),
     "made by a build": ("dist",),
     "made by a test": ("parts.blend", "sensor.toml", "small.blend"),

@@ -1,4 +1,4 @@
-"""What the README and docs/scripts.md show, works: their Python examples run, and lists are complete."""
+"""What the README shows, works: its Python examples run, and lists are complete."""
 
 from __future__ import annotations
 
@@ -12,36 +12,31 @@ from perfect_bvh_addon.settings.modes import MODES
 
 REPOSITORY = Path(__file__).resolve().parent.parent
 TEXT = (REPOSITORY / "README.md").read_text(encoding="utf-8")
-# The last line that each example prints, in the order of the files.
+# The last line that each example prints, in their order.
 PRINTED = {
-    "README.md": {
-        "query": r"\w+.* is the highest, at \d+\.\d\d m",
-        "lidar": r"\d+ points on \d+ objects from \d+ rays",
-    },
-    "docs/scripts.md": {
-        "render": r".*",
-        "arrays": r"sweep 2: \d\d\.\d\d% hit, \d+\.\d m wide",
-        "times": r".* between 0\.458 and 0\.542",  # .1 to either side of the diagonal, 1.5 away from the axis
-        "shutter": r"\d\.\d% of the view is blurred",
-        "scan": r"\d+ points on \d+ objects from 189000 rays",
-        "labels": r"\d+ things in the picture, \d+ of them hidden altogether",
-    },
+    "query": r"\w+.* is the highest, at \d+\.\d\d m",
+    "lidar": r"\d+ points on \d+ objects from \d+ rays",
 }
-FILES = {"lidar": "gears.npz", "render": "gears.png", "scan": "gears.npz", "labels": "courtyard_labels.npz"}
-
-
-def examples_of(document: str) -> list[str]:
-    text = (REPOSITORY / document).read_text(encoding="utf-8")
-    return re.findall(r"^```python\n(.*?)^```$", text, re.MULTILINE | re.DOTALL)
+FILES = {"lidar": "gears.npz"}
+EXAMPLES = re.findall(r"^```python\n(.*?)^```$", TEXT, re.MULTILINE | re.DOTALL)
 
 
 def test_each_example_is_run() -> None:
-    for document, names in PRINTED.items():
-        assert len(examples_of(document)) == len(names), document
+    assert len(EXAMPLES) == len(PRINTED)
 
 
 def test_the_readme_is_short() -> None:
     assert len(TEXT.splitlines()) <= 130
+
+
+def test_each_question_has_a_short_answer_and_a_link() -> None:
+    assert "](docs/questions.md)" in TEXT
+    text = (REPOSITORY / "docs" / "questions.md").read_text(encoding="utf-8")
+    answers = dict(re.findall(r"^\*\*(.+?\?)\*\* (.+?)\n(?=\n|\Z)", text, re.MULTILINE | re.DOTALL))
+    assert len(answers) >= 20
+    for question, answer in answers.items():
+        assert "](" in answer, question
+        assert len(re.findall(r"[.?](?=\s|$)", answer)) <= 3, question
 
 
 def test_the_modes_are_listed() -> None:
@@ -57,9 +52,9 @@ def test_both_commands_install_the_same_system_packages() -> None:
     assert installs[0] == installs[1]
 
 
-@pytest.mark.parametrize(("document", "name"), [(document, name) for document in PRINTED for name in PRINTED[document]])
-def test_an_example_runs(document: str, name: str, tmp_path: Path, repository: Path) -> None:
-    example = examples_of(document)[list(PRINTED[document]).index(name)]
+@pytest.mark.parametrize("name", PRINTED)
+def test_an_example_runs(name: str, tmp_path: Path, repository: Path) -> None:
+    example = EXAMPLES[list(PRINTED).index(name)]
     (tmp_path / "blend_scenes").symlink_to(repository / "blend_scenes")
     (tmp_path / "example.py").write_text(example.replace('"/tmp/', f'"{tmp_path}/'))
     result = subprocess.run(
@@ -67,6 +62,6 @@ def test_an_example_runs(document: str, name: str, tmp_path: Path, repository: P
     )
     assert result.returncode == 0, result.stderr
     lines = [line for line in result.stdout.splitlines() if line.strip()] or [""]
-    assert any(re.fullmatch(PRINTED[document][name], line) for line in lines[-3:]), result.stdout
+    assert any(re.fullmatch(PRINTED[name], line) for line in lines[-3:]), result.stdout
     if name in FILES:
         assert (tmp_path / FILES[name]).stat().st_size > 1000

@@ -10,7 +10,7 @@ import pytest
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "release"))
 
 import perfect_bvh_addon
-from site_sources import exports_of, list_files, with_page_links
+from site_sources import exports_of, list_files, with_examples, with_page_links
 
 
 def test_links_to_pages_stay_and_others_become_paths() -> None:
@@ -23,6 +23,13 @@ def test_links_to_pages_stay_and_others_become_paths() -> None:
     )
 
 
+def test_a_link_to_an_example_that_is_alone_becomes_its_code(repository: Path) -> None:
+    code = (repository / "examples" / "preview.py").read_text(encoding="utf-8")
+    link = "[`examples/preview.py`](../../examples/preview.py)"
+    shown = with_examples(f"# Job\n\n{link}\n\nSee {link}.\n")
+    assert shown == f'# Job\n\n```python title="examples/preview.py"\n{code.strip()}\n```\n\nSee {link}.\n'
+
+
 def test_every_export_of_the_addon_has_an_entry(repository: Path) -> None:
     assert exports_of(repository / "addon") == perfect_bvh_addon._EXPORTS
 
@@ -32,5 +39,5 @@ def test_every_export_of_the_addon_has_an_entry(repository: Path) -> None:
 )
 def test_each_page_of_the_menu_is_there(repository: Path, line: str) -> None:
     page = line.rpartition(": ")[2].strip()
-    if page.endswith(".md") and not page.startswith("reference/"):
+    if page.endswith(".md") and not page.startswith(("reference/", "gallery/")):
         assert page in list_files() and (repository / page).is_file()

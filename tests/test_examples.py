@@ -1,0 +1,122 @@
+"""The examples run and leave pictures; the pages of docs/how_to show them, and their shell commands run, too."""
+
+from __future__ import annotations
+
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from PIL import Image
+
+sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "release"))
+
+import gallery
+
+REPOSITORY = Path(__file__).resolve().parent.parent
+WIDTH = 64
+PAGES = sorted((REPOSITORY / "docs" / "how_to").glob("*.md"))
+BLOCK = re.compile(r"^```sh\n(.*?)^```$", re.MULTILINE | re.DOTALL)
+SHELL = {page.name: found for page in PAGES if (found := BLOCK.findall(page.read_text(encoding="utf-8")))}
+# The last line that each example prints. A blade is over the point at (atan(.2) -+ asin(.1 / 1.53)) / 18 degrees.
+PRINTED = {
+    "closest_points.py": r"\[ ?\S+ +0\. +\S+\] is [34]\.\d+ from \[.+\]",
+    "compare_builders.py": r"\s*spatial( +\d\S*){4}",
+    "label_image.py": r".+: \d+% of it is visible",
+    "lidar.py": r"\d{5,} points on \d\d objects from \d{5,} rays",
+    "mesh_costs.py": r".+ took longest to build: \d+ triangles, by \w+: .+",
+    "modes.py": r".+mode_cost\.png",
+    "motion_blur.py": r"\d\d instances and meshes move, over [1-9]\d?\.\d% of the view",
+    "own_sensor.py": r"\d+ on_objects, .*\d+ dropped_out, \d+ hit_nothing",
+    "photogrammetry.py": r"\d\d% of the places are seen by three cameras or more, \d\d?% by none",
+    "preview.py": r".+preview\.png",
+    "rays_in_time.py": r"a blade is over \(1\.5, 0\.3\) between 0\.42\d and 0\.83\d",
+    "rays_without_blender.py": r"7\d% of 2304 rays hit, \d+% in shadow",
+    "refitting.py": r".+refitting\.png",
+    "sun_hours.py": r"\d\.\d hours of sun in the mean, 1\d\.\d at most",
+    "synced_rays.py": r"1 instances were moved; now the highest is at 1\d\.\d\d m",
+    "tree_boxes.py": r"a random ray .+ is expected to cost [1-9]\d*\.\d visits and tests",
+}
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory: pytest.TempPathFactory) -> dict[str, gallery.Made]:
+    """What each example makes of tiny pictures; the gallery's page is next to their folders."""
+    return gallery.make_gallery(tmp_path_factory.mktemp("gallery"), WIDTH)
+
+
+def test_the_examples_print_what_they_found(made: dict[str, gallery.Made]) -> None:
+    last = {name: [line for line in result.printed.splitlines() if line.strip()][-1] for name, result in made.items()}
+    assert {name: line for name, line in last.items() if not re.fullmatch(PRINTED[name], line)} == {}
+    assert PRINTED.keys() == made.keys()
+
+
+def test_each_example_leaves_pictures_with_something_on_them(made: dict[str, gallery.Made]) -> None:
+    for name, result in made.items():
+        pictures = [path for path in result.files if path.suffix == ".png"]
+        assert pictures, name
+        for path in pictures:
+            with Image.open(path) as picture:
+                assert picture.width % WIDTH == 0, path
+                assert len(picture.convert("RGB").getcolors(picture.width * picture.height)) > 4, path
+
+
+def test_refitting_fails_where_triangles_fly_apart(made: dict[str, gallery.Made]) -> None:
+    rows = [line.split() for line in made["refitting.py"].printed.splitlines() if line.split()[1:2] == ["8"]]
+    (waves, _, flight, governed) = (float(row[-1]) / float(row[-2]) for row in rows)
+    assert waves < 1.5 < 2 < flight
+    assert governed < 1.5
+
+
+def test_the_gallery_shows_all_pictures(made: dict[str, gallery.Made]) -> None:
+    folder = made["lidar.py"].files[0].parent.parent
+    page = (folder / "index.md").read_text(encoding="utf-8")
+    shown = re.findall(r"^!\[[^\]]*\]\(([^)]+)\)", page, re.MULTILINE)
+    assert len(shown) == len(set(shown)) >= 24
+    own = {(folder / name).resolve() for name in shown if not name.startswith("../")}
+    assert own == {path.resolve() for result in made.values() for path in result.files if path.suffix == ".png"}
+    others = [name.removeprefix("../") for name in shown if name.startswith("../")]
+    assert [name for name in others if not (REPOSITORY / name).is_file()] == []
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_a_page_is_short_and_has_something_that_runs(page: Path) -> None:
+    text = page.read_text(encoding="utf-8")
+    assert len(text.splitlines()) <= 60
+    assert "```python" not in text  # code is in examples, which are run
+    assert "examples/" in text or page.name in SHELL
+
+
+def test_each_page_is_listed() -> None:
+    menu = (REPOSITORY / "mkdocs.yml").read_text(encoding="utf-8")
+    (listed,) = (page.read_text(encoding="utf-8") for page in PAGES if page.name == "README.md")
+    for page in PAGES:
+        assert f": docs/how_to/{page.name}\n" in menu
+        assert page.name == "README.md" or f"]({page.name})" in listed
+    assert len(PAGES) > 14
+
+
+def test_each_example_is_short_and_on_a_page() -> None:
+    text = "".join(page.read_text(encoding="utf-8") for page in [*PAGES, REPOSITORY / "examples" / "README.md"])
+    for path in gallery.list_examples():
+        links = (f"[`examples/{path.name}`](../../examples/{path.name})", f"[`examples/{path.name}`]({path.name})")
+        assert all(link in text for link in links), path.name
+        assert len(path.read_text(encoding="utf-8").splitlines()) < 50
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="the commands are those of a POSIX shell")
+@pytest.mark.parametrize("page", SHELL)
+def test_the_commands_of_a_page_run(page: str, tmp_path: Path, repository: Path) -> None:
+    (tmp_path / "blend_scenes").symlink_to(repository / "blend_scenes")
+    command = tmp_path / "bin" / "perfect-bvh"
+    command.parent.mkdir()
+    main = "from perfect_bvh_addon.cli import main\n\nif __name__ == '__main__':\n    main()\n"
+    command.write_text(f"#!{sys.executable}\n{main}")
+    command.chmod(0o755)
+    environment = {**os.environ, "PATH": f"{command.parent}{os.pathsep}{os.environ['PATH']}"}
+    for block in SHELL[page]:
+        run = ("sh", "-ec", block)
+        done = subprocess.run(run, cwd=tmp_path, env=environment, capture_output=True, text=True, check=False)
+        assert done.returncode == 0, done.stdout + done.stderr
