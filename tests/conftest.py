@@ -15,7 +15,7 @@ STARTED = pytest.StashKey[float]()
 REPOSITORY = Path(__file__).resolve().parent.parent
 LONG_TESTS = REPOSITORY / "tests" / "long_tests.txt"
 # Files that take longest for the number of their tests. Begun last, they would leave one core waiting for the other.
-LONGEST_FILES = ("test_arm64.py", "test_readme.py", "test_soak.py", "test_scenes.py")
+LONGEST_FILES = ("test_arm64.py", "test_examples.py", "test_readme.py", "test_soak.py", "test_scenes.py")
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:

@@ -9,7 +9,6 @@ import sys
 from pathlib import Path
 
 import pytest
-from PIL import Image
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "release"))
 
@@ -54,11 +53,12 @@ def test_the_examples_print_what_they_found(made: dict[str, gallery.Made]) -> No
 
 
 def test_each_example_leaves_pictures_with_something_on_them(made: dict[str, gallery.Made]) -> None:
+    images = pytest.importorskip("PIL.Image", reason="Pillow is not installed: pip install '.[data]'")
     for name, result in made.items():
         pictures = [path for path in result.files if path.suffix == ".png"]
         assert pictures, name
         for path in pictures:
-            with Image.open(path) as picture:
+            with images.open(path) as picture:
                 assert picture.width % WIDTH == 0, path
                 assert len(picture.convert("RGB").getcolors(picture.width * picture.height)) > 4, path
 
@@ -106,17 +106,42 @@ def test_each_example_is_short_and_on_a_page() -> None:
         assert len(path.read_text(encoding="utf-8").splitlines()) < 50
 
 
-@pytest.mark.skipif(sys.platform == "win32", reason="the commands are those of a POSIX shell")
+def run_shell(script: str, folder: Path) -> str:
+    """Run lines of a POSIX shell that has `perfect-bvh` and the example scenes, and return what they print."""
+    if not (folder / "bin").exists():
+        (folder / "blend_scenes").symlink_to(REPOSITORY / "blend_scenes")
+        command = folder / "bin" / "perfect-bvh"
+        command.parent.mkdir()
+        main = "from perfect_bvh_addon.cli import main\n\nif __name__ == '__main__':\n    main()\n"
+        command.write_text(f"#!{sys.executable}\n{main}")
+        command.chmod(0o755)
+    environment = {**os.environ, "PATH": f"{folder / 'bin'}{os.pathsep}{os.environ['PATH']}"}
+    run = ("sh", "-ec", script)
+    done = subprocess.run(run, cwd=folder, env=environment, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout + done.stderr
+    return done.stdout
+
+
+POSIX = pytest.mark.skipif(sys.platform == "win32", reason="the commands are those of a POSIX shell")
+
+
+@POSIX
 @pytest.mark.parametrize("page", SHELL)
-def test_the_commands_of_a_page_run(page: str, tmp_path: Path, repository: Path) -> None:
-    (tmp_path / "blend_scenes").symlink_to(repository / "blend_scenes")
-    command = tmp_path / "bin" / "perfect-bvh"
-    command.parent.mkdir()
-    main = "from perfect_bvh_addon.cli import main\n\nif __name__ == '__main__':\n    main()\n"
-    command.write_text(f"#!{sys.executable}\n{main}")
-    command.chmod(0o755)
-    environment = {**os.environ, "PATH": f"{command.parent}{os.pathsep}{os.environ['PATH']}"}
+def test_the_commands_of_a_page_run(page: str, tmp_path: Path) -> None:
     for block in SHELL[page]:
-        run = ("sh", "-ec", block)
-        done = subprocess.run(run, cwd=tmp_path, env=environment, capture_output=True, text=True, check=False)
-        assert done.returncode == 0, done.stdout + done.stderr
+        run_shell(block, tmp_path)
+
+
+@POSIX
+def test_the_data_set_step_by_step_is_made(tmp_path: Path) -> None:
+    """The page's own lines, for two frames instead of two hundred, in this process's Python; without the drawing."""
+    text = (REPOSITORY / "docs" / "data_set.md").read_text(encoding="utf-8")
+    walk, points, _ = re.findall(r"^```python\n(.*?)^```$", text, re.MULTILINE | re.DOTALL)
+    _, scan, labels = (block.replace(".venv/bin/", "") for block in BLOCK.findall(text))
+    (tmp_path / "walk.py").write_text(walk)
+    (tmp_path / "points.py").write_text(points)
+    run_shell(f"{sys.executable} walk.py", tmp_path)
+    run_shell(scan.replace("1-200", "1-2").replace(" --workers 2", ""), tmp_path)
+    assert re.search(r"points_0001-0002\.laz \d{3,} points \{'", run_shell(f"{sys.executable} points.py", tmp_path))
+    run_shell(labels.replace("1-20", "1-2").replace("640x480", "64x48").replace(" --workers 2", ""), tmp_path)
+    assert (tmp_path / "labels" / "coco_0001-0002.json").stat().st_size > 1000
