@@ -155,9 +155,10 @@ class Walker {
     set_depths(unlimited, -kInfiniteDistance, kInfiniteDistance);
     const LeafTest anywhere = test_leaf(leaf, unlimited);
     const LeafCandidates candidates(anywhere);
+    const unsigned repeated = repeated_lanes(leaf.primitives);
     bool is_new = false;
     for (int lane = 0; lane < 8; ++lane) {
-      if (is_repeated(leaf, lane)) continue;
+      if ((repeated >> lane & 1) != 0) continue;
       Meeting meeting;
       const bool is_met =
           (anywhere.lanes >> lane & 1) != 0 && meet_candidate(meeting, candidates, lane, leaf, unlimited, slot().local);

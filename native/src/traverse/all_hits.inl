@@ -8,7 +8,7 @@
 namespace perfect_bvh {
 namespace {
 
-// Lane by lane but for the last triangle's repetitions. Null `hits`: only counts. Returns how many were met, which may
+// Lane by lane. Null `hits`: only counts. Returns how many were met, which may
 // be more than there is room for.
 template <class Leaf>
 PERFECT_BVH_INLINE std::size_t take_all(const Slot& slot, const InstanceView& /*instance*/, const Leaf& leaf,
@@ -21,7 +21,6 @@ PERFECT_BVH_INLINE std::size_t take_all(const Slot& slot, const InstanceView& /*
   std::size_t count = 0;
   for (unsigned lanes = test.lanes; lanes != 0; lanes &= lanes - 1) {
     const int lane = __builtin_ctz(lanes);
-    if (is_repeated(leaf, lane)) continue;
     Meeting at;
     if (!meet_candidate(at, candidates, lane, leaf, slot.triangle, slot.local)) continue;
     if (!is_in_range(at.t, ray) || is_culled(batch.cull, at.sum, slot.triangle.ray, slot.is_mirrored)) continue;

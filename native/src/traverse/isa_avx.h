@@ -65,6 +65,13 @@ PERFECT_BVH_INLINE Float8 load_small(const std::uint8_t* p) noexcept {
 // Lane i becomes a[index[i] & 7].
 PERFECT_BVH_INLINE Float8 permute(Float8 a, Int8 index) noexcept { return _mm256_permutevar8x32_ps(a, index); }
 
+// Which lanes of a leaf block repeat the triangle of the one before. The number before the first is any.
+PERFECT_BVH_INLINE unsigned repeated_lanes(const std::uint32_t* primitives) noexcept {
+  const Int8 before = _mm256_loadu_si256(reinterpret_cast<const __m256i*>(primitives - 1));
+  const Int8 same = _mm256_cmpeq_epi32(load(primitives), before);
+  return static_cast<unsigned>(_mm256_movemask_ps(_mm256_castsi256_ps(same))) & 0xFEu;
+}
+
 // Plane avx -----------------------------------------------------------------------------------------------------------
 // t of one triangle's plane with AVX: plane_t() of plane_of(), three axes at a time. The same operations, so the same
 // bits. Included by each of the translation units that have AVX2; everything in it has internal linkage.

@@ -45,12 +45,13 @@ PERFECT_BVH_INLINE unsigned push_sorted(const WideNode& node, std::uint32_t orde
   const Int8 places = _mm256_permutevar8x32_epi32(order, compressing(kept));
   _mm256_storeu_si256(reinterpret_cast<__m256i*>(children), _mm256_permutevar8x32_epi32(load(node.child), places));
   _mm256_storeu_ps(nears, permute(near, places));
-  return count_bits(bits(hit));
+  return count_bits(kept);
 }
 PERFECT_BVH_INLINE unsigned push_unsorted(const WideNode& node, Mask8 hit, std::uint32_t* children) noexcept {
+  const unsigned kept = bits(hit);
   _mm256_storeu_si256(reinterpret_cast<__m256i*>(children),
-                      _mm256_permutevar8x32_epi32(load(node.child), compressing(bits(hit))));
-  return count_bits(bits(hit));
+                      _mm256_permutevar8x32_epi32(load(node.child), compressing(kept)));
+  return count_bits(kept);
 }
 // Moves the first `count` (at most 8) entries whose `nears` do not exceed `limit` to the front of `to_*`, which may
 // be the same place or lie before it; all 8 places there may be overwritten. Returns how many they are.
@@ -130,13 +131,6 @@ PERFECT_BVH_INLINE float largest(RayFloat a) noexcept {
   return _mm_cvtss_f32(_mm_max_ss(two, _mm_movehdup_ps(two)));
 }
 
-// How many triangles a leaf block has without the last one's repetitions. The number before the first is any.
-PERFECT_BVH_INLINE unsigned count_distinct(const std::uint32_t* primitives) noexcept {
-  const __m256i own = load(primitives);
-  const __m256i before = _mm256_loadu_si256(reinterpret_cast<const __m256i*>(primitives - 1));
-  const __m256i same = _mm256_cmpeq_epi32(own, before);
-  return 8 - count_bits(static_cast<unsigned>(_mm256_movemask_ps(_mm256_castsi256_ps(same))) & 0xFEu);
-}
 // Bit i: vertex i is a corner of some triangle.
 PERFECT_BVH_INLINE unsigned used_corners(const std::uint32_t* corners) noexcept {
   const __m256i one = _mm256_set1_epi32(1), seven = _mm256_set1_epi32(7), packed = load(corners);

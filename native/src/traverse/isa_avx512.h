@@ -124,13 +124,6 @@ PERFECT_BVH_INLINE float largest(RayFloat a) noexcept {
   return _mm_cvtss_f32(_mm_max_ss(two, _mm_movehdup_ps(two)));
 }
 
-// How many triangles a leaf block has without the last one's repetitions. The number before the first is any.
-PERFECT_BVH_INLINE unsigned count_distinct(const std::uint32_t* primitives) noexcept {
-  const __m256i own = load(primitives);
-  const __m256i before = _mm256_loadu_si256(reinterpret_cast<const __m256i*>(primitives - 1));
-  const __m256i same = _mm256_cmpeq_epi32(own, before);
-  return 8 - count_bits(static_cast<unsigned>(_mm256_movemask_ps(_mm256_castsi256_ps(same))) & 0xFEu);
-}
 // Bit i: vertex i is a corner of some triangle.
 PERFECT_BVH_INLINE unsigned used_corners(const std::uint32_t* corners) noexcept {
   const __m256i one = _mm256_set1_epi32(1), seven = _mm256_set1_epi32(7), packed = load(corners);

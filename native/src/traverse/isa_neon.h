@@ -131,6 +131,11 @@ struct BitCounts {
 };
 constexpr BitCounts kBitCounts;
 PERFECT_BVH_INLINE unsigned count_bits(unsigned mask) noexcept { return kBitCounts.of[mask]; }
+// Which lanes of a leaf block repeat the triangle of the one before. The number before the first is any.
+PERFECT_BVH_INLINE unsigned repeated_lanes(const std::uint32_t* primitives) noexcept {
+  const Int8 own = load(primitives), before = load(primitives - 1);
+  return bits(Mask8{vceqq_u32(own.low, before.low), vceqq_u32(own.high, before.high)}) & 0xFEu;
+}
 
 template <int kCount>
 PERFECT_BVH_INLINE Int8 shift_right(const Int8& a) noexcept {

@@ -103,6 +103,10 @@ inline Mask8 both(Mask8 a, Mask8 b) noexcept { return a & b; }
 inline Mask8 either(Mask8 a, Mask8 b) noexcept { return a | b; }
 inline unsigned bits(Mask8 mask) noexcept { return mask; }
 inline unsigned count_bits(unsigned mask) noexcept { return static_cast<unsigned>(__builtin_popcount(mask)); }
+// Which lanes of a leaf block repeat the triangle of the one before.
+inline unsigned repeated_lanes(const std::uint32_t* primitives) noexcept {
+  return each_bit([&](int i) { return i > 0 && primitives[i] == primitives[i - 1]; });
+}
 
 template <int kCount>
 inline Int8 shift_right(const Int8& a) noexcept {

@@ -3,7 +3,7 @@
 // between two of them. Part of stream_kernel.inl: everything has internal linkage.
 
 // Of each lane; `lanes` has those that the ray's line passes through, or may pass through beside an edge, and whose t
-// may be in range.
+// may be in range; a repeated triangle's first.
 struct LeafTest {
   Float8 weight_v1, weight_v2, sum;
   Float8 least_weight;  // of the three, by its size; negative outside
@@ -60,7 +60,9 @@ PERFECT_BVH_INLINE LeafTest test_leaf(const Leaf& leaf, const TriangleState& tri
   const Float8 nearest = min(min(z0, z1), z2), farthest = max(max(z0, z1), z2);
   const Mask8 in_range = both(less_equal(broadcast(triangle.depths.least), farthest),
                               less_equal(nearest, broadcast(triangle.depths.most)));
-  return {weight1, weight2, sum, least_weight, bits(both(inside, in_range))};
+  unsigned lanes = bits(both(inside, in_range));
+  if (lanes != 0) lanes &= ~repeated_lanes(leaf.primitives);
+  return {weight1, weight2, sum, least_weight, lanes};
 }
 
 // The lanes of a LeafTest in memory, to be looked at one by one.
@@ -217,18 +219,9 @@ PERFECT_BVH_INLINE bool is_surely_hit(Slot& slot, Cull cull, const Leaf& leaf, i
   return true;
 }
 
-// Whether a lane repeats the triangle of the one before it.
-template <class Leaf>
-PERFECT_BVH_INLINE bool is_repeated(const Leaf& leaf, int lane) noexcept {
-  return lane > 0 && leaf.primitives[lane] == leaf.primitives[lane - 1];
-}
-
 // Without the last one's repetitions.
-template <class Leaf>
-inline std::uint32_t count_triangles(const Leaf& leaf) noexcept {
-  std::uint32_t count = 1;
-  for (int lane = 1; lane < 8; ++lane) count += is_repeated(leaf, lane) ? 0u : 1u;
-  return count;
+PERFECT_BVH_INLINE unsigned count_triangles(const std::uint32_t* primitives) noexcept {
+  return 8 - count_bits(repeated_lanes(primitives));
 }
 
 // Node test -----------------------------------------------------------------------------------------------------------

@@ -74,7 +74,6 @@ bool test_leaf_alone(Packet& packet, const PacketLevel& level, const LeafBlock& 
   bool is_new = false;
   for (unsigned lanes = test.lanes; lanes != 0; lanes &= lanes - 1) {
     const int lane = __builtin_ctz(lanes);
-    if (is_repeated(leaf, lane)) continue;
     Meeting meeting;
     if (!meet_candidate(meeting, candidates, lane, leaf, lone.triangle, local)) continue;
     if (is_culled(packet.cull, meeting.sum, lone.triangle.ray, level.instance->mirrored != 0)) continue;
@@ -122,7 +121,7 @@ struct LeafCorners {
 
   LeafCorners(const PacketLevel& level, const LeafBlock& block) noexcept {
     store_vertices(x, y, z, level, block.vertices);
-    triangle_count = count_distinct(block.primitives);
+    triangle_count = count_triangles(block.primitives);
     const unsigned used = used_corners(block.corners);
     vertex_count = 32 - static_cast<unsigned>(__builtin_clz(used));
   }

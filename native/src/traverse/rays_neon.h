@@ -251,12 +251,6 @@ PERFECT_BVH_INLINE void store_some(double* p, const RayMask& mask, const RayFloa
 }
 PERFECT_BVH_INLINE float largest(const RayFloat& a) noexcept { return vmaxvq_f32(vmaxq_f32(a.low, a.high)); }
 
-// How many triangles a leaf block has without the last one's repetitions. The number before the first is any.
-PERFECT_BVH_INLINE unsigned count_distinct(const std::uint32_t* primitives) noexcept {
-  const Int8 own = load(primitives), before = load(primitives - 1);
-  const unsigned same = bits(Mask8{vceqq_u32(own.low, before.low), vceqq_u32(own.high, before.high)});
-  return 8 - count_bits(same & 0xFEu);
-}
 PERFECT_BVH_INLINE uint32x4_t used_corners(uint32x4_t packed) noexcept {
   const uint32x4_t one = vdupq_n_u32(1), seven = vdupq_n_u32(7);
   const auto bit = [&](uint32x4_t vertex)

@@ -169,7 +169,7 @@ struct RoundCandidates {
 // For counts: how many different ones there are.
 inline std::uint32_t count_round(const RoundLeaves& leaves, std::uint32_t row) noexcept {
   if (leaves.curves != nullptr) return count_bits(leaves.curves[row].lanes);
-  return count_triangles(leaves.points[row]);
+  return count_bits(without_repeated(0xFF, leaves.points[row].primitives));
 }
 
 // A primitive's chord, its ends in the ray's own terms too.

@@ -4,15 +4,14 @@
 // Leaf and ray meet: looks closer at the triangles in `lanes`, whose t may be in range. True if the best hit is
 // a new one (any hit: if there is one).
 template <bool kAny, class Leaf>
-bool take_hits(Slot& slot, const Stream& stream, const Leaf& leaf, unsigned lanes,
-               const LeafCandidates& candidates) noexcept {
+PERFECT_BVH_INLINE bool take_hits(Slot& slot, const Stream& stream, const Leaf& leaf, unsigned lanes,
+                                  const LeafCandidates& candidates) noexcept {
   const Ray& ray = stream.batch.rays[slot.ray];
   const InstanceView* const instances = stream.scene.instances;
   const Cull cull = stream.batch.cull;
   bool is_new = false;
   for (; lanes != 0; lanes &= lanes - 1) {
     const int lane = __builtin_ctz(lanes);
-    if (is_repeated(leaf, lane)) continue;
     if constexpr (kAny) {
       if (is_surely_hit(slot, cull, leaf, lane, candidates)) return true;
     }
@@ -37,7 +36,7 @@ PERFECT_BVH_INLINE void go_on_from_hit(const Stream& stream, Slot& slot) noexcep
 template <bool kAny, bool kCounts, class Leaf>
 PERFECT_BVH_INLINE void visit_leaf(Stream& stream, Slot& slot, const Leaf& leaf) noexcept {
   const LeafTest test = test_leaf(leaf, slot.triangle);
-  if constexpr (kCounts) stream.batch.counts[slot.ray].primitives_tested += count_triangles(leaf);
+  if constexpr (kCounts) stream.batch.counts[slot.ray].primitives_tested += count_triangles(leaf.primitives);
   --slot.top;
   if (test.lanes == 0) return;
   const LeafCandidates candidates(test);
