@@ -3,7 +3,9 @@
 #include <gtest/gtest.h>
 
 #include <cfenv>
+#include <cmath>
 #include <cstring>
+#include <limits>
 
 #include "core/errors.h"
 #include "query/trace.h"
@@ -159,6 +161,33 @@ TEST_P(Kernels, MatchTheReferenceForUnusualRaysAtALoneMesh) {
   }
   expect_reference(*commit({{soup(300, 60), {Affine{}}}}), rays);
   expect_reference(*commit({{soup(300, 60), {Affine{}}}}), rays, Cull::kBack);
+}
+
+// Vector kernels start usual rays eight at a time: here each place among eight has one that only just is, or only just
+// is not.
+TEST_P(Kernels, MatchTheReferenceWhereOneRayOfEightIsUnusual) {
+  for (const bool is_single : {true, false}) {
+    const auto snapshot = commit({{soup(300, 62), is_single ? std::vector<Affine>(1) : many_places(10, 63)}});
+    const double farthest =
+        kNearby * static_cast<double>(snapshot->view.reach) / static_cast<double>(snapshot->view.scale);
+    std::vector<Ray> rays = random_rays(8 * 8 * 16, 64);
+    for (std::size_t i = 0; i < rays.size(); ++i) {
+      if (i % 8 != i / 8 % 8) continue;
+      Ray& ray = rays[i];
+      const auto kind = static_cast<int>(i / 64);
+      const double nudge = 1.0 + 0x1p-24 * (kind % 4 - 1);
+      if (kind < 4) ray.origin = ray.direction * (-farthest * nudge / largest_component(&ray.direction.x));
+      if (kind < 4) ray.t_min = 0.0f, ray.t_max = kInfiniteDistance;
+      if (kind >= 4 && kind < 8) ray.direction.x = kShortest * nudge;
+      if (kind >= 8 && kind < 12) ray.direction.y = -kLongest * nudge;
+      if (kind == 12) ray.direction.z = -0.0;
+      if (kind == 13) ray.mask = 0;
+      if (kind == 14) ray.t_min = std::nextafter(ray.t_max, kInfiniteDistance);
+      if (kind == 15) ray.origin.z = std::numeric_limits<double>::quiet_NaN();
+    }
+    expect_reference(*snapshot, rays);
+    expect_reference(*snapshot, rays, Cull::kBack);
+  }
 }
 
 TEST_P(Kernels, TakeBadRaysForMisses) {

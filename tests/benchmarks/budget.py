@@ -43,6 +43,8 @@ STAGES = {
         "leave_instance",
         "load_ray",
         "set_states",
+        "start_eight",
+        "take_next_rays",
         "map_to_local",
     ),
     "node": ("test_node", "visit_nodes"),

@@ -190,7 +190,7 @@ struct PacketWalk {
     stack[0] = kDoneMark, stack[1] = kInstanceChild + index;
     slot.top = 1;
     if (!::perfect_bvh::enter_instance<true>(slot, scene, *packet.rays[i])) return;
-    Stream stream(scene, batch, padded_entries(scene));
+    Stream stream(scene, batch, padded_entries(scene), 1);
     finish_alone<kAny>(stream, slot, *packet.pace);
     if (slot.hit_instance != index) return;
     hits.t[i] = slot.best_t;

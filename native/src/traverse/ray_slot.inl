@@ -10,16 +10,16 @@ struct alignas(64) Slot {
   std::uint32_t top;  // the stack's highest entry: what to visit next
 
   TriangleState triangle;
+  std::uint32_t ray;                          // row in the batch
+  std::uint32_t hit_instance, hit_primitive;  // kNoHit: none yet; with u and v as in a Hit
+
+  TimeFrame time;  // of the level being traversed
+  float u, v;
   const WideNode* nodes;
   const LeafBlock* blocks;  // null: the tree is over curves or points
-  std::uint32_t ray;        // row in the batch
+  double best_t;            // in the ray's own terms; last_t(t_max) before the first hit
   std::uint32_t instance;   // being traversed; row in the scene
-
-  double best_t;  // in the ray's own terms; last_t(t_max) before the first hit
-  float u, v;
-  std::uint32_t hit_instance, hit_primitive;  // kNoHit: none yet; with u and v as in a Hit
-  TimeFrame time;                             // of the level being traversed
-  std::uint32_t floor;                        // the highest entry that does not belong to that level
+  std::uint32_t floor;      // the highest entry that does not belong to that level
 
   ObjectRay local;  // as the tree sees it that is being traversed
   // What instances map, and the top level's constants; a lone instance that is traced directly has no use for them.

@@ -15,6 +15,14 @@ namespace {
 
 #include "traverse/pace.inl"
 #include "traverse/ray_slot.inl"
+constexpr std::size_t kEight = 8;  // rays that may take up their slots together
+#ifdef __AVX2__
+constexpr bool kHasEight = true;
+// After the slot.
+#include "traverse/eight_rays.inl"
+#else
+constexpr bool kHasEight = false;
+#endif
 // After the slot.
 #include "traverse/leaf_test.inl"
 // After the leaf test.
@@ -25,22 +33,30 @@ namespace {
 constexpr std::size_t kLeafPatience = 16;
 
 struct Stream {
-  Stream(const SceneView& the_scene, const RayBatch& the_batch, std::size_t the_offset) noexcept
-      : scene(the_scene), batch(the_batch), lone(the_scene, true), nears_offset(the_offset) {}
+  Stream(const SceneView& the_scene, const RayBatch& the_batch, std::size_t the_offset, std::size_t in_flight) noexcept
+      : scene(the_scene),
+        batch(the_batch),
+        lone(the_scene, true),
+        nears_offset(the_offset),
+        starts_in_eights(kHasEight && in_flight >= 2 * kEight && !the_scene.is_empty &&
+                         (lone.view != nullptr || the_scene.root < kInstanceChild)) {}
 
   const SceneView& scene;
   const RayBatch& batch;
   const LoneInstance lone;
-  std::size_t nears_offset;  // from a slot's stack of children to that of their entry distances, in entries
+  std::size_t nears_offset;     // from a slot's stack of children to that of their entry distances, in entries
+  const bool starts_in_eights;  // without counts and motion
   Slot* at_node[kMostRaysInFlight + 1];
   Slot* at_between[kMostRaysInFlight + 1];  // at a node as well, of a tree between two of its steps
   Slot* at_other[kMostRaysInFlight + 1];    // leaves and marks
   Slot* at_leaf[kMostRaysInFlight + 1];
   Slot* at_mark[kMostRaysInFlight + 1];
-  std::size_t node_count = 0, between_count = 0, other_count = 0, leaf_count = 0, mark_count = 0;
+  Slot* idle[kMostRaysInFlight + 1];  // without a ray
+  std::size_t node_count = 0, between_count = 0, other_count = 0, leaf_count = 0, mark_count = 0, idle_count = 0;
   std::size_t next_ray = 0;
 
   [[nodiscard]] std::size_t count_at_nodes() const noexcept { return node_count + between_count; }
+  [[nodiscard]] bool has_eight_left() const noexcept { return batch.count - next_ray >= kEight; }
   // Of a lone instance all that is entered is its root, which stays in the cache.
   [[nodiscard]] bool fetches_instances() const noexcept { return scene.exceeds_cache && lone.view == nullptr; }
 };
@@ -242,9 +258,64 @@ PERFECT_BVH_INLINE bool take_next_ray(Stream& stream, Slot& slot) noexcept {
   return false;
 }
 
+// Eight idle slots begin with the next eight rays, if these are usual ones. False if they do not.
+__attribute__((noinline)) bool take_next_eight([[maybe_unused]] Stream& stream) noexcept {
+#ifdef __AVX2__
+  const SceneView& scene = stream.scene;
+  const InstanceView* const lone = stream.lone.view;
+  alignas(32) std::uint32_t rows[kEight];
+  Slot* slots[kEight];
+  for (std::size_t i = 0; i < kEight; ++i) {
+    rows[i] = static_cast<std::uint32_t>(row_of(stream.batch, stream.next_ray + i));
+    slots[i] = stream.idle[stream.idle_count - kEight + i];
+  }
+  const double reach = static_cast<double>(scene.reach);
+  const bool has_begun = lone != nullptr
+                             ? start_eight<true>(slots, stream.batch, rows, scene, lone, stream.lone.farthest)
+                             : start_eight<false>(slots, stream.batch, rows, scene, nullptr, kNearby * reach);
+  if (!has_begun) return false;
+  const bool at_node = (lone != nullptr ? lone->root : scene.root) < kBlockChild;
+  Slot** const list = at_node ? stream.at_node + stream.node_count : stream.at_leaf + stream.leaf_count;
+  for (std::size_t i = 0; i < kEight; ++i) list[i] = slots[i];
+  (at_node ? stream.node_count : stream.leaf_count) += kEight;
+  stream.idle_count -= kEight, stream.next_ray += kEight;
+  return true;
+#else
+  return false;
+#endif
+}
+
+// The slot begins with the next ray, if any is left.
+template <bool kAny, bool kCounts, bool kMoves>
+PERFECT_BVH_INLINE void take_next_singly(Stream& stream, Slot& slot) noexcept {
+  if (!take_next_ray<kAny, kCounts, kMoves>(stream, slot)) return;
+  if (stack_of(slot)[slot.top] < kBlockChild) {
+    put_at_node<kMoves>(stream, slot);
+  } else {
+    stream.at_other[stream.other_count++] = &slot;
+  }
+}
+
+// Idle slots begin with the next rays: eight at a time while there are as many of both, the batch's last ones alone.
+template <bool kAny, bool kCounts, bool kMoves>
+__attribute__((noinline)) void take_next_rays(Stream& stream) noexcept {
+  const bool in_eights = !kCounts && !kMoves && stream.starts_in_eights;
+  while (in_eights && stream.idle_count >= kEight && stream.has_eight_left()) {
+    if (take_next_eight(stream)) continue;
+    for (std::size_t i = 0; i < kEight; ++i) {
+      take_next_singly<kAny, kCounts, kMoves>(stream, *stream.idle[--stream.idle_count]);
+    }
+  }
+  if (in_eights && stream.has_eight_left()) return;
+  while (stream.idle_count != 0) {
+    take_next_singly<kAny, kCounts, kMoves>(stream, *stream.idle[--stream.idle_count]);
+  }
+}
+
 // Follows the marks on each waiting slot's stack until it is at a node or a leaf, or no ray is left for it.
 template <bool kAny, bool kCounts, bool kMoves>
 void follow_marks(Stream& stream) noexcept {
+  const bool in_eights = !kCounts && !kMoves && stream.starts_in_eights;
   for (std::size_t i = 0; i < stream.mark_count; ++i) {
     Slot& slot = *stream.at_mark[i];
     const std::uint32_t* const stack = stack_of(slot);
@@ -253,7 +324,12 @@ void follow_marks(Stream& stream) noexcept {
       const std::uint32_t mark = stack[slot.top];
       if (mark == kDoneMark) {
         write_result<kAny>(stream.batch, slot.ray, &slot);
-        is_active = take_next_ray<kAny, kCounts, kMoves>(stream, slot);
+        if (in_eights) {
+          stream.idle[stream.idle_count++] = &slot;
+          is_active = false;
+        } else {
+          is_active = take_next_ray<kAny, kCounts, kMoves>(stream, slot);
+        }
       } else if (mark == kLeaveMark) {
         leave_instance<kAny, kMoves>(slot, stream.scene, stream.nears_offset);
       } else {
@@ -270,6 +346,7 @@ void follow_marks(Stream& stream) noexcept {
     }
   }
   stream.mark_count = 0;
+  if (stream.idle_count != 0) take_next_rays<kAny, kCounts, kMoves>(stream);
 }
 
 inline void sort_others(Stream& stream) noexcept {
@@ -326,15 +403,13 @@ void finish_alone(Stream& stream, Slot& slot, Pace& pace) noexcept {
 
 template <bool kAny, bool kCounts, bool kMoves>
 void trace_stream(const SceneView& scene, const RayBatch& batch, void* workspace, std::size_t in_flight) noexcept {
-  Stream stream(scene, batch, padded_entries(scene));
+  Stream stream(scene, batch, padded_entries(scene), in_flight);
   for (std::size_t i = 0; i < in_flight; ++i) {
     Slot& slot = *reinterpret_cast<Slot*>(static_cast<char*>(workspace) + i * slot_bytes(scene));
     if (stream.lone.view != nullptr) prepare_slot(slot, scene, *stream.lone.view);
-    if (!take_next_ray<kAny, kCounts, kMoves>(stream, slot)) break;
-    stream.at_other[stream.other_count++] = &slot;
-    // A top level of nodes begins at a node.
-    if (stack_of(slot)[slot.top] < kBlockChild) put_at_node<kMoves>(stream, *stream.at_other[--stream.other_count]);
+    stream.idle[stream.idle_count++] = &slot;
   }
+  take_next_rays<kAny, kCounts, kMoves>(stream);
   Pace pace(scene.interruption);
   while (stream.count_at_nodes() + stream.other_count + stream.leaf_count != 0) {
     if (pace.should_stop()) return;
