@@ -24,6 +24,7 @@ LABELS = {
     "spatial": "Spatial Splits",
     "fast": "Fast",
 }
+POLICY_LABELS = {"refit": "Always Refit", "rebuild": "Always Rebuild", "governed": "Automatic"}
 FEWEST_ROUNDS = 3  # that tell a difference from the machine's whims
 TOO_LITTLE = "Too few rounds to tell builders apart: let it run longer."
 
@@ -63,17 +64,27 @@ def frame_visits(row: Figures, policy: str) -> float:
     return float(row["policies"][policy]["visits"])
 
 
-def _builder_advice(figures: Figures) -> str:
-    rows = figures["builders"]
-    speeds = {row["name"]: rays_per_second(figures, row) for row in rows}
-    trace, ready = ({row["name"]: row[key] for row in rows} for key in ("trace_ms", "build_ms"))
+def better_builder(figures: Figures) -> str | None:
+    """Whose trees make rays noticeably and reliably faster than those of "auto"; None if none's do."""
+    rows = {row["name"]: row for row in figures.get("builders", ())}
+    if "auto" not in rows or min(row["trace_ms"]["count"] for row in rows.values()) < FEWEST_ROUNDS:
+        return None
+    speeds = {name: rays_per_second(figures, row) for name, row in rows.items()}
     best = max(speeds, key=lambda name: speeds[name])
-    if min(row["trace_ms"]["count"] for row in rows) < FEWEST_ROUNDS:
-        return TOO_LITTLE
     # Two builders differ only where the slow rounds of the one are still faster than the fast ones of the other.
-    if speeds[best] < NOTICEABLE * speeds["auto"] or trace[best]["high"] > trace["auto"]["low"]:
+    is_reliable = rows[best]["trace_ms"]["high"] <= rows["auto"]["trace_ms"]["low"]
+    return best if is_reliable and speeds[best] >= NOTICEABLE * speeds["auto"] else None
+
+
+def _builder_advice(figures: Figures) -> str:
+    rows = {row["name"]: row for row in figures["builders"]}
+    if min(row["trace_ms"]["count"] for row in rows.values()) < FEWEST_ROUNDS:
+        return TOO_LITTLE
+    best = better_builder(figures)
+    if best is None:
         return "Keep the builder Automatic: no other makes this scene's rays reliably faster."
-    faster, dearer = speeds[best] / speeds["auto"], ready[best]["typical"] / ready["auto"]["typical"]
+    faster = rays_per_second(figures, rows[best]) / rays_per_second(figures, rows["auto"])
+    dearer = rows[best]["build_ms"]["typical"] / rows["auto"]["build_ms"]["typical"]
     return (
         f"{LABELS[best]} makes rays {faster:.2f} times as fast and takes {dearer:.1f} times as long to build. "
         f"Scripts choose it with BuildConfig(builder={best!r})."

@@ -11,7 +11,7 @@ from typing import Any
 
 from ..statistics.words import duration, rate
 from ..support.files import reachable, replacing
-from .advice import Figures, advice, rays_per_second
+from .advice import LABELS, POLICY_LABELS, Figures, advice, better_builder, rays_per_second
 
 # What was measured, as the rows of a table: of each builder and policy what it costs and what it gains.
 
@@ -26,12 +26,16 @@ HEADINGS = {  # of what the rows of each part cost and gain
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """part: "Builder", "Policy" or "Answers". cost, gain: numbers with their units, ready to be read."""
+    """part: "Builder", "Policy" or "Answers". cost, gain: numbers with their units, ready to be read.
+
+    share: the gain in parts of the largest of this part; None where a bar of it would mean nothing.
+    """
 
     part: str
     name: str
     cost: str
     gain: str
+    share: float | None = None
 
 
 def table(figures: Figures) -> tuple[Row, ...]:
@@ -44,24 +48,29 @@ def format_table(rows: Sequence[Row]) -> str:
     lines = []
     for part, group in groupby(rows, key=lambda row: row.part):
         lines += [(part, *HEADINGS[part]), *((f"  {row.name}", row.cost, row.gain) for row in group)]
-    return "\n".join(f"{name:<12}{cost:>16}{gain:>18}" for name, cost, gain in lines)
+    return "\n".join(f"{name:<18}{cost:>12}{gain:>18}" for name, cost, gain in lines)
 
 
 def _builder_rows(figures: Figures) -> Iterator[Row]:
-    for row in figures.get("builders", ()):
-        yield Row(
-            "Builder", row["name"], duration(row["build_ms"]["typical"], DIGITS), _speed(rays_per_second(figures, row))
-        )
+    rows = figures.get("builders", ())
+    speeds = [rays_per_second(figures, row) for row in rows]
+    for row, speed in zip(rows, speeds, strict=True):
+        cost = duration(row["build_ms"]["typical"], DIGITS)
+        yield Row("Builder", LABELS[row["name"]], cost, _speed(speed), speed / max(speeds))
 
 
 def _policies(figures: Figures) -> Iterator[Row]:
     """In the mean over the frames after the first, in which each policy builds all trees."""
     frames = figures.get("frames", ())[1:]
-    for policy in frames[0]["policies"] if frames else ():
-        rows = [row["policies"][policy] for row in frames]
-        update = sum(row["update_ms"] for row in rows) / len(rows)
-        rays, trace = sum(row["rays"] for row in frames), sum(row["trace_ms"] for row in rows)
-        yield Row("Policy", policy, duration(update, DIGITS), _speed(rays / trace / 1e3))
+    rays = sum(row["rays"] for row in frames)
+    rows_of = {
+        policy: [row["policies"][policy] for row in frames] for policy in (frames[0]["policies"] if frames else ())
+    }
+    speeds = {policy: rays / sum(row["trace_ms"] for row in rows) / 1e3 for policy, rows in rows_of.items()}
+    for policy, rows in rows_of.items():
+        update = duration(sum(row["update_ms"] for row in rows) / len(rows), DIGITS)
+        share = speeds[policy] / max(speeds.values())
+        yield Row("Policy", POLICY_LABELS[policy], update, _speed(speeds[policy]), share)
 
 
 def _answer_rows(figures: Figures) -> Iterator[Row]:
@@ -86,6 +95,7 @@ class Results:
     """advice: a sentence for each part, by its name. pictures: of the parts that a chart tells more of, by its name.
 
     overview: all charts in one image. can_draw: whether matplotlib is there; if not, there are no pictures.
+    better: the builder, as `BuildConfig` names it, that is advised instead of Automatic; None: none is.
     """
 
     json: Path
@@ -94,6 +104,7 @@ class Results:
     pictures: dict[str, Path]
     overview: Path | None
     can_draw: bool
+    better: str | None = None
 
 
 _last: dict[int, Results] = {}  # by the scene's session uid, which no other scene gets while Blender runs
@@ -103,13 +114,13 @@ def write(figures: dict[str, Any], folder: Path) -> Results:
     """All of it, the JSON first. Each file is whole, or as it was before. Errors: OSError."""
     reachable(folder).mkdir(parents=True, exist_ok=True)
     sentences = advice(figures)
-    path = folder / JSON_NAME
+    path, better = folder / JSON_NAME, better_builder(figures)
     with replacing(path) as file:
         file.write_text(json.dumps({**figures, "advice": sentences}, indent=1) + "\n", encoding="utf-8")
     try:
         from . import charts
     except ImportError:
-        return Results(path, table(figures), sentences, {}, None, can_draw=False)
+        return Results(path, table(figures), sentences, {}, None, can_draw=False, better=better)
     figure_of = charts.draw(figures, sentences)
     pictures = {name: folder / f"{name}.png" for name in figure_of}
     for name, picture in pictures.items():
@@ -119,7 +130,7 @@ def write(figures: dict[str, Any], folder: Path) -> Results:
     if overview is not None:
         with replacing(overview) as file:
             charts.save(charts.draw_overview(figures, sentences), file)
-    return Results(path, table(figures), sentences, pictures, overview, can_draw=True)
+    return Results(path, table(figures), sentences, pictures, overview, can_draw=True, better=better)
 
 
 def remember(session_uid: int, results: Results) -> None:

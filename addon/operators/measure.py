@@ -12,7 +12,7 @@ import bpy
 
 from ..events.changes import edit_count
 from ..settings.preferences import redraw_viewports
-from ..settings.view_settings import REFITTED, choice_of
+from ..settings.view_settings import REFITTED, choice_of, choice_of_builder
 from ..support.files import prepare_folder
 from .preview import show_in_editor
 from .ticking import Checked, Ticking
@@ -33,7 +33,7 @@ class PERFECT_BVH_OT_bench(Ticking, bpy.types.Operator):
     bl_idname = "perfect_bvh.bench"
     bl_label = "Benchmark This Scene"
     bl_description = (
-        "Measure what builders and policies cost and gain on this scene, and show it as a table. "
+        "Measure what builders and policies cost and gain on this scene, and show it as a table with bars. "
         "Where matplotlib is installed, the Image Editor shows charts of it too"
     )
     bl_options: ClassVar = {"REGISTER"}
@@ -144,6 +144,27 @@ class PERFECT_BVH_OT_bench(Ticking, bpy.types.Operator):
         if self.folder.strip():
             return Path(bpy.path.abspath(self.folder))
         return Path(tempfile.mkdtemp(prefix="bench_", dir=bpy.app.tempdir))
+
+
+class PERFECT_BVH_OT_compare_advised(bpy.types.Operator):
+    """Sets what Compare compares to what the last measurement advises."""
+
+    bl_idname = "perfect_bvh.compare_advised"
+    bl_label = "Set Compare to These Two"
+    bl_description = "Set the panel Compare to the builder Automatic and the one that is advised instead"
+    bl_options: ClassVar = {"REGISTER", "UNDO"}
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        from ..bench.results import last_results
+
+        results = last_results(context.scene.session_uid)
+        if results is None or results.better is None:
+            self.report({"ERROR"}, "No builder is advised instead of Automatic: benchmark this scene first")
+            return {"CANCELLED"}
+        compare = context.scene.perfect_bvh.compare
+        compare.left, compare.right = (choice_of_builder(name).identifier for name in ("auto", results.better))
+        redraw_viewports(context)
+        return {"FINISHED"}
 
 
 def _show(context: bpy.types.Context, charts: Path) -> None:
@@ -289,4 +310,4 @@ def find_space(context: bpy.types.Context) -> int | None:
     return None if area is None else area.spaces.active.as_pointer()
 
 
-CLASSES = (PERFECT_BVH_OT_bench, PERFECT_BVH_OT_compare, PERFECT_BVH_OT_end_comparison)
+CLASSES = (PERFECT_BVH_OT_bench, PERFECT_BVH_OT_compare_advised, PERFECT_BVH_OT_compare, PERFECT_BVH_OT_end_comparison)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import groupby
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import bpy
 
@@ -351,27 +351,33 @@ class PERFECT_BVH_PT_bench(StudyPanel, bpy.types.Panel):
             draw_table(self.layout, results.table)
             for sentence in dict.fromkeys(results.advice.values()):
                 draw_lines(context, self.layout, sentence, icon="INFO", inset=TABS)
+            if results.better is not None:
+                self.layout.operator("perfect_bvh.compare_advised", icon="MOD_MIRROR")
 
 
 def draw_table(layout: bpy.types.UILayout, rows: Sequence[Row]) -> None:
     """A box for each part, with a heading."""
     for part, group in groupby(rows, key=lambda row: row.part):
         box = layout.box().column(align=True)
-        _draw_cells(box, (part, *HEADINGS[part]), is_heading=True)
+        heading = _draw_cells(box, (part, *HEADINGS[part]))
+        heading.active = False
         for row in group:
-            _draw_cells(box, (row.name, row.cost, row.gain))
+            _draw_cells(box, (row.name, row.cost, row.gain), row.share)
 
 
-def _draw_cells(layout: bpy.types.UILayout, cells: tuple[str, str, str], *, is_heading: bool = False) -> None:
+def _draw_cells(layout: bpy.types.UILayout, cells: tuple[str, str, str], share: float | None = None) -> Any:
+    """share: how long a bar behind the last cell is, in parts of the cell; None: there is no bar."""
     split = layout.split(factor=0.36)
-    split.active = not is_heading
     split.label(text=cells[0])
-    halves = split.split(factor=0.44)
-    halves.active = not is_heading
-    for cell in cells[1:]:
+    halves = split.split(factor=0.38)
+    for cell, filled in ((cells[1], None), (cells[2], share)):
         column = halves.column()
-        column.alignment = "RIGHT"
-        column.label(text=cell)
+        column.alignment = "RIGHT" if filled is None else "EXPAND"
+        if filled is None:
+            column.label(text=cell)
+        else:
+            column.progress(text=cell, factor=filled)
+    return split
 
 
 BENCH_CLASSES = (PERFECT_BVH_PT_bench,)

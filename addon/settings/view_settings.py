@@ -99,6 +99,11 @@ def choice_of(identifier: str) -> TreeChoice:
     return next(choice for choice in CHOICES if choice.identifier == identifier)
 
 
+def choice_of_builder(builder: str) -> TreeChoice:
+    """The first that is made by a builder, as `BuildConfig` names it."""
+    return next(choice for choice in CHOICES if choice.builder == builder)
+
+
 class PERFECT_BVH_PG_compare(bpy.types.PropertyGroup):
     """Which two trees of the active object are compared."""
 

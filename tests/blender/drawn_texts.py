@@ -25,6 +25,10 @@ class RecordingLayout:
     def label(self, text: str = "", icon: str = "NONE") -> None:
         self.texts.append(text)
 
+    def progress(self, text: str, factor: float) -> None:
+        assert 0.0 <= factor <= 1.0
+        self.texts.append(text)
+
     def prop(self, owner: Any, name: str, **_: Any) -> None:
         assert name in owner.bl_rna.properties, name
         self.texts.append(name)

@@ -84,8 +84,8 @@ def test_every_part_is_measured_and_written(moving_ball: bpy.types.Scene, tmp_pa
     written = json.loads(results.json.read_text())
     assert written["advice"] == results.advice
     assert all(sentence.endswith(".") for sentence in results.advice.values())
-    builders = [(row["name"], "Builder") for row in figures["builders"]]
-    others = [(policy, "Policy") for policy in ("refit", "rebuild", "governed")]
+    builders = [(name, "Builder") for name in ("Fast", "Automatic", "Full Sweep", "Spatial Splits")]
+    others = [(policy, "Policy") for policy in ("Always Refit", "Always Rebuild", "Automatic")]
     assert [(row.name, row.part) for row in results.table] == [*builders, *others, ("audited", "Answers")]
 
 
@@ -137,9 +137,9 @@ def test_the_table_can_be_read() -> None:
     answers = {"checked": 12345, "wrong": 0}
     rows = table({"rays": 100_000, "builders": builders, "frames": frames, "answers": answers})
     assert rows == (
-        Row("Builder", "fast", "0.12 ms", "5.00 M rays/s"),
-        Row("Builder", "auto", "12.3 s", "2,000 M rays/s"),
-        Row("Policy", "refit", "2.00 ms", "10.0 M rays/s"),
+        Row("Builder", "Fast", "0.12 ms", "5.00 M rays/s", 0.0025),
+        Row("Builder", "Automatic", "12.3 s", "2,000 M rays/s", 1.0),
+        Row("Policy", "Always Refit", "2.00 ms", "10.0 M rays/s", 1.0),
         Row("Answers", "audited", "12,345", "0"),
     )
     lines = format_table(rows).splitlines()
@@ -178,7 +178,7 @@ def test_stopping_keeps_what_there_is(moving_ball: bpy.types.Scene, tmp_path: Pa
     begin(steps, "builder auto")
     assert [row["name"] for row in bench.figures["builders"]] == ["fast"]
     assert advice(bench.figures) == {}
-    assert [row.name for row in table(bench.figures)] == ["fast"]
+    assert [row.name for row in table(bench.figures)] == ["Fast"]
     begin(steps, "builder fast")
     steps.close()
     assert set(advice(bench.figures)) == {"builders", "total_time"}

@@ -33,12 +33,11 @@ def rendered(registered: None) -> None:
 def test_the_table_of_a_bench_shows_with_its_advice_on_its_scene_only(tmp_path: Path) -> None:
     assert "spatial" not in drawn(panels.reports.PERFECT_BVH_PT_bench)
     rows = (
-        Row("Builder", "spatial", "12.3 ms", "4.56 M rays/s"),
+        Row("Builder", "spatial", "12.3 ms", "4.56 M rays/s", 1.0),
         Row("Policy", "refit", "1.00 ms", "1.00 M rays/s"),
     )
-    results = Results(
-        tmp_path / "bench.json", rows, {"builders": "Leave it.", "total_time": "Leave it."}, {}, None, False
-    )
+    sentences = {"builders": "Leave it.", "total_time": "Leave it."}
+    results = Results(tmp_path / "bench.json", rows, sentences, {}, None, can_draw=False)
     remember(bpy.context.scene.session_uid, results)
     texts = drawn(panels.reports.PERFECT_BVH_PT_bench)
     start = texts.index("Builder")
@@ -46,6 +45,19 @@ def test_the_table_of_a_bench_shows_with_its_advice_on_its_scene_only(tmp_path: 
     assert texts[start + 6 :] == ["Policy", "Update", "Rays", "refit", "1.00 ms", "1.00 M rays/s", "Leave it."]
     forget()
     assert "spatial" not in drawn(panels.reports.PERFECT_BVH_PT_bench)
+
+
+def test_a_builder_that_is_advised_can_be_compared(tmp_path: Path) -> None:
+    button, compare = "perfect_bvh.compare_advised", bpy.context.scene.perfect_bvh.compare
+    with pytest.raises(RuntimeError, match="benchmark this scene first"):
+        bpy.ops.perfect_bvh.compare_advised()
+    for better in (None, "spatial"):
+        results = Results(tmp_path / "bench.json", (), {}, {}, None, can_draw=False, better=better)
+        remember(bpy.context.scene.session_uid, results)
+        assert (button in drawn(panels.reports.PERFECT_BVH_PT_bench)) == (better is not None)
+    assert bpy.ops.perfect_bvh.compare_advised() == {"FINISHED"}
+    assert (compare.left, compare.right) == ("AUTO", "SPATIAL")
+    forget()
 
 
 def test_an_audit_is_for_scripts_and_shows_in_no_panel() -> None:
