@@ -22,12 +22,13 @@ PERFECT_BVH_INLINE __m256 largest_of(const EightVectors& v) noexcept {
   return _mm256_max_ps(_mm256_max_ps(v.x, v.y), v.z);
 }
 
-// Columns of eight vectors of four, without the fourth.
-PERFECT_BVH_INLINE EightVectors turn_columns(const __m128 (&rows)[kEight]) noexcept {
+// Columns of eight vectors of four; the fourth by itself, if it is wanted.
+PERFECT_BVH_INLINE EightVectors turn_columns(const __m128 (&rows)[kEight], __m256* fourth = nullptr) noexcept {
   __m256 pairs[4];
   for (int i = 0; i < 4; ++i) pairs[i] = _mm256_insertf128_ps(_mm256_castps128_ps256(rows[i]), rows[i + 4], 1);
   const __m256 low = _mm256_unpacklo_ps(pairs[0], pairs[1]), high = _mm256_unpacklo_ps(pairs[2], pairs[3]);
   const __m256 low_z = _mm256_unpackhi_ps(pairs[0], pairs[1]), high_z = _mm256_unpackhi_ps(pairs[2], pairs[3]);
+  if (fourth != nullptr) *fourth = _mm256_shuffle_ps(low_z, high_z, 0xEE);
   return {_mm256_shuffle_ps(low, high, 0x44), _mm256_shuffle_ps(low, high, 0xEE),
           _mm256_shuffle_ps(low_z, high_z, 0x44)};
 }
@@ -208,10 +209,11 @@ PERFECT_BVH_INLINE __m256 are_below(const EightVectors& v, float limit) noexcept
 
 // Eight rays of the batch begin, at the root of a lone instance (kDirect) or of the top level. False if any of them is
 // not a usual one: then they are to be started one by one. `farthest`: as for load_near() or stands_near().
-template <bool kDirect>
+template <bool kDirect, bool kMoves>
 PERFECT_BVH_INLINE bool start_eight(Slot* const* slots, const RayBatch& batch, const std::uint32_t* ray_rows,
                                     const SceneView& scene, const InstanceView* lone, double farthest) noexcept {
-  static_assert(offsetof(Ray, t_min) == 48 && offsetof(Ray, t_max) == 52 && offsetof(Ray, mask) == 56);
+  static_assert(offsetof(Ray, t_min) == 48 && offsetof(Ray, t_max) == 52 && offsetof(Ray, mask) == 56 &&
+                offsetof(Ray, time) == 60);
   const __m256d factor = _mm256_set1_pd(static_cast<double>(scene.scale));
   __m128 origins[kEight], directions[kEight], ranges[kEight];
   for (std::size_t i = 0; i < kEight; ++i) {
@@ -227,7 +229,8 @@ PERFECT_BVH_INLINE bool start_eight(Slot* const* slots, const RayBatch& batch, c
   }
   EightRays rays;
   rays.set(turn_columns(origins), turn_columns(directions));
-  const EightVectors range = turn_columns(ranges);
+  __m256 time;
+  const EightVectors range = turn_columns(ranges, &time);
   const __m256 t_max = range.y, mask = range.z;
   rays.t_min = range.x;
 
@@ -239,6 +242,10 @@ PERFECT_BVH_INLINE bool start_eight(Slot* const* slots, const RayBatch& batch, c
                                are_below(length, static_cast<float>(kLongest)));
   usual = _mm256_and_ps(usual, _mm256_cmp_ps(shortest, _mm256_set1_ps(static_cast<float>(kShortest)), _CMP_GT_OQ));
   usual = _mm256_and_ps(usual, _mm256_cmp_ps(rays.t_min, t_max, _CMP_LE_OQ));
+  if constexpr (kMoves) {
+    usual = _mm256_and_ps(usual, _mm256_cmp_ps(_mm256_setzero_ps(), time, _CMP_LE_OQ));
+    usual = _mm256_and_ps(usual, _mm256_cmp_ps(time, _mm256_set1_ps(1.0f), _CMP_LE_OQ));
+  }
   if constexpr (kDirect) {
     const __m256i seen = _mm256_and_si256(_mm256_castps_si256(mask), _mm256_set1_epi32(static_cast<int>(lone->mask)));
     usual = _mm256_andnot_ps(_mm256_castsi256_ps(_mm256_cmpeq_epi32(seen, _mm256_setzero_si256())), usual);
@@ -252,12 +259,17 @@ PERFECT_BVH_INLINE bool start_eight(Slot* const* slots, const RayBatch& batch, c
     store_direct(slot.time);  // u and v as well
     if constexpr (kDirect) {
       stack_of(slot)[1] = lone->root;
+      if constexpr (kMoves) take_tree_step(slot, scene, *lone, batch.rays[ray_rows[i]].time);
     } else {
       slot.ray = ray_rows[i];
       slot.hit_instance = slot.hit_primitive = kNoHit;
       slot.world_time = slot.time;
       slot.world_box = slot.box;
       slot.nodes = scene.nodes;
+      if constexpr (kMoves) {
+        slot.top_moment = moment_at(scene.top_times, batch.rays[ray_rows[i]].time);
+        take_top_step(slot, scene);
+      }
       slot.floor = 0;
       stack_of(slot)[0] = kDoneMark, stack_of(slot)[1] = scene.root;
     }

@@ -45,7 +45,7 @@ struct Stream {
   const RayBatch& batch;
   const LoneInstance lone;
   std::size_t nears_offset;     // from a slot's stack of children to that of their entry distances, in entries
-  const bool starts_in_eights;  // without counts and motion
+  const bool starts_in_eights;  // where nothing is counted
   Slot* at_node[kMostRaysInFlight + 1];
   Slot* at_between[kMostRaysInFlight + 1];  // at a node as well, of a tree between two of its steps
   Slot* at_other[kMostRaysInFlight + 1];    // leaves and marks
@@ -259,6 +259,7 @@ PERFECT_BVH_INLINE bool take_next_ray(Stream& stream, Slot& slot) noexcept {
 }
 
 // Eight idle slots begin with the next eight rays, if these are usual ones. False if they do not.
+template <bool kMoves>
 __attribute__((noinline)) bool take_next_eight([[maybe_unused]] Stream& stream) noexcept {
 #ifdef __AVX2__
   const SceneView& scene = stream.scene;
@@ -271,13 +272,17 @@ __attribute__((noinline)) bool take_next_eight([[maybe_unused]] Stream& stream) 
   }
   const double reach = static_cast<double>(scene.reach);
   const bool has_begun = lone != nullptr
-                             ? start_eight<true>(slots, stream.batch, rows, scene, lone, stream.lone.farthest)
-                             : start_eight<false>(slots, stream.batch, rows, scene, nullptr, kNearby * reach);
+                             ? start_eight<true, kMoves>(slots, stream.batch, rows, scene, lone, stream.lone.farthest)
+                             : start_eight<false, kMoves>(slots, stream.batch, rows, scene, nullptr, kNearby * reach);
   if (!has_begun) return false;
   const bool at_node = (lone != nullptr ? lone->root : scene.root) < kBlockChild;
-  Slot** const list = at_node ? stream.at_node + stream.node_count : stream.at_leaf + stream.leaf_count;
-  for (std::size_t i = 0; i < kEight; ++i) list[i] = slots[i];
-  (at_node ? stream.node_count : stream.leaf_count) += kEight;
+  for (Slot* const slot : slots) {
+    if (at_node) {
+      put_at_node<kMoves>(stream, *slot);
+    } else {
+      stream.at_leaf[stream.leaf_count++] = slot;
+    }
+  }
   stream.idle_count -= kEight, stream.next_ray += kEight;
   return true;
 #else
@@ -299,9 +304,9 @@ PERFECT_BVH_INLINE void take_next_singly(Stream& stream, Slot& slot) noexcept {
 // Idle slots begin with the next rays: eight at a time while there are as many of both, the batch's last ones alone.
 template <bool kAny, bool kCounts, bool kMoves>
 __attribute__((noinline)) void take_next_rays(Stream& stream) noexcept {
-  const bool in_eights = !kCounts && !kMoves && stream.starts_in_eights;
+  const bool in_eights = !kCounts && stream.starts_in_eights;
   while (in_eights && stream.idle_count >= kEight && stream.has_eight_left()) {
-    if (take_next_eight(stream)) continue;
+    if (take_next_eight<kMoves>(stream)) continue;
     for (std::size_t i = 0; i < kEight; ++i) {
       take_next_singly<kAny, kCounts, kMoves>(stream, *stream.idle[--stream.idle_count]);
     }
@@ -315,7 +320,7 @@ __attribute__((noinline)) void take_next_rays(Stream& stream) noexcept {
 // Follows the marks on each waiting slot's stack until it is at a node or a leaf, or no ray is left for it.
 template <bool kAny, bool kCounts, bool kMoves>
 void follow_marks(Stream& stream) noexcept {
-  const bool in_eights = !kCounts && !kMoves && stream.starts_in_eights;
+  const bool in_eights = !kCounts && stream.starts_in_eights;
   for (std::size_t i = 0; i < stream.mark_count; ++i) {
     Slot& slot = *stream.at_mark[i];
     const std::uint32_t* const stack = stack_of(slot);
