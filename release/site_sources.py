@@ -83,7 +83,9 @@ def write_reference(sources: Path) -> None:
     """Write a page for each package, and one of the command line's help."""
     folder = sources / "reference"
     folder.mkdir()
-    (folder / "perfect_bvh.md").write_text("# perfect_bvh\n\nThe engine. It needs no Blender.\n\n::: perfect_bvh\n")
+    (folder / "perfect_bvh.md").write_text(
+        "# perfect_bvh\n\nThe engine. It needs no Blender.\n\n::: perfect_bvh\n\n::: perfect_bvh.trimesh\n"
+    )
     names = exports_of(REPOSITORY / "addon")
     entries = "".join(f"::: perfect_bvh_addon{module}.{name}\n\n" for name, module in names.items())
     lead = "# perfect_bvh_addon\n\nThe add-on's functions for scripts: a synced scene, scans, labels.\n\n"

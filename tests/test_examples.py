@@ -36,6 +36,7 @@ PRINTED = {
     "refitting.py": r".+refitting\.png",
     "sun_hours.py": r"\d\.\d hours of sun in the mean, 1\d\.\d at most",
     "synced_rays.py": r"1 instances were moved; now the highest is at 1\d\.\d\d m",
+    "xray.py": r"\d{4,} surfaces on 4096 rays; 1 of 1 meets a vertex",
     "tree_boxes.py": r"a random ray .+ is expected to cost [1-9]\d*\.\d visits and tests",
 }
 
