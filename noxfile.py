@@ -43,6 +43,7 @@ BOUNDARY_TESTS = (
     "tests/stress/test_fuzz.py",
 )
 
+TRIMESH = "5.2.0"  # whose tests are run
 # What takes longest in tests/engine and is the compiled engine's own, whose arrays others hand over as well.
 NUMPY_FREE_TESTS = (
     "adaptive_sampling",
@@ -203,7 +204,7 @@ def numpy2(session: nox.Session) -> None:
 
     On the wheel in dist/wheels, which `nox -s extension -- linux-x64:3.11` builds. NUMPY_FREE_TESTS are left out.
     """
-    session.install("numpy>=2", "hypothesis>=6", "pytest>=8", "pytest-xdist>=3.8")
+    session.install("numpy>=2", "hypothesis>=6", "pytest>=8", "pytest-xdist>=3.8", "trimesh>=4.5")
     install_engine(session)
     copy_addon(session)
     left_out = (f"--ignore=tests/engine/test_{name}.py" for name in NUMPY_FREE_TESTS)
@@ -228,7 +229,7 @@ def docs(session: nox.Session) -> None:
 
     The gallery's pictures are made by running all examples.
     """
-    session.install(".[blender]", *SITE)
+    session.install(".[blender,trimesh]", *SITE)
     session.run("python", "release/site_sources.py", "build/site-sources", "build/site-packages")
     session.run("python", "release/gallery.py", "build/site-sources/gallery")
     session.run("mkdocs", *(session.posargs or ("build",)), env={"NO_MKDOCS_2_WARNING": "1"})
@@ -273,6 +274,19 @@ def windows(session: nox.Session) -> None:
 
 
 @nox.session(default=False)
+def trimesh_tests(session: nox.Session) -> None:
+    """Run trimesh's own tests of rays with our intersector; arguments after `--` go to pytest."""
+    session.install(
+        ".[test]", f"trimesh=={TRIMESH}", *["manifold3d", "networkx", "pyinstrument", "rtree", "scipy", "shapely"]
+    )
+    folder = Path(".cache/trimesh") / TRIMESH
+    if not folder.is_dir():
+        address = "https://github.com/mikedh/trimesh"
+        session.run("git", "clone", "-q", "--depth=1", f"--branch={TRIMESH}", address, str(folder), external=True)
+    session.run("python", "tests/stress/trimesh_tests.py", str(folder), *session.posargs)
+
+
+@nox.session(default=False)
 def farm_killer(session: nox.Session) -> None:
     """Kill processes of the farm at random, a hundred times unless told, and compare what it writes."""
     session.install(".[blender,test]")
@@ -296,6 +310,7 @@ def release_check(session: nox.Session) -> None:
         ("windows_wheel", ["short"]),
         ("windows", []),
         ("tests", ["--long", "--live-cycles"]),
+        ("trimesh_tests", []),
         ("farm_killer", []),
         ("soak", []),
         ("arm64", []),

@@ -32,7 +32,16 @@ C_RUNTIME_NAMES = ("ucrtbase", "msvcp140", "msvcp140_1", "vcruntime140", "vcrunt
 BLENDER = "bpy==5.0.1"
 # numpy of the series that this Blender's module asks for; what pip leaves out as it runs on Linux is named as well.
 NUMPY = ("numpy==1.26.4",)
-TEST_PACKAGES = (*NUMPY, "pytest>=8", "pytest-xdist>=3.8", "hypothesis>=6", "embreex>=4.4", "tqdm", "colorama")
+TEST_PACKAGES = (
+    *NUMPY,
+    "pytest>=8",
+    "pytest-xdist>=3.8",
+    "hypothesis>=6",
+    "trimesh>=4.5",
+    "embreex>=4.4",
+    "tqdm",
+    "colorama",
+)
 BLENDER_PACKAGES = (BLENDER, "requests", "zstandard", "charset-normalizer", "idna", "urllib3", "certifi")
 START_SECONDS = 300  # a prefix takes a minute to make, and so does Blender's first start
 
