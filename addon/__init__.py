@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from .labels import CocoFile, Labels, label_image, save_labels
+    from .live.drop_in import BVHTree, ray_cast
     from .live.scene_sync import SceneSync
     from .scanning import (
         Beam,
@@ -36,6 +37,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "AttributeRequest",
+    "BVHTree",
     "Beam",
     "CameraGrid",
     "CocoFile",
@@ -54,6 +56,7 @@ __all__ = [
     "SpinningLidar",
     "label_image",
     "load_sensor",
+    "ray_cast",
     "register",
     "save_cloud",
     "save_labels",
@@ -64,6 +67,7 @@ __all__ = [
 
 _EXPORTS = {
     "AttributeRequest": ".sync.records",
+    "BVHTree": ".live.drop_in",
     "Beam": ".scanning",
     "CameraGrid": ".scanning",
     "CocoFile": ".labels",
@@ -82,6 +86,7 @@ _EXPORTS = {
     "SpinningLidar": ".scanning",
     "label_image": ".labels",
     "load_sensor": ".scanning",
+    "ray_cast": ".live.drop_in",
     "save_cloud": ".scanning",
     "save_labels": ".labels",
     "scan": ".scanning",

@@ -21,6 +21,7 @@ BLOCK = re.compile(r"^```sh\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 SHELL = {page.name: found for page in PAGES if (found := BLOCK.findall(page.read_text(encoding="utf-8")))}
 # The last line that each example prints. A blade is over the point at (atan(.2) -+ asin(.1 / 1.53)) / 18 degrees.
 PRINTED = {
+    "bvhtree.py": r"polygon \d+ at 4\.\d+",
     "closest_points.py": r"\[ ?\S+ +0\. +\S+\] is [34]\.\d+ from \[.+\]",
     "compare_builders.py": r"\s*spatial( +\d\S*){4}",
     "label_image.py": r".+: \d+% of it is visible",
