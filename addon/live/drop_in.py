@@ -5,6 +5,7 @@ All take arrays as well, and then answer in arrays.
 
 from __future__ import annotations
 
+import math
 import sys
 from collections.abc import Sequence
 from typing import Any
@@ -19,6 +20,8 @@ from .sync_cache import sync_of
 Array = npt.NDArray[Any]
 Answer = tuple[Any, Any, Any, Any]
 NOTHING: Answer = (None, None, None, None)
+LONGEST = float(np.finfo(np.float32).max)
+_FROM, _ALL = np.zeros(1, np.float32), np.full(1, 0xFFFFFFFF, np.uint32)
 
 
 class BVHTree:
@@ -34,7 +37,7 @@ class BVHTree:
     Blender's for these.
     """
 
-    __slots__ = ("_epsilon", "_normals", "_polygons", "_positions", "_scene", "_theirs", "_triangles")
+    __slots__ = ("_epsilon", "_normals", "_polygons", "_positions", "_scene", "_snapshot", "_theirs", "_triangles")
 
     def __init__(self, positions: Array, triangles: Array, polygons: Array, normals: Array, epsilon: float) -> None:
         self._positions, self._triangles, self._epsilon = positions, triangles, epsilon
@@ -44,6 +47,7 @@ class BVHTree:
         if len(triangles):
             self._scene.add_instance(self._scene.add_mesh(positions, triangles))
         self._scene.commit()
+        self._snapshot = self._scene._committed()  # which the checks of arrays end in
 
     @classmethod
     def FromObject(  # noqa: N802
@@ -165,6 +169,8 @@ class BVHTree:
             (position, normal, index of the polygon, distance) as Blender's does, None where nothing is hit; for arrays
             see the class.
         """
+        if np.ndim(origin) == np.ndim(direction) == np.ndim(distance) + 1 == 1:
+            return self._cast_one(origin, direction, distance)
         origins, directions = np.broadcast_arrays(np.asarray(origin, float), np.asarray(direction, float))
         directions = _unit(directions)
         t_max = np.minimum(np.asarray(distance, float), np.inf)
@@ -199,6 +205,23 @@ class BVHTree:
         rows = np.array(self._blenders().overlap(other_tree._blenders()), np.int64).reshape(-1, 2)
         pairs = np.stack([self._polygons[rows[:, 0]], other_tree._polygons[rows[:, 1]]], axis=-1)
         return [(int(one), int(other)) for one, other in np.unique(pairs, axis=0)]
+
+    def _cast_one(self, origin: Any, direction: Any, distance: Any) -> Answer:
+        """One ray, without what arrays need: loops call this by the thousand."""
+        if len(origin) != 3 or len(direction) != 3:
+            raise ValueError(
+                f"BVHTree.ray_cast: origin and direction must have shape (3,) or (n, 3), got {len(origin)} and "
+                f"{len(direction)} numbers"
+            )
+        rays = np.array((origin, direction), np.float64)
+        length = math.hypot(*direction)
+        if length > 0.0:
+            rays[1] /= length
+        place, away, row = np.empty((1, 3)), np.empty(1), np.empty(1, np.int32)
+        limits = _FROM, np.array((min(distance, LONGEST),), np.float32), _ALL, _FROM
+        out = {"positions": place, "distances": away, "primitive_ids": row}
+        self._snapshot.cast_rays(rays[:1], rays[1:], *limits, "none", "stream", out, 1, None)
+        return self._answer(place[0], away[0], row[0])
 
     def _blenders(self) -> Any:
         if self._theirs is None:
