@@ -19,10 +19,12 @@ from engine.preview_looks import (
     looking,
     made_of,
     materials,
+    quads,
     quick_and_converged,
+    square,
     two_materials,
 )
-from perfect_bvh import Appearance, Camera, render
+from perfect_bvh import Appearance, Camera, MeshAppearance, render
 
 
 @pytest.mark.parametrize("count", [1, 9], ids=["each light", "some lights"])
@@ -113,3 +115,21 @@ def test_large_lights_shine_in_smooth_metal_without_specks(kind, size, count):
 
 def test_without_lights_and_world_the_studio_shines():
     assert 0.1 < brightness(floor(), Appearance()) < 1.0
+
+
+@pytest.mark.parametrize("below", [5, 15, 30], ids="{} degrees below".format)
+@pytest.mark.parametrize("tilt", [40, 60, 75], ids="{} degrees off".format)
+def test_corner_normals_far_off_their_triangle_are_lit_from_below_it(tilt, below):
+    """A square whose normals all lean towards +X, and a sun there, below the square.
+
+    The surface that they suggest rises to the square's edge, so that nothing hides the sun: what falls there is the
+    cosine of the angle between the normals and the sun.
+    """
+    scene = quads(square(1.0, 0.0))
+    lean, sink = math.radians(tilt), math.radians(below)
+    normals = np.broadcast_to(np.array([math.sin(lean), 0.0, math.cos(lean)], np.float32), (2, 3, 3))
+    axes = np.array([[(math.sin(sink), 0, math.cos(sink)), (0, 1, 0), (math.cos(sink), 0, -math.sin(sink))]], np.float32)
+    sun = replace(lights(1, power=math.pi), axes=axes)
+    look = Appearance(meshes={0: MeshAppearance(corner_normals=normals.copy())}, lights=sun, world=BLACK)
+    expected = PLAIN * math.cos(math.pi / 2 - lean + sink)
+    assert brightness(scene, look, looking((0, 0, 5), (0, 0, 0), 20.0)) == pytest.approx(max(expected, 0.0), abs=1e-3)

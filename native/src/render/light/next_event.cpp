@@ -129,8 +129,7 @@ void NextEvent::aim_at(const Vertex& vertex, std::uint32_t row, const Light& lig
   if (is_black(carried)) return;
   // What throws no shadow is not hidden by anything.
   const float reach = light.casts_shadow ? to_light.length * kShort : -1.0f;
-  const Vec3f direction = above(vertex.point, to_light.direction);
-  shadows.add(shadow_ray(vertex.point, direction, reach, appearance_.shadow_mask), row, carried);
+  shadows.add(shadow_ray(vertex.point, to_light.direction, reach, appearance_.shadow_mask), row, carried);
 }
 
 Vec3f NextEvent::meet_lights(const Path& path, const Ray& ray, float hit_t) const {
@@ -185,8 +184,7 @@ void NextEvent::aim_at_sky(std::span<const Vertex> vertices, std::uint32_t index
     const float share = slant_of(vertex, sky.direction) * std::numbers::inv_pi_v<float> / (sky.density + seen.density);
     const Vec3f carried = vertex.path.throughput * environment_.parts(sky.direction).bright * seen.share * share;
     if (is_black(carried)) continue;
-    const Vec3f direction = above(vertex.point, sky.direction);
-    shadows.add(shadow_ray(vertex.point, direction, kInfiniteDistance, appearance_.shadow_mask), row, carried);
+    shadows.add(shadow_ray(vertex.point, sky.direction, kInfiniteDistance, appearance_.shadow_mask), row, carried);
   }
 }
 

@@ -82,25 +82,14 @@ struct Vertex {
 // Rays that leave a surface, towards lights, the environment and other surfaces; and of those towards lights how much
 // gets through what is in their way: all of it, nothing, or what transparent surfaces let through.
 
-// Whether a direction leads to the side of the surface that the viewer does not see.
-[[nodiscard]] inline bool leads_beyond(const SurfacePoint& point, Vec3f direction) noexcept {
-  return dot(direction, point.light_normal) < 0.0f;
-}
-
-// Directions round a smooth normal may dip below the triangle. From a point lifted off it they pass over its
-// neighbours; from the triangle itself they would end in it, and are mirrored.
-[[nodiscard]] inline Vec3f above(const SurfacePoint& point, Vec3f direction) noexcept {
-  const float height = dot(direction, point.geometric_normal);
-  if (height >= 0.0f || !(point.lift == Vec3f{0, 0, 0}) || leads_beyond(point, direction)) return direction;
-  return direction - point.geometric_normal * (2.0f * height);
-}
-
+// A ray leaves its triangle on the side that it leads to, and so never meets it.
 [[nodiscard]] inline Ray ray_from(const SurfacePoint& point, Vec3f direction, float reach,
                                   std::uint32_t mask) noexcept {
   Ray ray;
   ray.direction = to_double(direction);
-  ray.origin = leads_beyond(point, direction) ? point.beyond : point.origin;
-  if (point.strand != nullptr && leads_beyond(point, direction)) {
+  const bool leads_beyond = dot(direction, point.geometric_normal) < 0.0f;
+  ray.origin = leads_beyond ? point.beyond : point.origin;
+  if (point.strand != nullptr && leads_beyond) {
     ray.origin = leave_curve(*point.strand, point.segment, ray.origin, ray.direction, point.time);
   }
   ray.t_max = reach;
@@ -110,16 +99,21 @@ struct Vertex {
 }
 
 // The same towards a light. Where that is low over a coarse mesh's triangle, the neighbours are in the way that the
-// curved surface would not have: there, as in Cycles, the ray starts on that surface.
+// curved surface would not have: there, as in Cycles, the ray starts on that surface. From there a light on the
+// triangle's other side is seen past its edge only.
 [[nodiscard]] inline Ray shadow_ray(const SurfacePoint& point, Vec3f direction, float reach,
                                     std::uint32_t mask) noexcept {
   Ray ray = ray_from(point, direction, reach, mask);
-  if (leads_beyond(point, direction)) return ray;
+  if (point.lift == Vec3f{0, 0, 0}) return ray;
   constexpr float kLow = 0.1f;  // a cosine; up to twice that it fades
-  const float over_curve = dot(direction, point.light_normal) / kLow;
-  const float over_triangle = dot(direction, point.geometric_normal) / kLow;
+  const float along_normal = dot(direction, point.mesh_normal);
+  const bool passes = along_normal < 0.0f;
+  const float over_curve = std::abs(along_normal) / kLow;
+  const float over_triangle = dot(direction, point.geometric_normal) / (passes ? -kLow : kLow);
   const float share = std::clamp(1.0f - over_triangle + std::max(1.0f - over_curve, 0.0f), 0.0f, 1.0f);
-  ray.origin = ray.origin + to_double(point.lift * share);
+  if (share > 0.0f) {
+    ray.origin = (passes ? point.beyond : point.origin) + to_double((passes ? point.lift_beyond : point.lift) * share);
+  }
   return ray;
 }
 

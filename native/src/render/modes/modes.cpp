@@ -76,7 +76,7 @@ class ClayMode final : public ShadingMode {
     scratch.rays.clear();
     for (const SurfacePoint& point : task.points) {
       const Point2 random = (shared ^ sky_.offset(task.places[point.ray])).to_unit();
-      const Vec3f direction = above(point, cosine_direction(point.light_normal, random));
+      const Vec3f direction = cosine_direction(point.light_normal, random);
       scratch.rays.push_back(shadow_ray(point, direction, reach_, shadow_mask_));
     }
     trace(scratch);
@@ -107,7 +107,7 @@ class ClayMode final : public ShadingMode {
       // The part of the disk below the horizon gives nothing; its rays help to learn about the part above.
       const float cosine = dot(direction, point.light_normal);
       if (cosine < 0.0f) direction = direction - point.light_normal * (2.0f * cosine);
-      scratch.rays.push_back(shadow_ray(point, above(point, direction), reach, shadow_mask_));
+      scratch.rays.push_back(shadow_ray(point, direction, reach, shadow_mask_));
       scratch.targets.push_back(row);
     }
     trace(scratch);

@@ -4,6 +4,7 @@
 #include <array>
 #include <cmath>
 #include <cstddef>
+#include <limits>
 #include <span>
 #include <vector>
 
@@ -19,18 +20,32 @@ namespace {
 // wound the other way than its neighbours.
 constexpr double kTurnedCosine = -0.3;
 
-// The way from the hit point to the curved surface that the corner normals suggest, where that bulges outwards: rays
-// that leave a coarse mesh from its flat triangles would hit its neighbours (Hanika, "Hacking the Shadow Terminator",
-// 2021). `side` is -1 when the viewer sees the inner side.
-Vec3d lift_of(const CornerNormals& normals, const ObjectTriangle& triangle, double side) noexcept {
+// The ways from the hit point to the curved surface that the corner normals suggest, as Cycles has it: rays that leave
+// a coarse mesh from its flat triangles would hit its neighbours.
+struct Lifts {
+  Vec3d over, beyond;  // on the side that the normals point to, and on the other
+};
+
+// `side` is -1 when the viewer sees the inner side. The curve is a parabola along each edge. On either side the surface
+// is as far off as the nearest of three planes across the corners' normals, each through the corner that is farthest
+// along its normal, or half as far as the curve if that is more.
+Lifts lifts_of(const CornerNormals& normals, const ObjectTriangle& triangle, double side) noexcept {
   const Vec3d point = triangle.point();
-  Vec3d lift{0, 0, 0};
+  std::array<Vec3d, 3> away;  // the corners as seen from the point
+  for (std::size_t i = 0; i < 3; ++i) away[i] = triangle.corners[i] - point;
+  Vec3d between{0, 0, 0};
+  double curve = 0.0;
+  double over = std::numeric_limits<double>::infinity(), beyond = over;
   for (std::size_t i = 0; i < 3; ++i) {
-    const Vec3d normal = normalized(to_double(normals[i])) * side;
-    const double below = std::min(0.0, dot(point - triangle.corners[i], normal));
-    lift = lift - normal * (below * triangle.weights[i]);
+    const Vec3d normal = to_double(normals[i]) * side;
+    const double own = dot(away[i], normal), next = dot(away[(i + 1) % 3], normal);
+    const double last = dot(away[(i + 2) % 3], normal);
+    over = std::min(over, std::max({own, next, last}));
+    beyond = std::min(beyond, -std::min({own, next, last}));
+    curve += own * triangle.weights[i];
+    between = between + normal * triangle.weights[i];
   }
-  return lift;
+  return {between * std::max(over, 0.5 * curve), between * -std::max(beyond, -0.5 * curve)};
 }
 
 // A bound of how far rounding may move a point of this triangle on its way to a kernel and back. In the mesh's frame
@@ -91,8 +106,9 @@ void set_normals(const Appearance& appearance, const Instance& instance, const R
     point.normal = to_float(normal);
     point.light_normal = to_float(normal * light_side);
     if (with_origin) {
-      const Vec3d lift = lift_of(normals, triangle, side * light_side);
-      point.lift = to_float(instance.object_to_world.vector(lift));
+      const Lifts lifts = lifts_of(normals, triangle, side * light_side);
+      point.lift = to_float(instance.object_to_world.vector(lifts.over));
+      point.lift_beyond = to_float(instance.object_to_world.vector(lifts.beyond));
     }
   }
   if (with_origin) {

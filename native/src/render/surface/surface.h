@@ -84,8 +84,9 @@ struct SurfacePoint {
   bool inside = false;         // the viewer looks at the side that the mesh's winding makes the inner one
   // Off the surface towards the viewer, so far that no rounding brings a ray from here back to its own triangle.
   Vec3d origin{0, 0, 0};
-  Vec3f lift{0, 0, 0};    // from there to the curved surface that smooth normals suggest, where that lies higher
-  Vec3d beyond{0, 0, 0};  // the same on the other side, for light that passes the surface
+  Vec3f lift{0, 0, 0};    // from there to the curved surface that smooth normals suggest
+  Vec3d beyond{0, 0, 0};  // the same two on the other side, for light that passes the surface
+  Vec3f lift_beyond{0, 0, 0};
   // Of hair, which light passes through: the curve's instance and segment, which tell where it comes out.
   const Instance* strand = nullptr;
   std::uint32_t segment = 0;
