@@ -99,7 +99,7 @@ Vec3f Bsdf::diffuse(Vec3f out, float height) const noexcept {
 void Bsdf::evaluate_coating(Vec3f out, float height, Value& value) const noexcept {
   const Vec3f direction = frame_.world(out);
   const Coating::Value sheen = coating_->sheen(direction), coat = coating_->coat(direction);
-  value.share = value.share + (sheen.light * unshadowed(out, height) + coat.light) * (kPi / height);
+  value.share = value.share + (sheen.light * unshadowed(out) + coat.light) * (kPi / height);
   value.density += (chances_.sheen * sheen.density + chances_.coat * coat.density) / total_;
 }
 
@@ -167,11 +167,15 @@ Vec3f Bsdf::reflected(float cosine) const noexcept {
   return share;
 }
 
-float Bsdf::unshadowed(Vec3f out, float height) const noexcept {
+bool Bsdf::leaks(Vec3f out, Vec3f normal) const noexcept {
+  return is_bent_ && dot(out, mesh_normal_) * dot(normal, mesh_normal_) * dot(out, normal) < 0.0f;
+}
+
+float Bsdf::unshadowed(Vec3f out) const noexcept {
   if (!is_bent_) return 1.0f;
-  const float share = dot(out, mesh_normal_) / (height * dot(normal_, mesh_normal_));
-  if (!(share > 0.0f)) return 0.0f;
-  return share < 1.0f ? share * (1.0f + share * (1.0f - share)) : 1.0f;
+  const auto slope = [](float cosine) { return 1.0f / std::max(cosine * cosine, 1e-12f) - 1.0f; };
+  const float alpha = std::clamp(0.125f * slope(dot(normal_, mesh_normal_)), 0.0f, 1.0f);  // squared
+  return 2.0f / (1.0f + std::sqrt(1.0f + alpha * std::max(slope(dot(out, mesh_normal_)), 0.0f)));
 }
 
 // Where not all is reflected.
@@ -179,42 +183,52 @@ Vec3f Bsdf::passed(float cosine) const noexcept {
   return glass_refraction_ * (kWhite - glass_(cosine)) + plain_refraction_;
 }
 
-void Bsdf::evaluate_reflected(Vec3f out, float height, Value& value) const noexcept {
-  value.share = value.share + diffuse(out, height) * unshadowed(out, height);
-  value.density += chances_.diffuse / total_ * height / kPi;
-  if (coating_) evaluate_coating(out, height, value);
-  if (!(chances_.glossy > 0.0f) || is_smooth() || !(out.z > 0.0f)) return;
+void Bsdf::evaluate_plain(Vec3f out, float height, Value& value) const noexcept {
+  if (leaks(out, normal_)) return;
+  const float slant = std::abs(height) / kPi, seen = unshadowed(out);
+  if (height > 0.0f) {
+    value.share = value.share + diffuse(out, height) * seen;
+    value.density += chances_.diffuse / total_ * slant;
+    if (coating_) evaluate_coating(out, height, value);
+  } else if (chances_.translucent > 0.0f) {
+    value.share = value.share + translucent_ * seen;
+    value.density += chances_.translucent / total_ * std::max(slant, kLeastCosine);
+  }
+}
+
+void Bsdf::evaluate_reflected(Vec3f out, float slant, Value& value) const noexcept {
+  if (!(chances_.glossy > 0.0f)) return;
   const Vec3f half = normalized(view_ + out);
-  const float slant = dot(view_, half);
-  if (!(slant > 0.0f)) return;
-  const float density = facets_.seen_density(view_, half) / (4.0f * slant);
-  value.share = value.share + reflected(slant) * (kPi * density * facets_.lit_of_seen(view_, out, half) / height);
+  const float off = dot(view_, half);
+  if (!(off > 0.0f)) return;
+  const float density = facets_.seen_density(view_, half) / (4.0f * off);
+  value.share = value.share + reflected(off) * (kPi * density * facets_.lit_of_seen(view_, out, half) / slant);
   value.density += chances_.glossy / total_ * density;
 }
 
-void Bsdf::evaluate_refracted(Vec3f out, float height, Value& value) const noexcept {
-  const float depth = std::max(-height, kLeastCosine);
-  value.share = value.share + translucent_ * unshadowed(out, height);
-  value.density += chances_.translucent / total_ * depth / kPi;
-  if (!(chances_.refracted > 0.0f) || is_smooth() || glass_.ior() == 1.0f || out.z > 0.0f) return;
+void Bsdf::evaluate_refracted(Vec3f out, float slant, Value& value) const noexcept {
+  if (!(chances_.refracted > 0.0f) || glass_.ior() == 1.0f) return;
   Vec3f half = normalized(view_ + out * glass_.ior());
   if (half.z < 0.0f) half = -half;
-  const float slant = dot(view_, half), beyond = dot(out, half);
-  if (!(slant > 0.0f) || !(beyond < 0.0f)) return;
-  const float sum = slant + glass_.ior() * beyond;
+  const float off = dot(view_, half), beyond = dot(out, half);
+  if (!(off > 0.0f) || !(beyond < 0.0f)) return;
+  const float sum = off + glass_.ior() * beyond;
   const float density =
       facets_.seen_density(view_, half) * glass_.ior() * glass_.ior() * -beyond / std::max(sum * sum, 1e-12f);
-  value.share = value.share + passed(slant) * (kPi * density * facets_.lit_of_seen(view_, out, half) / depth);
+  value.share = value.share + passed(off) * (kPi * density * facets_.lit_of_seen(view_, out, half) / slant);
   value.density += chances_.refracted / total_ * density;
 }
 
 Bsdf::Value Bsdf::evaluate_local(Vec3f out) const noexcept {
   Value value;
   const float height = dot(out, normal_);
-  if (height > 0.0f) {
-    evaluate_reflected(out, height, value);
-  } else if (transmits()) {
-    evaluate_refracted(out, height, value);
+  evaluate_plain(out, height, value);
+  if (is_smooth() || leaks(out, {0, 0, 1})) return value;
+  const float slant = std::max(std::abs(height), kLeastCosine);
+  if (out.z > 0.0f) {
+    evaluate_reflected(out, slant, value);
+  } else {
+    evaluate_refracted(out, slant, value);
   }
   return value;
 }
@@ -240,12 +254,13 @@ Bsdf::Value Bsdf::evaluate(Vec3f direction) const noexcept {
 Bsdf::Value Bsdf::evaluate_diffuse(Vec3f direction) const noexcept {
   const Vec3f out = local(direction);
   const float height = dot(out, normal_), slant = std::abs(height) / kPi;
-  const Vec3f share = (height > 0.0f ? diffuse(out, height) : translucent_) * unshadowed(out, height);
+  if (leaks(out, normal_)) return {};
+  const Vec3f share = (height > 0.0f ? diffuse(out, height) : translucent_) * unshadowed(out);
   const float chance = height > 0.0f ? chances_.diffuse : chances_.translucent;
   Value value{share, chance > 0.0f ? chance / total_ * slant : 0.0f};
   if (coating_ && height > 0.0f) {
     const Coating::Value sheen = coating_->sheen(direction);
-    value.share = value.share + sheen.light * (unshadowed(out, height) * kPi / height);
+    value.share = value.share + sheen.light * (unshadowed(out) * kPi / height);
     value.density += chances_.sheen * sheen.density / total_;
   }
   return hair_ ? evaluate_strand(direction, value, {}) : value;
@@ -313,9 +328,9 @@ Bsdf::Sample Bsdf::sample_surface(float left, Point2 random) const noexcept {
   const Vec3f out = sample.direction;
   const float height = dot(out, normal_);
   const bool goes_beyond = sample.kind == Scatter::kTranslucent || sample.kind == Scatter::kRefracted;
-  if (goes_beyond ? height > 0.0f : !(height > 0.0f)) return {};
-  sample.direction = frame_.world(out);
   const bool is_facet = sample.kind == Scatter::kGlossy || sample.kind == Scatter::kRefracted;
+  if (!is_facet && goes_beyond == (height > 0.0f)) return {};
+  sample.direction = frame_.world(out);
   const bool is_single =
       is_coat ? is_smooth_coat : is_smooth() || (sample.kind == Scatter::kRefracted && glass_.ior() == 1.0f);
   if (is_facet && is_single) {
@@ -326,7 +341,7 @@ Bsdf::Sample Bsdf::sample_surface(float left, Point2 random) const noexcept {
   Value value = evaluate_local(out);
   if (hair_) value = evaluate_strand(sample.direction, value, hair_->evaluate(sample.direction));
   if (!(value.density > 0.0f)) return {};
-  const float slant = hair_ ? 1.0f : std::abs(height);
+  const float slant = hair_ ? 1.0f : std::max(std::abs(height), is_facet ? kLeastCosine : 0.0f);
   sample.weight = value.share * (slant / (kPi * value.density)), sample.density = value.density;
   return sample;
 }

@@ -72,8 +72,9 @@ class Bsdf {
   Bsdf(const Material& material, Vec3f normal, Vec3f geometric_normal, Vec3f view, bool inside,
        const Limits& limits) noexcept;
 
-  // Says that nodes have bent the normal away from this one, which the mesh has: less is seen of light that comes from
-  // the side (Chiang et al. 2019, "Taming the Shadow Terminator").
+  // Says that nodes have bent the normal away from this one, which the mesh has: nothing is seen of light that only one
+  // of them faces, and less of diffuse light that comes from the side (Conty Estevez et al. 2019, "A Microfacet-Based
+  // Shadowing Function to Solve the Bump Terminator Problem").
   void set_mesh_normal(Vec3f mesh_normal) noexcept { mesh_normal_ = local(mesh_normal), is_bent_ = true; }
   // Makes it a strand, of what it was before and hair.
   void add_hair(const HairBsdf& hair) noexcept;
@@ -84,9 +85,10 @@ class Bsdf {
   [[nodiscard]] Value evaluate_diffuse(Vec3f direction) const noexcept;
   // pick: 0 to 1, apart from `random`.
   [[nodiscard]] Sample sample(float pick, Point2 random) const noexcept;
-  // Whether any light from the normal's other side is seen.
+  // Whether any light from the normal's other side is seen: facets whose own normal is bent may mirror it.
   [[nodiscard]] bool transmits() const noexcept {
-    return is_strand() || chances_.translucent > 0.0f || chances_.refracted > 0.0f;
+    return is_strand() || chances_.translucent > 0.0f || chances_.refracted > 0.0f ||
+           (chances_.glossy > 0.0f && normal_.z < kUpright);
   }
   [[nodiscard]] bool is_black() const noexcept { return !(total_ > 0.0f); }
   [[nodiscard]] Albedo albedo() const noexcept;
@@ -106,13 +108,16 @@ class Bsdf {
   void add_finish(const Material& material, const Coating::Place& place, const Limits& limits) noexcept;
   [[nodiscard]] Vec3f diffuse(Vec3f out, float height) const noexcept;
   void evaluate_coating(Vec3f out, float height, Value& value) const noexcept;
+  // Whether a direction is on one side of the mesh's normal and on the other of a bent one.
+  [[nodiscard]] bool leaks(Vec3f out, Vec3f normal) const noexcept;
   // How much of diffuse light from a direction is seen on a bent normal.
-  [[nodiscard]] float unshadowed(Vec3f out, float height) const noexcept;
+  [[nodiscard]] float unshadowed(Vec3f out) const noexcept;
   [[nodiscard]] Vec3f reflected(float cosine) const noexcept;
   [[nodiscard]] Vec3f passed(float cosine) const noexcept;
-  // In the facets' frame; height: along the normal. They add to `value`.
-  void evaluate_reflected(Vec3f out, float height, Value& value) const noexcept;
-  void evaluate_refracted(Vec3f out, float height, Value& value) const noexcept;
+  // In the facets' frame; height: along the normal, slant: the same on either side. They add to `value`.
+  void evaluate_plain(Vec3f out, float height, Value& value) const noexcept;
+  void evaluate_reflected(Vec3f out, float slant, Value& value) const noexcept;
+  void evaluate_refracted(Vec3f out, float slant, Value& value) const noexcept;
   [[nodiscard]] Value evaluate_local(Vec3f out) const noexcept;
   [[nodiscard]] Value evaluate_strand(Vec3f direction, Value surface, HairBsdf::Value hair) const noexcept;
   [[nodiscard]] Sample sample_strand(float pick, Point2 random) const noexcept;
@@ -122,6 +127,8 @@ class Bsdf {
   }
   [[nodiscard]] Sample sample_facet(Point2 random, bool refract) const noexcept;
   [[nodiscard]] bool is_smooth() const noexcept { return facets_.narrower_than(kSmoothAlpha); }
+
+  static constexpr float kUpright = 1.0f - 1e-6f;
 
   Frame frame_;          // of the facets: about the normal, bent where they would mirror what is below the surface
   Vec3f normal_, view_;  // in the frame
