@@ -128,7 +128,9 @@ def test_corner_normals_far_off_their_triangle_are_lit_from_below_it(tilt, below
     scene = quads(square(1.0, 0.0))
     lean, sink = math.radians(tilt), math.radians(below)
     normals = np.broadcast_to(np.array([math.sin(lean), 0.0, math.cos(lean)], np.float32), (2, 3, 3))
-    axes = np.array([[(math.sin(sink), 0, math.cos(sink)), (0, 1, 0), (math.cos(sink), 0, -math.sin(sink))]], np.float32)
+    axes = np.array(
+        [[(math.sin(sink), 0, math.cos(sink)), (0, 1, 0), (math.cos(sink), 0, -math.sin(sink))]], np.float32
+    )
     sun = replace(lights(1, power=math.pi), axes=axes)
     look = Appearance(meshes={0: MeshAppearance(corner_normals=normals.copy())}, lights=sun, world=BLACK)
     expected = PLAIN * math.cos(math.pi / 2 - lean + sink)
