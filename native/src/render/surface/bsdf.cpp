@@ -99,7 +99,7 @@ Vec3f Bsdf::diffuse(Vec3f out, float height) const noexcept {
 void Bsdf::evaluate_coating(Vec3f out, float height, Value& value) const noexcept {
   const Vec3f direction = frame_.world(out);
   const Coating::Value sheen = coating_->sheen(direction), coat = coating_->coat(direction);
-  value.share = value.share + (sheen.light * unshadowed(out) + coat.light) * (kPi / height);
+  value.share = value.share + (sheen.light * seen_of(out) + coat.light) * (kPi / height);
   value.density += (chances_.sheen * sheen.density + chances_.coat * coat.density) / total_;
 }
 
@@ -167,12 +167,7 @@ Vec3f Bsdf::reflected(float cosine) const noexcept {
   return share;
 }
 
-bool Bsdf::leaks(Vec3f out, Vec3f normal) const noexcept {
-  return is_bent_ && dot(out, mesh_normal_) * dot(normal, mesh_normal_) * dot(out, normal) < 0.0f;
-}
-
-float Bsdf::unshadowed(Vec3f out) const noexcept {
-  if (!is_bent_) return 1.0f;
+float Bsdf::seen_of_bent(Vec3f out) const noexcept {
   const auto slope = [](float cosine) { return 1.0f / std::max(cosine * cosine, 1e-12f) - 1.0f; };
   const float alpha = std::clamp(0.125f * slope(dot(normal_, mesh_normal_)), 0.0f, 1.0f);  // squared
   return 2.0f / (1.0f + std::sqrt(1.0f + alpha * std::max(slope(dot(out, mesh_normal_)), 0.0f)));
@@ -185,14 +180,14 @@ Vec3f Bsdf::passed(float cosine) const noexcept {
 
 void Bsdf::evaluate_plain(Vec3f out, float height, Value& value) const noexcept {
   if (leaks(out, normal_)) return;
-  const float slant = std::abs(height) / kPi, seen = unshadowed(out);
+  const float seen = seen_of(out);
   if (height > 0.0f) {
     value.share = value.share + diffuse(out, height) * seen;
-    value.density += chances_.diffuse / total_ * slant;
+    value.density += chances_.diffuse / total_ * height / kPi;
     if (coating_) evaluate_coating(out, height, value);
   } else if (chances_.translucent > 0.0f) {
     value.share = value.share + translucent_ * seen;
-    value.density += chances_.translucent / total_ * std::max(slant, kLeastCosine);
+    value.density += chances_.translucent / total_ * std::max(-height, kLeastCosine) / kPi;
   }
 }
 
@@ -223,7 +218,7 @@ Bsdf::Value Bsdf::evaluate_local(Vec3f out) const noexcept {
   Value value;
   const float height = dot(out, normal_);
   evaluate_plain(out, height, value);
-  if (is_smooth() || leaks(out, {0, 0, 1})) return value;
+  if (!has_facets() || is_smooth() || leaks(out, {0, 0, 1})) return value;
   const float slant = std::max(std::abs(height), kLeastCosine);
   if (out.z > 0.0f) {
     evaluate_reflected(out, slant, value);
@@ -255,12 +250,12 @@ Bsdf::Value Bsdf::evaluate_diffuse(Vec3f direction) const noexcept {
   const Vec3f out = local(direction);
   const float height = dot(out, normal_), slant = std::abs(height) / kPi;
   if (leaks(out, normal_)) return {};
-  const Vec3f share = (height > 0.0f ? diffuse(out, height) : translucent_) * unshadowed(out);
+  const Vec3f share = (height > 0.0f ? diffuse(out, height) : translucent_) * seen_of(out);
   const float chance = height > 0.0f ? chances_.diffuse : chances_.translucent;
   Value value{share, chance > 0.0f ? chance / total_ * slant : 0.0f};
   if (coating_ && height > 0.0f) {
     const Coating::Value sheen = coating_->sheen(direction);
-    value.share = value.share + sheen.light * (unshadowed(out) * kPi / height);
+    value.share = value.share + sheen.light * (seen_of(out) * kPi / height);
     value.density += chances_.sheen * sheen.density / total_;
   }
   return hair_ ? evaluate_strand(direction, value, {}) : value;
@@ -341,7 +336,7 @@ Bsdf::Sample Bsdf::sample_surface(float left, Point2 random) const noexcept {
   Value value = evaluate_local(out);
   if (hair_) value = evaluate_strand(sample.direction, value, hair_->evaluate(sample.direction));
   if (!(value.density > 0.0f)) return {};
-  const float slant = hair_ ? 1.0f : std::max(std::abs(height), is_facet ? kLeastCosine : 0.0f);
+  const float slant = hair_ ? 1.0f : std::max(std::abs(height), kLeastCosine);
   sample.weight = value.share * (slant / (kPi * value.density)), sample.density = value.density;
   return sample;
 }

@@ -109,9 +109,13 @@ class Bsdf {
   [[nodiscard]] Vec3f diffuse(Vec3f out, float height) const noexcept;
   void evaluate_coating(Vec3f out, float height, Value& value) const noexcept;
   // Whether a direction is on one side of the mesh's normal and on the other of a bent one.
-  [[nodiscard]] bool leaks(Vec3f out, Vec3f normal) const noexcept;
-  // How much of diffuse light from a direction is seen on a bent normal.
-  [[nodiscard]] float unshadowed(Vec3f out) const noexcept;
+  [[nodiscard]] bool leaks(Vec3f out, Vec3f normal) const noexcept {
+    return is_bent_ && dot(out, mesh_normal_) * dot(normal, mesh_normal_) * dot(out, normal) < 0.0f;
+  }
+  [[nodiscard]] bool has_facets() const noexcept { return chances_.glossy > 0.0f || chances_.refracted > 0.0f; }
+  // How much of diffuse light from a direction is seen.
+  [[nodiscard]] float seen_of(Vec3f out) const noexcept { return is_bent_ ? seen_of_bent(out) : 1.0f; }
+  [[nodiscard]] float seen_of_bent(Vec3f out) const noexcept;
   [[nodiscard]] Vec3f reflected(float cosine) const noexcept;
   [[nodiscard]] Vec3f passed(float cosine) const noexcept;
   // In the facets' frame; height: along the normal, slant: the same on either side. They add to `value`.
