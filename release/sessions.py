@@ -53,6 +53,18 @@ def extension(session: nox.Session) -> None:
 
 
 @nox.session(default=False)
+def repository(session: nox.Session) -> None:
+    """Make a repository of extensions from the zips in dist/, in build/extensions or `-- FOLDER`; Blender follows it.
+
+    Blender's module has the tool for that; the engine is not installed.
+    """
+    session.install(BLENDER)
+    folder = session.posargs[0] if session.posargs else "build/extensions"
+    zips = sorted(Path("dist").glob("perfect_bvh-*.zip"))
+    session.run("python", "release/repository.py", folder, *map(str, zips))
+
+
+@nox.session(default=False)
 def sdist(session: nox.Session) -> None:
     """Build source distributions: the engine's in dist/wheels, the whole project's, of what git tracks, in dist/."""
     session.install(BUILD, *BUILD_BACKEND)
