@@ -53,6 +53,12 @@ def extension(session: nox.Session) -> None:
 
 
 @nox.session(default=False)
+def listing_check(session: nox.Session) -> None:
+    """Find in the zips in dist/ what reviewers of extension listings refuse."""
+    session.run("python", "release/listing_check.py", *map(str, sorted(Path("dist").glob("perfect_bvh-*.zip"))))
+
+
+@nox.session(default=False)
 def repository(session: nox.Session) -> None:
     """Make a repository of extensions from the zips in dist/, in build/extensions or `-- FOLDER`; Blender follows it.
 
