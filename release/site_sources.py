@@ -18,6 +18,8 @@ import subprocess
 import sys
 from pathlib import Path
 
+import site_tables
+
 REPOSITORY = Path(__file__).resolve().parent.parent
 SHOWN = (".md", ".png", ".jpg")
 LINK = re.compile(r"(?<!!)\[([^\]]*)\]\((?!\w+:|#)([^)#\s]+)(#[^)\s]*)?\)", re.DOTALL)
@@ -80,7 +82,7 @@ def exports_of(package: Path) -> dict[str, str]:
 
 
 def write_reference(sources: Path) -> None:
-    """Write a page for each package, and one of the command line's help."""
+    """Write a page for each package, one of the command line's help, and tables of what classes define."""
     folder = sources / "reference"
     folder.mkdir()
     (folder / "perfect_bvh.md").write_text(
@@ -94,6 +96,8 @@ def write_reference(sources: Path) -> None:
     for command in COMMANDS:
         lines += [f"## {command}", "", "```text", help_of(command).strip(), "```", ""]
     (folder / "command_line.md").write_text("\n".join(lines))
+    for name, text in site_tables.pages().items():
+        (folder / name).write_text(text, encoding="utf-8")
 
 
 def help_of(command: str) -> str:

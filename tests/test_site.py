@@ -10,6 +10,8 @@ import pytest
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "release"))
 
 import perfect_bvh_addon
+import site_tables
+from plain_words import find_words
 from site_sources import exports_of, list_files, with_examples, with_page_links
 
 
@@ -32,6 +34,26 @@ def test_a_link_to_an_example_that_is_alone_becomes_its_code(repository: Path) -
 
 def test_every_export_of_the_addon_has_an_entry(repository: Path) -> None:
     assert exports_of(repository / "addon") == perfect_bvh_addon._EXPORTS
+
+
+def test_tables_have_each_setting_in_plain_words() -> None:
+    pytest.importorskip("bpy")
+    pages = site_tables.pages()
+    in_blender, sensor_files = pages["in_blender.md"], pages["sensor_files.md"]
+    assert (
+        "| `scene.perfect_bvh.noise_threshold` | Noise Threshold | 0.01 | 0 to 1 | How much noise may stay"
+        in in_blender
+    )
+    assert "| `scene.perfect_bvh.label_images.formats` | Formats | `npz` | any of `npz` NumPy, " in in_blender
+    assert "| `space.shading.perfect_bvh.overlay.level` | Level | 2 | 0 to 64 | " in in_blender
+    assert "| `preferences.addons[...].preferences.threads` | Threads | 0 | 0 to 1,024 | " in in_blender
+    assert "| `bpy.ops.perfect_bvh.scan()` | Scan |" in in_blender
+    assert '| `kind = "spinning"` | `columns` | 1800 | Shots of each line in one turn. |' in sensor_files
+    assert "| `[beam]` | `divergence` | 0 | Full angle of the beam's cone, in milliradians. |" in sensor_files
+    for name, text in pages.items():
+        assert [(name, *found) for found in find_words(text)] == []
+        # No row lacks its description, the last cell.
+        assert [line for line in text.splitlines() if line.startswith("| `") and line.endswith("|  |")] == []
 
 
 @pytest.mark.parametrize(

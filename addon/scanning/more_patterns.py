@@ -25,11 +25,11 @@ class Rosette(OnAnyObject):
     """A beam that two turning prisms bend, so that it draws a rosette, closer and closer the longer it looks.
 
     Attributes:
-        field_of_view: degrees, of the circle that is filled.
-        turns: A second of each prism; of opposite signs they turn against each other.
-        rate: Shots a second.
-        duration: Seconds of a whole pass: what a scan of one frame covers.
-        min_distance, max_distance: What it can measure, in world units.
+        field_of_view: Diameter of the circle that is filled, in degrees.
+        turns: Turns per second of each prism. Opposite signs are opposite directions.
+        rate: Shots per second.
+        duration: Seconds of a pass. A scan of one frame covers one.
+        min_distance, max_distance: Range of the measured distances, in world units.
     """
 
     field_of_view: float = 38.4
@@ -79,10 +79,10 @@ class Raster(OnAnyObject):
     """A solid-state sensor that looks along one row of its field after another, from the left above to the right below.
 
     Attributes:
-        width, height: Shots of a row, and rows.
-        horizontal, vertical: Degrees that they cover.
-        rate: Whole pictures a second, whose shots follow each other evenly.
-        min_distance, max_distance: What it can measure, in world units.
+        width, height: Number of shots in a row, and of rows.
+        horizontal, vertical: Field of view, in degrees.
+        rate: Pictures per second. Shots are evenly spaced in time.
+        min_distance, max_distance: Range of the measured distances, in world units.
     """
 
     width: int = 1150
@@ -133,12 +133,12 @@ class DepthCamera(OnAnyObject):
     """A camera that measures the depth of each pixel, all at once; on any object, with a lens of its own.
 
     Attributes:
-        width, height: Of its picture in pixels.
-        horizontal, vertical: Degrees that it covers.
-        rate: Pictures a second.
-        min_distance, max_distance: What it can measure, along its axis, in world units.
-        baseline: How far to the right its second eye or its projector is, which has to see a point as well; 0 for none,
-            as of a time-of-flight camera.
+        width, height: Size of the picture, in pixels.
+        horizontal, vertical: Field of view, in degrees.
+        rate: Pictures per second.
+        min_distance, max_distance: Range of the measured depths along the camera's axis, in world units.
+        baseline: Distance to the second camera or the projector on the right, which must see a point as well, in world
+            units. 0 for none, as in a time-of-flight camera.
     """
 
     width: int = 640

@@ -176,11 +176,11 @@ class SpinningLidar(OnAnyObject):
     1 / (columns * rate) seconds later.
 
     Attributes:
-        elevations: Degrees above the horizon of each line: the table that the maker of the device gives.
-        columns: Shots of all lines in one turn.
-        rate: Turns a second.
-        sweep: Degrees that a turn covers, in whose middle the sensor looks forward.
-        min_distance, max_distance: What it can measure, in world units.
+        elevations: Degrees above the horizon of each line, as the data sheet lists them.
+        columns: Shots of each line in one turn.
+        rate: Turns per second.
+        sweep: Degrees that a turn covers. The sensor looks along the middle.
+        min_distance, max_distance: Range of the measured distances, in world units.
     """
 
     elevations: tuple[float, ...] = tuple(float(angle) for angle in np.linspace(-15.0, 15.0, 16))

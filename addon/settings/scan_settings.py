@@ -156,9 +156,9 @@ class PERFECT_BVH_PG_scan(bpy.types.PropertyGroup):
     steps_per_frame: bpy.props.IntProperty(
         name="Steps per Frame",
         description=(
-            "How many key moments each frame has, at which the scene is evaluated. Between two of them a LiDAR and all "
-            "that moves go in straight lines and turn evenly, so that each ray meets things where they are at its own "
-            "time; a camera makes a picture of each"
+            "Time samples of each frame, at which the scene is evaluated. Between two of them a LiDAR and all objects "
+            "move in straight lines and turn evenly, so that each ray sees them at its own time. A camera makes a "
+            "picture at each"
         ),
         default=1,
         min=1,
@@ -186,7 +186,7 @@ class PERFECT_BVH_PG_scan(bpy.types.PropertyGroup):
     )
     folder: bpy.props.StringProperty(
         name="Folder",
-        description="Where the files go: one of points and one that tells what is in it for each piece of the frames",
+        description="Folder of the files: one with points and one that describes them for each chunk of frames",
         subtype="DIR_PATH",
         options=PATH_OPTIONS,
     )

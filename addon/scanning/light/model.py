@@ -26,11 +26,11 @@ class Beam:
     """How wide a beam is, and what of it is kept.
 
     Attributes:
-        divergence: The full angle of its cone, in milliradians.
-        rays: How many stand for it, evenly over its disc.
-        returns: How many echoes of a beam are kept at most.
-        keep: By which rules, of "first", "strongest" and "last"; they take turns.
-        resolution: In world units: an echo that is no farther than that behind another is one with it.
+        divergence: Full angle of the beam's cone, in milliradians.
+        rays: Number of rays that sample a beam, evenly over its disc.
+        returns: Largest number of echoes kept per beam.
+        keep: Rules that choose the echoes: "first", "strongest", "last". Several take turns.
+        resolution: Echoes at most this far behind another one are merged with it, in world units.
     """
 
     divergence: float = 0.0
@@ -55,13 +55,12 @@ class Optics:
     """What of light's ways is followed, and what intensities are.
 
     Attributes:
-        refract: Whether what is clear bends rays; if not, it is taken for thin, and they go straight on.
-        bounces: How many surfaces a ray may pass or be mirrored by.
-        mirror_roughness: What is less rough is a mirror, or is seen through.
-        spectrum: How much the red, green and blue of colours count at the sensor's wavelength; they are divided by
-            their sum.
-        reference: The distance, in world units, at which white, met straight on, has the intensity 1.
-        calibrated: Whether intensities are reflectivities, whatever the distance, instead.
+        refract: Whether transparent surfaces bend rays. If not, they are thin, and rays go straight on.
+        bounces: Largest number of surfaces that pass on or mirror a ray.
+        mirror_roughness: Surfaces of less roughness are mirrors, or transparent.
+        spectrum: Weights of red, green and blue at the sensor's wavelength. They are divided by their sum.
+        reference: Distance at which a white surface that faces the sensor has the intensity 1, in world units.
+        calibrated: Whether intensities are reflectivities, independent of the distance.
     """
 
     refract: bool = False
@@ -89,9 +88,9 @@ class Detection:
     """The least reflectivity that is detected at some distances; straight lines between them, and even beyond.
 
     Attributes:
-        distances: In world units, increasing.
-        reflectivities: 1 for white that fills the beam and is met straight on. Without any, everything is detected that
-            returns any light.
+        distances: Distances in world units, increasing.
+        reflectivities: Least reflectivity that is detected at each distance. 1 is a white surface that fills the beam
+            and faces the sensor. Without any, all light is detected.
     """
 
     distances: tuple[float, ...] = ()
@@ -113,10 +112,10 @@ class Noise:
 
     Attributes:
         range, range_square: Standard deviation of distances, in world units: range + range_square * distance ** 2.
-        angle: That of the direction that is reported, in milliradians, across each of two axes.
-        dropout: The share of beams that return nothing.
-        bias: Added to all distances, in world units.
-        line_bias: The standard deviation of what is added to all distances of a line.
+        angle: Standard deviation of the reported direction along each of two axes, in milliradians.
+        dropout: Share of the beams that return nothing.
+        bias: Offset of all distances, in world units.
+        line_bias: Standard deviation of the offset of each line, in world units.
     """
 
     range: float = 0.0
