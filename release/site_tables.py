@@ -68,7 +68,7 @@ def property_rows(rna: Any, path: str) -> Iterator[Row]:
         if found.type == "POINTER" and found.fixed_type.base and found.fixed_type.base.identifier == "PropertyGroup":
             yield from property_rows(found.fixed_type, here)
         elif found.type != "COLLECTION":
-            yield (f"`{here}`", found.name, *values_of(found), found.description)
+            yield (here, found.name, *values_of(found), found.description)
 
 
 def list_properties() -> list[Row]:
@@ -86,11 +86,21 @@ def list_properties() -> list[Row]:
             rows += (
                 property_rows(found.fixed_type, here)
                 if is_group
-                else [(f"`{here}`", found.name, *values_of(found), found.description)]
+                else [(here, found.name, *values_of(found), found.description)]
             )
     from perfect_bvh_addon.settings.preferences import PERFECT_BVH_AP_preferences
 
     return [*rows, *property_rows(PERFECT_BVH_AP_preferences.bl_rna, PREFERENCES)]
+
+
+def property_tables(rows: list[Row]) -> str:
+    """Return a table for each group of properties, under the path of the group."""
+    groups: dict[str, list[Row]] = {}
+    for path, *others in rows:
+        group, _, name = path.rpartition(".")
+        groups.setdefault(group, []).append((f"`{name}`", *others))
+    heads = ("Property", "Label", "Default", "Values", "Description")
+    return "\n".join(f"### `{group}`\n\n{table(heads, groups[group])}" for group in sorted(groups))
 
 
 def list_operators() -> list[Row]:
@@ -101,7 +111,7 @@ def list_operators() -> list[Row]:
     for name in sorted(dir(bpy.ops.perfect_bvh)):
         rna = getattr(bpy.ops.perfect_bvh, name).get_rna_type()
         arguments = (f"`{found.identifier}` ({values_of(found)[0]})" for found in own_properties(rna))
-        rows.append((f"`bpy.ops.perfect_bvh.{name}()`", rna.name, ", ".join(arguments), rna.description))
+        rows.append((f"`{name}`", rna.name, ", ".join(arguments), rna.description))
     return rows
 
 
@@ -142,7 +152,7 @@ def pages() -> dict[str, str]:
 
     perfect_bvh_addon.register()
     try:
-        properties = table(("Property", "Label", "Default", "Values", "Description"), list_properties())
+        properties = property_tables(list_properties())
         operators = table(("Operator", "Label", "Arguments (default)", "Description"), list_operators())
     finally:
         perfect_bvh_addon.unregister()
@@ -150,7 +160,7 @@ def pages() -> dict[str, str]:
     in_blender = (
         "# Properties and operators\n\nWhat scripts set and call in Blender. `scene`, `space`, `screen` and "
         "`preferences` are those of `bpy.context`. `space` is a 3D viewport.\n\n"
-        f"## Properties\n\n{properties}\n## Operators\n\n{operators}"
+        f"## Properties\n\n{properties}\n## Operators\n\nOf `bpy.ops.perfect_bvh`.\n\n{operators}"
     )
     sensor_files = (
         "# Sensor files\n\nAll settings of a sensor's TOML file: those of its `kind`, and four tables. `title` and "
