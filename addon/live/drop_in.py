@@ -214,7 +214,8 @@ class BVHTree:
                 f"{len(direction)} numbers"
             )
         rays = np.array((origin, direction), np.float64)
-        length = math.hypot(*direction)
+        x, y, z = rays[1].tolist()
+        length = math.sqrt(x * x + y * y + z * z)  # as of many, to the last digit
         if length > 0.0:
             rays[1] /= length
         place, away, row = np.empty((1, 3)), np.empty(1), np.empty(1, np.int32)
