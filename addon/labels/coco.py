@@ -57,11 +57,12 @@ def image_row(labels: Labels, file_name: str) -> Row:
                 "instance_id": thing.instance_id,
                 "pass_index": thing.pass_index,
                 "collections": list(thing.collections),
+                "box3d": dict(thing.box3d),
                 "attributes": dict(thing.labels),
             }
         )
-    size = {"width": width, "height": height}
-    return {"file_name": file_name, **size, "categories": list(labels.categories), "things": things}
+    facts = {"width": width, "height": height, "camera": dict(labels.camera)}
+    return {"file_name": file_name, **facts, "categories": list(labels.categories), "things": things}
 
 
 def _parts(masks: Masks) -> list[tuple[dict[str, Any], list[int], int]]:
@@ -116,7 +117,7 @@ def _write_list(file: TextIO, name: str, items: Iterable[Row]) -> None:
 
 def _images(rows: Iterable[Row]) -> Iterator[Row]:
     for image_id, row in enumerate(rows, 1):
-        yield {"id": image_id, **{name: row[name] for name in ("file_name", "width", "height")}}
+        yield {"id": image_id, **{name: row[name] for name in ("file_name", "width", "height", "camera")}}
 
 
 def _things(rows: Iterable[Row], which: str, categories: dict[str, int]) -> Iterator[Row]:
@@ -138,9 +139,9 @@ class CocoFile:
 
     Each thing that is seen is an annotation: `segmentation`, `bbox` and `area` of what is seen of it, beside them
     `amodal_segmentation`, `amodal_bbox`, `amodal_area` and `visible_share`. What is hidden altogether stands in a list
-    of its own, `hidden`, with the same fields. `attributes` are the labels that were asked for, null where a thing has
-    none, beside its `collections`. Categories are all of the file, numbered from 1 in the order of the images' own,
-    then "none" if a thing has none.
+    of its own, `hidden`, with the same fields. `box3d` is as `Thing.box3d`. `attributes` are the labels that were asked
+    for, null where a thing has none, beside its `collections`. An image has its `camera`, as `Labels`. Categories are
+    all of the file, numbered from 1 in the order of the images' own, then "none" if a thing has none.
 
     Raises:
         ImportError: Without pycocotools.

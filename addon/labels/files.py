@@ -317,6 +317,7 @@ def _described(labels: Labels, frame: int | None, warnings: tuple[str, ...]) -> 
     return {
         "frame": frame,
         "size": list(labels.size),
+        "camera": dict(labels.camera),
         "things": [thing | fact for thing, fact in zip(labels.described_things(), facts, strict=True)],
         "categories": list(labels.categories),
         "material_names": list(labels.material_names),

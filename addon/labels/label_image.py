@@ -13,7 +13,7 @@ from ..extract.label_values import OBJECT, LabelReader, LabelReading
 from ..support.memory import check_fits
 from ..sync.lookup import MISS, IdRows, LabelColumn
 from ..sync.records import VISIBLE_TO_CAMERA, AttributeRequest
-from .labels import Labels, distinct, find_things, masks_of
+from .labels import Labels, describe_camera, distinct, find_things, masks_of
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Generator, Iterator, Sequence
@@ -426,6 +426,7 @@ class _Labelling:
                 for name, label in labels.items()
             },
             flow=self._flow() if self.flow else None,
+            camera=describe_camera(self.camera, self.frame, self.cut),
             warnings=self.sync.warnings,
         )
 

@@ -17,7 +17,10 @@ from ..support.files import replacing, write_arrays
 from ..sync.lookup import MISS, LabelColumn, LabelValue, SceneLabel
 
 if TYPE_CHECKING:
+    from perfect_bvh import Camera
+
     from ..live.scene_sync import SceneSync
+    from ..sync.records import MeshRecord, SceneRecord
 
 # What labels' numbers stand for: instances, with the names and labels that users gave their objects.
 
@@ -35,6 +38,8 @@ class Thing:
         collections: The names of all that hold the object itself, sorted.
         labels: The values of those that were asked for, by name, None for none; where only materials have a label, what
             all of the object's agree on.
+        box3d: The box around it along its object's own axes, in world space: "center" (3), "size" (3) along the axes,
+            and "axes", unit vectors of the object's x, y and z. They are not at right angles if the object is sheared.
     """
 
     name: str
@@ -44,6 +49,7 @@ class Thing:
     category: int = MISS
     collections: tuple[str, ...] = ()
     labels: Mapping[str, LabelValue] = field(default_factory=dict)
+    box3d: Mapping[str, Any] = field(default_factory=dict)
 
 
 def find_things(
@@ -62,6 +68,7 @@ def find_things(
     numbers = {name: row for row, name in enumerate(names)}
     categories = category.of_things(sync.record, rows)
     columns = {name: label.of_things(sync.record, rows) for name, label in labels.items()}
+    boxes = find_boxes(sync.record, rows)
     things = []
     for row, uid in enumerate(found.session_uids.tolist()):
         things.append(
@@ -73,9 +80,32 @@ def find_things(
                 category=numbers.get(str(categories[row]), MISS) if categories[row] is not None else MISS,
                 collections=holders.get(uid, ()),
                 labels={name: values[row] for name, values in columns.items()},
+                box3d=boxes[row],
             )
         )
     return tuple(things), names
+
+
+def find_boxes(record: SceneRecord, rows: npt.NDArray[np.int32]) -> list[dict[str, Any]]:
+    """Find the oriented box of each of (N,) instances, as `Thing.box3d` has it."""
+    transforms, meshes = record.instances.transforms[rows].astype(np.float64), record.instances.mesh_indices[rows]
+    bounds = {row: _bounds_of(record.meshes[row]) for row in np.unique(meshes).tolist()}
+    boxes = []
+    for transform, mesh in zip(transforms, meshes.tolist(), strict=True):
+        low, high = bounds[mesh]
+        lengths = np.linalg.norm(transform[:, :3], axis=0)
+        axes = transform[:, :3] / np.where(lengths > 0.0, lengths, 1.0)
+        center = transform[:, :3] @ (0.5 * (low + high)) + transform[:, 3]
+        size = (high - low) * lengths
+        boxes.append({"center": center.tolist(), "size": size.tolist(), "axes": axes.T.tolist()})
+    return boxes
+
+
+def _bounds_of(mesh: MeshRecord) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
+    """The least and the greatest coordinates of what rays may hit, in object space."""
+    places = mesh.positions[mesh.triangles.reshape(-1)] if mesh.kind == "triangles" else mesh.positions
+    reach = 0.0 if mesh.radii is None else mesh.radii[:, None].astype(np.float64)
+    return (places - reach).min(axis=0).astype(np.float64), (places + reach).max(axis=0).astype(np.float64)
 
 
 # Masks ---------------------------------------------------------------------------------------------------------------
@@ -191,6 +221,7 @@ class Labels:
         things: What is met by any ray, in the order of their instance_id.
         categories: The names of all that the file has.
         labels: By the names that were asked for, (H, W) int32 or float64, see `label_image`.
+        camera: Where the image was taken from, see `describe_camera`.
         warnings: What could not be read, as sentences.
     """
 
@@ -210,6 +241,7 @@ class Labels:
     material_names: tuple[str, ...]
     labels: Mapping[str, LabelColumn] = field(default_factory=dict)
     flow: Floats | None = None
+    camera: Mapping[str, Any] = field(default_factory=dict)
     warnings: tuple[str, ...] = ()
 
     @property
@@ -244,8 +276,8 @@ class Labels:
         """Writes everything into a compressed .npz file (the ending is added if it is missing) and returns its path.
 
         Masks are kept as `visible_splits` and `visible_pixels`, and likewise of `amodal`; labels as `label_NAME`;
-        `things` as JSON, as well as `labels`, which says what the labels' values are. A file of that name is replaced
-        once the new one is complete.
+        `things` and `camera` as JSON, as well as `labels`, which says what the labels' values are. A file of that name
+        is replaced once the new one is complete.
 
         Raises:
             OSError: With the reason if it cannot be written.
@@ -258,9 +290,32 @@ class Labels:
         arrays["categories"] = np.array(self.categories, np.str_)
         arrays["material_names"] = np.array(self.material_names, np.str_)
         arrays["labels"] = np.array(json.dumps(self.described_labels()))
+        arrays["camera"] = np.array(json.dumps(self.camera))
         with replacing(path) as name:
             write_arrays(name, arrays, is_compressed=True)
         return path
+
+
+def describe_camera(camera: Camera, frame: tuple[int, int], cut: tuple[slice, slice]) -> dict[str, Any]:
+    """Describe a camera as JSON has it, in the convention of OpenCV: x to the right, y down, z ahead.
+
+    Args:
+        camera: Of the whole frame.
+        frame: (width, height) of that in pixels.
+        cut: The rows and columns of it that the image has.
+
+    Returns:
+        "projection", and "world_to_camera", (3, 4); of a perspective camera also "intrinsics", (3, 3) in pixels, by
+        which the centre of the upper left pixel is (0, 0).
+    """
+    place = np.diag([1.0, -1.0, -1.0, 1.0]) @ np.linalg.inv(camera.matrix)
+    found: dict[str, Any] = {"projection": camera.projection, "world_to_camera": place[:3].tolist()}
+    if camera.projection == "perspective":
+        (left, right, bottom, top), (width, height), (rows, columns) = camera.window, frame, cut
+        across, down = width / (right - left), height / (top - bottom)
+        middle = -left * across - columns.start - 0.5, top * down - rows.start - 0.5
+        found["intrinsics"] = [[across, 0.0, middle[0]], [0.0, down, middle[1]], [0.0, 0.0, 1.0]]
+    return found
 
 
 # Run lengths ---------------------------------------------------------------------------------------------------------

@@ -130,6 +130,41 @@ def test_amodal_masks_are_those_of_each_thing_alone(scene: Any) -> None:
     assert hidden > 100
 
 
+def test_each_thing_has_the_box_around_it_along_its_own_axes(scene: Any) -> None:
+    ball = bpy.data.objects["Ball 0"]
+    ball.scale, ball.rotation_euler = (0.6, 1.3, 1.0), (0.3, 0.5, 0.2)
+    labels = label_image(size=SIZE)
+    shown = labels.things[named(labels, "Box", "Shown 1")].box3d
+    np.testing.assert_allclose(shown["center"], (-1.5, 1.0, 0.4), atol=1e-6)
+    np.testing.assert_allclose(shown["size"], (0.8, 0.8, 0.8), atol=1e-6)
+    np.testing.assert_allclose(shown["axes"], np.eye(3), atol=1e-6)
+    number = named(labels, "Ball 0")
+    box = labels.things[number].box3d
+    np.testing.assert_allclose(box["axes"], np.array(ball.matrix_world.to_euler().to_matrix()).T, atol=1e-6)
+    np.testing.assert_allclose(box["size"], ball.dimensions, atol=1e-5)
+    seen = (labels.positions[labels.thing_ids == number] - box["center"]) @ np.array(box["axes"]).T
+    assert (np.abs(seen) <= np.array(box["size"]) / 2 + 1e-5).all() and len(seen) > 100
+    assert json.loads(json.dumps(labels.described_things()))[number]["box3d"] == box
+
+
+def test_the_camera_projects_positions_to_their_pixels(scene: Any) -> None:
+    scene.camera.data.shift_x, scene.camera.data.shift_y = 0.1, -0.2
+    render = scene.render
+    for is_cropped in (False, True):
+        render.use_border = render.use_crop_to_border = is_cropped
+        render.border_min_x, render.border_max_x, render.border_min_y, render.border_max_y = 0.25, 0.75, 0.1, 0.9
+        labels = label_image(size=SIZE)
+        hit = labels.thing_ids >= 0
+        seen = labels.positions[hit] @ np.array(labels.camera["world_to_camera"])[:, :3].T
+        seen += np.array(labels.camera["world_to_camera"])[:, 3]
+        np.testing.assert_allclose(seen[:, 2], labels.depth[hit], rtol=1e-5)
+        pixels = seen @ np.array(labels.camera["intrinsics"]).T
+        rows, columns = np.nonzero(hit)
+        np.testing.assert_allclose(pixels[:, :2] / pixels[:, 2:], np.stack([columns, rows], axis=-1), atol=1e-3)
+    scene.camera.data.type = "ORTHO"
+    assert label_image(size=SIZE).camera.keys() == {"projection", "world_to_camera"}
+
+
 def test_layers_are_all_surfaces_from_near_to_far(scene: Any) -> None:
     labels = label_image(size=SIZE, layers=6)
     depths, ids = labels.layer_depths, labels.layer_ids
