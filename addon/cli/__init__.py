@@ -235,7 +235,8 @@ def _add_labels(commands: argparse._SubParsersAction) -> None:
         nargs="+",
         default=["npz"],
         metavar="F",
-        help="npz, npy, png or exr, one or more (default: npz); beside all but npz a .json says what numbers mean",
+        help="npz, npy, png, exr or bop, one or more (default: npz); with npy, png and exr a .json says what numbers "
+        "mean; bop is a data set for the estimation of poses: depth, masks, poses and models in the folder bop",
     )
     parser.add_argument(
         "--depth-scale",

@@ -34,15 +34,19 @@ def run_labels(arguments: argparse.Namespace) -> int:
 
 
 def _check_formats(arguments: argparse.Namespace) -> None:
+    from ..labels import bop
     from ..labels.files import DEPTH_SCALE, FORMATS, check_formats
 
+    has_bop = bop.FORMAT in arguments.format
     try:
-        check_formats(arguments.format, arguments.labels)
-        arguments.format = [name for name in FORMATS if name in arguments.format]  # however they were ordered
+        check_formats([name for name in arguments.format if name != bop.FORMAT], arguments.labels)
+        arguments.format = [name for name in (*FORMATS, bop.FORMAT) if name in arguments.format]  # in any order
+        if has_bop:
+            bop.check_bop()
     except (ValueError, ImportError) as error:
         raise CommandError(f"--format: {error}") from error
-    if arguments.depth_scale is not None and "png" not in arguments.format:
-        raise CommandError("--depth-scale is of PNG files: add png to --format, or leave it out")
+    if arguments.depth_scale is not None and not {"png", bop.FORMAT} & set(arguments.format):
+        raise CommandError("--depth-scale is of PNG files: add png or bop to --format, or leave it out")
     if arguments.depth_scale is None:
         arguments.depth_scale = DEPTH_SCALE
 
@@ -59,19 +63,21 @@ def _check_coco() -> None:
 def labels_work(scene: bpy.types.Scene, _stop: StopRequest, arguments: argparse.Namespace) -> PieceWork:
     """The pieces of labelled frames: the files of each frame, and what the file of COCO's format needs of them."""
     from ..extract.scene_in_time import has_simulations
+    from ..labels.bop import FORMAT
     from ..labels.piece_labels import BEFORE, WHAT, LabelPlan, LabelWork
     from ..live.scene_view import SceneView
     from ..pieces.piece import PieceFolder, scene_inputs
 
     plan = LabelPlan(
         frames=arguments.frames or (scene.frame_current,),
-        formats=tuple(arguments.format),
+        formats=tuple(name for name in arguments.format if name != FORMAT),
         layers=arguments.layers,
         category=arguments.category,
         labels=tuple(arguments.labels),
         flow=arguments.flow,
         depth_scale=arguments.depth_scale,
         has_coco=not arguments.no_coco,
+        has_bop=FORMAT in arguments.format,
         piece=arguments.piece,
         threads=arguments.threads or 0,
     )

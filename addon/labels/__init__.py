@@ -5,6 +5,7 @@ labels       the result as arrays and as an .npz file: masks, which may overlap,
 files        one labelled image as .npz, .npy, PNG and EXR, and what their numbers mean. Knows no Blender.
 piece_labels labels of many frames into a folder, piece by piece
 coco         many labelled images as one file of the format of COCO. Knows no Blender.
+bop          the same as a data set in the format of BOP. Does not depend on Blender.
 """
 
 from .coco import CocoFile

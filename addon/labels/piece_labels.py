@@ -5,12 +5,16 @@ from __future__ import annotations
 from collections.abc import Callable, Generator
 from contextlib import closing
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING
+
+import numpy as np
 
 from ..live.scene_sync import SceneSync
 from ..live.scene_view import SceneView
 from ..pieces.piece import Piece, PieceFolder, runs_of
 from ..pieces.work import Done, PieceWork, Steps
+from . import bop
 from .coco import image_row, join_rows, read_rows, write_rows
 from .files import DEPTH_SCALE, file_names, save_labels
 from .label_image import label_steps
@@ -34,7 +38,8 @@ class LabelPlan:
         size: (width, height) in pixels; None for the render size.
         piece: How many frames one has at most.
         formats, depth_scale: See `save_labels`.
-        has_coco: Whether there is a file of COCO's format. The others: see `label_image`.
+        has_coco, has_bop: Whether there is a file of COCO's format, and a folder of BOP's. The others: see
+            `label_image`.
     """
 
     frames: tuple[int, ...]
@@ -46,6 +51,7 @@ class LabelPlan:
     flow: bool = False
     depth_scale: float = DEPTH_SCALE
     has_coco: bool = True
+    has_bop: bool = False
     piece: int = 10
     threads: int = 0
 
@@ -56,13 +62,17 @@ class LabelPlan:
             stem = f"{BEFORE}{frames[0]:04d}-{frames[-1]:04d}"
             what = {"labels": self.labels, "layers": self.layers, "flow": self.flow}
             files = [name for frame in frames for name in file_names(stem_of(frame), self.formats, **what)]
-            found.append(Piece(frames, stem, (*files, *([f"{stem}.coco.jsonl"] if self.has_coco else []))))
+            files += [f"{stem}.coco.jsonl"] if self.has_coco else []
+            if self.has_bop:
+                files += [*map(bop.depth_name, frames), f"{stem}.bop.jsonl", f"{stem}.bop_models.npz"]
+            found.append(Piece(frames, stem, tuple(files)))
         return found
 
     @property
     def joined(self) -> tuple[str, ...]:
         """Names of files that are made of all pieces in the end."""
-        return (f"coco_{min(self.frames):04d}-{max(self.frames):04d}.json",) if self.has_coco else ()
+        coco = (f"coco_{min(self.frames):04d}-{max(self.frames):04d}.json",) if self.has_coco else ()
+        return (*coco, *(bop.JOINED if self.has_bop else ()))
 
 
 class LabelWork(PieceWork):
@@ -93,6 +103,7 @@ class LabelWork(PieceWork):
         Raises ValueError, what the engine raises, and OSError for a file.
         """
         sync, rows, warnings = SceneSync(watch=False), [], dict[str, None]()
+        bop_rows, models = [], bop.Models()
         try:
             for number, frame in enumerate(piece.frames):
                 with closing(self._label(frame, sync)) as steps:
@@ -100,6 +111,12 @@ class LabelWork(PieceWork):
                 self._on_labels(frame, labels)
                 how = {"frame": frame, "depth_scale": self._plan.depth_scale}
                 lacking = save_labels(labels, self.place.folder, stem_of(frame), self._plan.formats, **how).warnings
+                if self._plan.has_bop:
+                    of_things = sync.instance_rows(np.array([thing.instance_id for thing in labels.things], np.int32))
+                    row, depth, left_out = bop.image_row(labels, sync.record, of_things, **how, models=models)
+                    bop.save_depth(self.place.path_of(bop.depth_name(frame)), depth)
+                    bop_rows.append(row)
+                    lacking = (*lacking, *left_out)
                 if self._plan.has_coco:
                     rows.append(image_row(labels, f"frame_{frame:04d}.png"))
                 warnings |= dict.fromkeys((*labels.warnings, *lacking))
@@ -108,15 +125,26 @@ class LabelWork(PieceWork):
         finally:
             sync.close()
         if self._plan.has_coco:
-            write_rows(rows, self.place.path_of(piece.files[-1]))
+            write_rows(rows, self.place.path_of(f"{piece.stem}.coco.jsonl"))
+        if self._plan.has_bop:
+            write_rows(bop_rows, self.place.path_of(f"{piece.stem}.bop.jsonl"))
+            models.save(self.place.path_of(f"{piece.stem}.bop_models.npz"))
         self.place.finish(piece, warnings=list(warnings))
         yield Done({"frames": len(piece.frames)}, tuple(warnings))
 
     def join(self) -> None:
-        """The file of COCO's format, of all pieces, in the order of their frames. Raises OSError."""
-        if self.joined:
-            paths = [self.place.path_of(piece.files[-1]) for piece in self.pieces]
-            join_rows(lambda: read_rows(paths), self.place.path_of(self.joined[0]))
+        """The file of COCO's format, and the folder of BOP's, of all pieces, in the order of their frames.
+
+        Raises OSError.
+        """
+
+        def paths(ending: str) -> list[Path]:
+            return [self.place.path_of(f"{piece.stem}.{ending}") for piece in self.pieces]
+
+        if self._plan.has_coco:
+            join_rows(lambda: read_rows(paths("coco.jsonl")), self.place.path_of(self.joined[0]))
+        if self._plan.has_bop:
+            bop.join_rows(lambda: read_rows(paths("bop.jsonl")), paths("bop_models.npz"), self.place.folder)
 
     def _label(self, frame: int, sync: SceneSync) -> Generator[float, None, Labels]:
         """Of one frame, as it would be rendered."""
