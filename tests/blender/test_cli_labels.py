@@ -127,7 +127,7 @@ def test_a_percentage_that_leaves_one_pixel_is_honoured(small_file: Path, tmp_pa
         (("--layers", "0"), "must be 1 to 1000"),
         (("--frames", "x"), "expected frames such as"),
         (("--size", "1x3"), "no side below 4 pixels, got 1x3; make a larger image and cut it"),
-        (("--depth-scale", "0.01"), "--depth-scale is of PNG files: add png to --format"),
+        (("--depth-scale", "0.01"), "--depth-scale is of PNG files: add png or bop to --format"),
         (("-o", "{file}"), "expected a folder, it is a file"),
     ],
 )

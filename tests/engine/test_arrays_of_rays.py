@@ -204,3 +204,11 @@ def test_what_is_no_array_to_write_into(scene):
         scene.cast_rays(*RAYS, out=earlier)
     with pytest.raises(ValueError, match="out has 'instance_ids', which is not among the fields t_hit"):
         scene.cast_rays(*RAYS, out=scene.cast_rays(*RAYS), fields=("t_hit",))
+
+
+def test_hits_without_ids_and_t_say_what_is_hit_needs() -> None:
+    scene = perfect_bvh.Scene()
+    scene.commit()
+    hits = scene.cast_rays(np.zeros((2, 3)), np.ones((2, 3)), fields=("positions",))
+    with pytest.raises(AttributeError, match="it needs t_hit or an id"):
+        hits.is_hit  # noqa: B018

@@ -324,7 +324,7 @@ Bsdf::Sample Bsdf::sample_surface(float left, Point2 random) const noexcept {
   const float height = dot(out, normal_);
   const bool goes_beyond = sample.kind == Scatter::kTranslucent || sample.kind == Scatter::kRefracted;
   const bool is_facet = sample.kind == Scatter::kGlossy || sample.kind == Scatter::kRefracted;
-  if (!is_facet && goes_beyond == (height > 0.0f)) return {};
+  if ((is_coat || !is_facet) && goes_beyond == (height > 0.0f)) return {};  // a facet's own normal says
   sample.direction = frame_.world(out);
   const bool is_single =
       is_coat ? is_smooth_coat : is_smooth() || (sample.kind == Scatter::kRefracted && glass_.ior() == 1.0f);
