@@ -1,5 +1,5 @@
-// Which clusters of a binary tree over leaf blocks become children of which wide node: the choice of least expected
-// cost, as in collapse.cpp, for trees whose leaves are made already.
+// Chooses which clusters of a binary tree over leaf blocks become the children of each wide node. The choice has the
+// least expected cost, as in collapse.cpp, but the leaves exist already.
 // In: a cluster tree. Out: a decision for every cluster of two.
 #pragma once
 
@@ -16,8 +16,9 @@
 
 namespace perfect_bvh {
 
-// What a subtree costs with 1 to 8 places. The lowest three bits say how many of them go to the left child: 0 if the
-// cluster takes one place itself. Those of one place say how a node of its own would divide its eight.
+// The cost of a subtree with 1 to 8 slots. The lowest three bits are the number of slots for the left child, or 0 if
+// the cluster takes one slot itself. In the first entry they say how the cluster, as a node itself, would divide its
+// eight.
 struct alignas(32) PlacesPlan {
   float cost[8];
 
@@ -26,25 +27,26 @@ struct alignas(32) PlacesPlan {
   }
 };
 
-// One for each cluster that is made of two, at its number less that of boxes. In `scratch`.
+// Makes one plan for each cluster that joins two; its index is the cluster's number minus the number of boxes. In
+// `scratch`.
 [[nodiscard]] std::span<const PlacesPlan> plan_places(const ClusterTree& tree, Scratch& scratch, ThreadPool& pool,
                                                       CancelToken& cancel);
 
 // Bottom up -----------------------------------------------------------------------------------------------------------
-// Every node of a wide tree, children before their parents, by several threads: subtrees are tasks, the few nodes
-// above them follow. Any order of the array will do, so that parts of a tree may be exchanged.
+// Visits every node of a wide tree, children before their parents, on several threads: subtrees are tasks, and the few
+// nodes above them follow. The array may be in any order, so that parts of a tree can be replaced.
 
-// Lists of nodes in which parents come first: one is to go through them from the last to the first. Every node is in
-// one list. The same lists for any number of threads.
+// Lists of nodes in which parents come first: iterate over them from the last to the first. Every node is in one list.
+// The lists do not depend on the number of threads.
 struct BottomUpOrder {
   std::vector<std::vector<std::uint32_t>> subtrees;  // none below another
-  std::vector<std::uint32_t> upper;                  // all that is above them
+  std::vector<std::uint32_t> upper;                  // all nodes above them
 };
 
 [[nodiscard]] BottomUpOrder order_bottom_up(const WideBvh& tree, ThreadPool& pool, CancelToken& cancel);
 
-// Calls visit(rows) with each list, the upper one last and all others in no order, on any thread. Of a long list the
-// last rows come first, a part at a time.
+// Calls visit(rows) with each list: the upper one last, the others in any order on any thread. A long list is passed in
+// chunks, its last rows first.
 template <class Visit>
 void visit_bottom_up(const BottomUpOrder& order, ThreadPool& pool, CancelToken& cancel, const Visit& visit) {
   const auto visit_list = [&](std::span<const std::uint32_t> rows) {

@@ -16,7 +16,7 @@
 namespace perfect_bvh {
 namespace {
 
-// Scale: 0 for the one that the boxes ask for.
+// `scale`: 0 to derive it from the boxes.
 WideBvh collapse(const Bvh2& given, const Mesh* mesh, float scale, ThreadPool& pool, CancelToken& cancel) {
   WideBvh wide;
   if (given.empty()) return wide;
@@ -31,8 +31,8 @@ WideBvh collapse(const Bvh2& given, const Mesh* mesh, float scale, ThreadPool& p
   costs.scale = tree_scale(bounds);
   wide.scale = scale > 0 ? scale : costs.scale;
   wide.extent = tree_extent(bounds, wide.scale);
-  // Measured on three meshes: 3 to 11% fewer nodes, and visits to them as before. In a tree of few nodes each of them
-  // is met by many rays.
+  // Measured on three meshes: 3 to 11% fewer nodes, at equal visits. In a tree of few nodes, each node is hit by many
+  // rays.
   constexpr float kMemory = 10.0f;
   if (mesh != nullptr) costs.memory = std::min(kMemory, static_cast<float>(tree.prim_indices.size()) / 64.0f);
   const auto decisions = plan_collapse(tree, room, costs, pool, cancel);
@@ -63,10 +63,10 @@ AlignedVector<WideNode> collapse_over_leaves(const Bvh2& tree, ThreadPool& pool,
 }
 
 // Collapse plan -------------------------------------------------------------------------------------------------------
-// Which nodes of a binary tree become children of which wide node, and which subtrees become leaves: the choice of
-// least expected cost (optimal collapse by dynamic programming, after Wald, Benthin and Boulos 2008 and Ylitie,
-// Karras and Laine 2017).
-// In: a binary tree, and what a leaf may hold. Out: a decision for every node, from which the wide tree is emitted.
+// Chooses which nodes of a binary tree become the children of each wide node, and which subtrees become leaves. The
+// choice has the least expected cost (optimal collapse by dynamic programming, after Wald, Benthin and Boulos 2008 and
+// Ylitie, Karras and Laine 2017).
+// In: a binary tree, and the capacity of a leaf. Out: a decision for every node, from which the wide tree is emitted.
 
 namespace {
 
@@ -76,7 +76,7 @@ namespace {
 
 constexpr float kNever = std::numeric_limits<float>::infinity();
 
-// What a subtree would hold as one leaf.
+// The contents of a subtree if it becomes one leaf.
 struct LeafContents {
   bool fits = false;
   std::uint32_t reference_count = 0;
@@ -84,16 +84,16 @@ struct LeafContents {
   SmallSet primitives;  // where a primitive may be referred to twice (spatial splits)
 };
 
-// Where no leaves can be joined (a top level, leaves that are full already), contents need not be known.
+// Used if no leaves can be joined (a top level, or leaves that are full already): the contents are not needed.
 struct NoContents {};
 
-// What a planned node is to its parent: the least cost of giving it 1, 2 ... 8 places at most. Before them stand
-// infinite ones, so that costs can be read from up to 6 places further down.
+// A planned node as its parent sees it: the least cost of giving it at most 1, 2 ... 8 slots. Infinite costs precede
+// them, so that costs can be read from up to 6 entries before.
 template <class Contents>
 struct alignas(16) Planned {
   static constexpr std::size_t kOne = 11;
   std::array<float, kOne + 9> costs;
-  bool is_leaf = false;  // of the binary tree: more places do not make it cheaper
+  bool is_leaf = false;  // of the binary tree: more slots do not make it cheaper
   Contents contents;
 
   [[nodiscard]] float cost(std::size_t places) const noexcept { return costs[kOne - 1 + places]; }
@@ -106,7 +106,7 @@ struct alignas(16) Planned {
   }
 };
 
-// Both children of a node together: the least cost of giving them 2, 3 ... 9 places, and how many the left one gets.
+// Both children of a node: the least cost of giving them 2, 3 ... 9 slots, and the number that the left one gets.
 template <class Contents>
 struct PlannedPair {
   std::uint32_t pair;  // the left child
@@ -115,7 +115,7 @@ struct PlannedPair {
   Contents contents;
 };
 
-// Pairs wait on a stack: backwards through depth-first order, a node's children are on top when it is their turn.
+// Pairs wait on a stack. In reverse depth-first order, a node's children are on top when the node is planned.
 // Contents: LeafContents or NoContents.
 template <class Contents>
 class Planner {
@@ -141,7 +141,7 @@ class Planner {
     return top;
   }
 
-  // The pairs in [begin, end), which stand below one node.
+  // Plans the pairs in [begin, end), which are below one node.
   [[nodiscard]] Pair plan_below(std::uint32_t begin, std::uint32_t end) {
     for (std::uint32_t pair = end; pair > begin;) plan_pair(pair -= 2);
     return pop(begin);
@@ -252,7 +252,7 @@ struct Part {
 
 constexpr std::uint32_t kSubtreeSize = 8192;  // nodes that one thread plans at a time
 
-// In depth-first order.
+// Returns the parts in depth-first order.
 std::vector<Part> make_parts(const Bvh2& tree) {
   std::vector<Part> parts;
   std::vector<SubtreeRange> waiting{whole_range(tree)};

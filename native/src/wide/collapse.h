@@ -1,6 +1,5 @@
 // Makes the tree that rays are traced through from a binary one.
-// In: any Bvh2 (spatial splits too), and the triangles it stands over. Out: a WideBvh, the same bytes whatever machine
-// made it.
+// In: any Bvh2 (also with spatial splits), and its triangles. Out: a WideBvh, the same bytes on every machine.
 #pragma once
 
 #include <array>
@@ -20,19 +19,19 @@ namespace perfect_bvh {
 
 [[nodiscard]] WideBvh collapse_mesh(const Bvh2& tree, const Mesh& mesh, ThreadPool& pool, CancelToken& cancel);
 
-// Over instances (their world boxes): leaves refer to one each.
+// Collapses a tree over instances (their world boxes). Each leaf refers to one instance.
 [[nodiscard]] WideBvh collapse_top_level(const Bvh2& tree, ThreadPool& pool, CancelToken& cancel);
 
-// Over two leaf blocks or more of a wide tree (their boxes as stored, numbered by row): the nodes above them, the root
-// first.
+// Collapses a tree over two or more leaf blocks of a wide tree (their boxes as stored, numbered by row). Returns the
+// nodes above them, the root first.
 [[nodiscard]] AlignedVector<WideNode> collapse_over_leaves(const Bvh2& tree, ThreadPool& pool, CancelToken& cancel);
 
 // Collapse steps ------------------------------------------------------------------------------------------------------
-// The steps of a collapse from a binary tree to a wide one: leaves are made small enough, the wide nodes are chosen
-// and the wide tree is written.
+// The steps of a collapse from a binary tree to a wide one: split large leaves, choose the wide nodes, write the wide
+// tree.
 
-// A copy of the tree whose leaves all fit into one leaf of the wide tree: those that do not are halved, with the boxes
-// that they had (a clipped box says nothing of the halves). Empty (no nodes) if all of them fit already.
+// Returns a copy of the tree in which every leaf fits into one leaf of the wide tree. Larger leaves are halved; the
+// halves keep the leaf's box, as a clipped box gives no bounds for them. Empty (no nodes) if all leaves fit already.
 [[nodiscard]] Bvh2 split_leaves(const Bvh2& tree, const LeafRoom& room, ThreadPool& pool, CancelToken& cancel);
 
 // Costs relative to visiting a wide node.
@@ -40,13 +39,13 @@ struct CollapseCosts {
   float node = 1.0f;
   float leaf = 0.5f;
   float scale = 1.0f;  // of the boxes whose surfaces are compared: very large ones would leave the range of float
-  // Of each wide node besides its visits, for the memory that it takes: in units of the root's area, shared out among
-  // the primitives. It fills nodes better where they are so small that rays hardly meet them.
+  // The cost of a wide node's memory, in addition to its visits: in units of the root's area, divided by the number of
+  // primitives. It makes nodes fuller where they are so small that rays hardly hit them.
   float memory = 0.0f;
 };
 
-// share[k - 2]: with k places for its subtree, a node gives this many to its left child; 0: it takes one place itself.
-// left_of_node: the left share when it is a wide node itself. is_leaf: it becomes a leaf when it takes one place.
+// share[k - 2]: if its subtree has k slots, a node gives this many to its left child; 0: it takes one slot itself.
+// left_of_node: the left share if it is a wide node itself. is_leaf: it becomes a leaf if it takes one slot.
 struct CollapseDecision {
   std::array<std::uint8_t, 7> share;
   std::uint8_t left_of_node : 7;
@@ -54,25 +53,25 @@ struct CollapseDecision {
 };
 static_assert(sizeof(CollapseDecision) == 8);
 
-// Every leaf of the tree must fit into one leaf of the wide tree (see split_leaves). One decision for each node. Throws
-// EngineError if the tree is not in depth-first order.
+// Makes one decision for each node. Every leaf of the tree must fit into one leaf of the wide tree (see split_leaves).
+// Throws EngineError if the tree is not in depth-first order.
 [[nodiscard]] AlignedVector<CollapseDecision> plan_collapse(const Bvh2& tree, const LeafRoom& room,
                                                             const CollapseCosts& costs, ThreadPool& pool,
                                                             CancelToken& cancel);
 
-// Writes the wide tree that was planned, depth first.
-// Fills in nodes, leaves, root and depth; the scale must be set. Mesh: null for a top level. Threads share out
-// subtrees: they first count what each will need, then write it where it belongs. Throws EngineError if the tree gets
-// more nodes, leaves or instances than a child can refer to.
+// Writes the planned wide tree, depth first.
+// Fills in nodes, leaves, root and depth; the scale must be set. `mesh` is null for a top level. Threads divide the
+// subtrees: they first count the rows that each needs, then write them to their final position. Throws EngineError if
+// the tree gets more nodes, leaves or instances than a child can refer to.
 void emit_wide(const Bvh2& tree, const Mesh* mesh, std::span<const CollapseDecision> decisions, WideBvh& wide,
                ThreadPool& pool, CancelToken& cancel);
 
 // Visit order ---------------------------------------------------------------------------------------------------------
-// In which order a ray visits the children of a wide node.
+// The order in which a ray visits the children of a wide node.
 
-// Fills in `order` of a node whose first `count` places are taken: the child whose box stands farthest along the
-// diagonal of a ray's octant comes first, since what is pushed last is visited first. For four octants; the opposite
-// ones see the reverse.
+// Fills in `order` of a node whose first `count` slots are used. The child whose box is farthest along the diagonal of
+// a ray's octant comes first, because the last child pushed is visited first. Computes four octants; the opposite ones
+// use the reverse.
 void set_visit_order(WideNode& node, std::uint32_t count) noexcept;
 
 }  // namespace perfect_bvh

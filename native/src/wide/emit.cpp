@@ -15,15 +15,15 @@ namespace perfect_bvh {
 namespace {
 
 using Octants = std::array<Float4, kWideWidth>;  // by child; lanes: the octants below
-// Rays that run up all axes, and down one of them. 7 minus each is the opposite one.
+// Rays that run up all axes, and rays that run down one. 7 minus an octant is the opposite one.
 constexpr std::array<std::uint32_t, 4> kOctants{0, 1, 2, 4};
 
-// One number for each place, in bytes from the lowest on: who stands there.
+// One number for each slot, in bytes from the lowest on: the child in that slot.
 using Places = std::uint64_t;
 constexpr Places kEveryoneAtHome = 0x0706050403020100u;
 
 struct PlaceTable {
-  std::array<std::array<Places, kWideWidth>, kWideWidth> child_at{};  // a child at a place
+  std::array<std::array<Places, kWideWidth>, kWideWidth> child_at{};  // a child at a slot
 };
 constexpr PlaceTable kTable = [] {
   PlaceTable table;
@@ -35,7 +35,7 @@ constexpr PlaceTable kTable = [] {
   return table;
 }();
 
-// How far along the octants' diagonals the boxes stand; -infinity in places that are not taken.
+// Returns how far the boxes are along the octants' diagonals; -infinity for unused slots.
 Octants distances(const WideNode& node, std::uint32_t count) noexcept {
   constexpr float kFar = std::numeric_limits<float>::infinity();
   static constexpr std::array<float, 2 * kWideWidth> kLimits{kFar,  kFar,  kFar,  kFar,  kFar,  kFar,  kFar,  kFar,
@@ -56,7 +56,7 @@ Octants distances(const WideNode& node, std::uint32_t count) noexcept {
   return distance;
 }
 
-// How many come first; of two equal ones the first does.
+// The number of children that come earlier. Of two equal ones, the first comes first.
 struct Ranks {
   alignas(16) std::array<std::array<std::uint32_t, 4>, kWideWidth> of;  // by child, then octant
 };
@@ -77,7 +77,7 @@ Ranks rank(const Octants& distance) noexcept {
   return ranks;
 }
 
-// The first `count` places from the last to the first; the others as they are.
+// Reverses the first `count` slots and keeps the others.
 Places reversed(Places places, std::uint32_t count) noexcept {
   if (count == 0) return kEveryoneAtHome;
   const std::uint32_t spare = 8 * (kWideWidth - count);
@@ -120,7 +120,7 @@ struct Totals {
   std::uint32_t depth = 0;
 };
 
-// The plan, read from the top. No recursion deeper than a leaf: trees may be as deep as they like.
+// Reads the plan from the top. Recursion is no deeper than a leaf, so trees may have any depth.
 class Plan {
  public:
   Plan(const Bvh2& tree, std::span<const CollapseDecision> decisions) : tree_(tree), decisions_(decisions) {}
@@ -137,7 +137,7 @@ class Plan {
   }
 
  private:
-  // The nodes that become children when the subtree is given `places`.
+  // Lists the nodes that become children if the subtree gets `places` slots.
   void spread(SubtreeRange range, std::uint32_t places, Children& children) const noexcept {
     const std::uint32_t to_left = places == 1 ? 0 : decisions_[range.node].share[places - 2];
     if (to_left == 0) {
@@ -156,21 +156,21 @@ class Plan {
 struct Part {
   SubtreeRange range;
   std::uint32_t depth;   // of its root, from 1 on
-  std::uint32_t parent;  // part that holds its parent; the root's is 0
-  std::uint32_t lane;    // there
+  std::uint32_t parent;  // the part that holds its parent; the root's is 0
+  std::uint32_t lane;    // of the parent node
   bool is_subtree;
-  Totals totals;  // of what is in it
+  Totals totals;  // of its contents
   std::size_t first_node = 0, first_leaf = 0;
 };
 
-constexpr std::uint32_t kSubtreeSize = 8192;  // binary nodes below what is one piece of work
+constexpr std::uint32_t kSubtreeSize = 8192;  // binary nodes below the root of one task
 
 class Emitter {
  public:
   Emitter(const Plan& plan, const Mesh* mesh, WideBvh& wide)
       : plan_(plan), mesh_(mesh), triangles_(mesh != nullptr ? mesh->triangles.data() : nullptr), wide_(wide) {}
 
-  // What a subtree will need.
+  // Counts the rows that a subtree will need.
   [[nodiscard]] Totals count(const Part& part) {
     Totals totals;
     waiting_.assign(1, {part.range, part.depth, 0, 0});
@@ -207,7 +207,7 @@ class Emitter {
     }
   }
 
-  // How a part's root is referred to.
+  // Returns the child reference to a part's root.
   [[nodiscard]] std::uint32_t child_of(const Part& part) const {
     if (!plan_.is_leaf(part.range.node)) return static_cast<std::uint32_t>(part.first_node);
     if (mesh_ == nullptr) return instance_of(part.range.node);
@@ -256,8 +256,8 @@ class Emitter {
     return kBlockChild + next_leaf_++;
   }
 
-  // Leaves are written about in the order of the binary tree's rows: what those to come are made of is fetched before
-  // it is needed. In line: GCC drops calls that do nothing else.
+  // Leaves are written roughly in the order of the binary tree's rows, so the triangles and vertices of later leaves
+  // are prefetched. Inlined, because GCC drops calls that only prefetch.
   [[gnu::always_inline]] void fetch_ahead(std::size_t row) const noexcept {
     constexpr std::size_t kTrianglesAhead = 32, kVerticesAhead = 16;
     const auto& rows = plan_.tree().prim_indices;

@@ -21,9 +21,9 @@
 namespace perfect_bvh {
 namespace {
 
-// A run's vertices, each once, and every corner's place among them; and the triangles' numbers. The cutter has noted
-// how long ago a corner's vertex occurred. A loop whose length cannot be foreseen costs as much as all else here: there
-// is but one.
+// A run's vertices, each once, the index of every corner among them, and the triangles' numbers. The cutter has noted
+// how long ago a corner's vertex occurred. A loop of unpredictable length costs as much as all else here, so there is
+// only one.
 struct RunContents {
   std::array<std::uint32_t, kLeafSize + 1> vertices;
   std::uint32_t vertex_count = 0;
@@ -35,7 +35,7 @@ struct RunContents {
     numbers.fill(std::numeric_limits<std::int32_t>::max());
     const Vec3f* const positions = mesh.positions.data();
     std::array<std::uint8_t, kMostBack + 3 * kLeafSize> places_of;
-    std::uint8_t* const place_of = places_of.data() + kMostBack;  // with room before it: no branch is needed to read
+    std::uint8_t* const place_of = places_of.data() + kMostBack;  // entries before it can be read too
     const auto place = [&](std::uint32_t corner) {
       const std::uint32_t back = way_back[corner], vertex = corner_vertices[corner];
       __builtin_prefetch(positions + corner_vertices[corner + kCornersAhead]);
@@ -55,7 +55,7 @@ struct RunContents {
   }
 };
 
-// Rows of the block in the order of the triangles' numbers; the last is repeated.
+// Fills the block's rows in the order of the triangles' numbers; the last is repeated.
 void write_triangles(LeafBlock& block, const RunContents& run, std::uint32_t size) noexcept {
   const Int4 low = Int4::load(&run.numbers[0]), high = Int4::load(&run.numbers[4]);
   Int4 low_ranks(0), high_ranks(0);
@@ -68,7 +68,7 @@ void write_triangles(LeafBlock& block, const RunContents& run, std::uint32_t siz
   rank_above(4), rank_above(5), rank_above(6), rank_above(7);
   alignas(16) std::array<std::uint32_t, kLeafSize> ranks;
   low_ranks.store(&ranks[0]), high_ranks.store(&ranks[4]);
-  // By rank, who stands there: in digits, of which those past the size mean nothing.
+  // The triangle of each rank, one digit (4 bits) per rank. Digits past the size are meaningless.
   std::uint32_t order = 0;
   for (std::uint32_t i = 0; i < kLeafSize; ++i) order += i << (4 * ranks[i]);
   const std::uint32_t last = (order >> (4 * (size - 1))) & 7;
@@ -81,13 +81,13 @@ void write_triangles(LeafBlock& block, const RunContents& run, std::uint32_t siz
   }
 }
 
-// A box is the same whichever of its zeros came first: -0 + 0 is 0.
+// Makes a box independent of which of its zeros came first: -0 + 0 is 0.
 [[nodiscard]] Box4 with_positive_zeros(const Box4& box) noexcept {
   const Float4 zero(0.0f);
   return {box.lower + zero, box.upper + zero};
 }
 
-// In as many parts as there are threads: each needs a memory of all vertices.
+// Cuts in as many parts as there are threads, because each needs memory for all vertices.
 void cut_runs(const Mesh& mesh, const TriangleOrder& order, Runs& runs, Scratch& scratch, ThreadPool& pool,
               CancelToken& cancel) {
   const std::size_t chunk_count = runs.counts.size();
@@ -104,7 +104,7 @@ void cut_runs(const Mesh& mesh, const TriangleOrder& order, Runs& runs, Scratch&
   });
 }
 
-// The leaves of the chunk whose first triangle stands in place `begin`, from row `row` on.
+// Fills the leaves of the chunk whose first triangle is at position `begin`, from row `row` on.
 void fill_leaves(TriangleTraits, const Mesh& mesh, const TriangleOrder& order, std::size_t begin,
                  std::span<const std::uint8_t> sizes, const Runs& runs, std::size_t row,
                  MortonLeaves& leaves) noexcept {
@@ -151,7 +151,7 @@ void check_count(std::size_t count, bool has_corners) {
 MortonLeaves make_morton_leaves(const Mesh& mesh, Scratch& tree_memory, ThreadPool& pool, CancelToken& cancel) {
   const std::size_t count = mesh.primitive_count();
   check_count(count, !mesh.triangles.empty());
-  const std::size_t vertex_memory = mesh.positions.size() * sizeof(std::uint32_t);  // of a thread
+  const std::size_t vertex_memory = mesh.positions.size() * sizeof(std::uint32_t);  // per thread
   Scratch scratch;
   scratch.expect(order_byte_count(count) + count + 15 * mesh.triangles.size() + vertex_memory);
   const TriangleOrder order = order_triangles(mesh, scratch, pool, cancel);
@@ -170,7 +170,7 @@ MortonLeaves make_morton_leaves(const Mesh& mesh, Scratch& tree_memory, ThreadPo
     const std::size_t chunk = begin / kRunChunk, row = first_leaves[chunk];
     const auto sizes = runs.sizes.subspan(begin, runs.counts[chunk]);
     with_kind(mesh.kind, [&](auto kind) { fill_leaves(kind, mesh, order, begin, sizes, runs, row, leaves); });
-    cancel.advance(2 * (end - begin));  // what is left takes little: there is no binary tree
+    cancel.advance(2 * (end - begin));  // the rest takes little time: there is no binary tree
   });
   return leaves;
 }
@@ -181,13 +181,13 @@ namespace {
 
 struct Child {
   std::uint32_t cluster;
-  std::uint32_t row, lane;  // where it is to be entered
+  std::uint32_t row, lane;  // where to write the reference to it
   std::uint32_t depth;      // of the node that it becomes
 };
 
-constexpr std::uint32_t kNoParent = ~0u;  // as `row`: the root
+constexpr std::uint32_t kNoParent = ~0u;  // `row` of the root
 
-// The children of a wide node, as planned.
+// Finds the children of a wide node, according to the plan.
 class Spreader {
  public:
   Spreader(const ClusterTree& tree, std::span<const PlacesPlan> plans) noexcept
@@ -224,13 +224,13 @@ class Spreader {
   std::uint32_t count_ = 0;
 };
 
-// Goes through wide nodes as planned, depth first.
+// Goes through the planned wide nodes, depth first.
 class Walk {
  public:
   Walk(const ClusterTree& tree, std::span<const PlacesPlan> plans) noexcept : spreader_(tree, plans) {}
 
-  // Calls body(now, node's children, row) for everything below `root`, rows counted from `row` on; clusters numbered
-  // below `end` are left to others and added to `left`. Returns the first row that is free.
+  // Calls body(now, node's children, row) for everything below `root`, counting rows from `row` on. Clusters numbered
+  // below `end` are not visited but added to `left`. Returns the first free row.
   template <class Body>
   std::uint32_t run(const Child& root, std::uint32_t end, std::uint32_t row, std::vector<Child>& left,
                     CancelToken& cancel, const Body& body) {
@@ -265,7 +265,7 @@ void write_node(const Spreader& children, WideNode& node) noexcept {
   set_visit_order(node, children.count());
 }
 
-// Subtrees are shared out over threads: they are first counted, then written where they belong.
+// Divides the subtrees among threads. They are first counted, then written to their final position.
 class Assembly {
  public:
   Assembly(const ClusterTree& tree, std::span<const PlacesPlan> plans, ThreadPool& pool, CancelToken& cancel)
@@ -284,7 +284,7 @@ class Assembly {
     std::vector<Child> below;
     static_cast<void>(Walk(tree_, plans_).run(root, tree_.top.begin, 0, below, cancel_, write));
     for_groups([&](Walk& walk, std::size_t group, std::span<const Child> subtrees) {
-      std::uint32_t row = groups[group].end_row;  // of the one before
+      std::uint32_t row = groups[group].end_row;  // of the previous group
       std::vector<Child> none;
       for (const Child& subtree : subtrees) row = walk.run(subtree, 0, row, none, cancel_, write);
     });

@@ -1,4 +1,4 @@
-// The leaves of a wide tree straight from a mesh: triangles put in the order of their Morton codes and cut into runs
+// Makes the leaves of a wide tree directly from a mesh: triangles are sorted by their Morton codes and cut into runs
 // that fit into leaves (Morton 1966; Lauterbach et al. 2009, "Fast BVH construction on GPUs").
 // In: a mesh. Out: leaves along the curve, and their boxes.
 #pragma once
@@ -14,23 +14,23 @@
 namespace perfect_bvh {
 
 struct MortonLeaves {
-  WideBvh tree;           // so far of leaves alone
+  WideBvh tree;           // has only leaves yet
   BoxesAlongCurve boxes;  // of the leaves, in the tree's scale
-  Aabb bounds;            // of all triangles, in the mesh's
+  Aabb bounds;            // of all triangles, in the mesh's scale
 };
 
-// The boxes stand in `tree_memory`, which is told what a tree over them will take. The same bytes for any number of
+// The boxes are in `tree_memory`, which also reserves memory for a tree over them. The same bytes for any number of
 // threads. The mesh is not empty. Throws Cancelled, EngineError, bad_alloc.
 [[nodiscard]] MortonLeaves make_morton_leaves(const Mesh& mesh, Scratch& tree_memory, ThreadPool& pool,
                                               CancelToken& cancel);
 
 // Fast wide -----------------------------------------------------------------------------------------------------------
-// A wide tree straight from a mesh, without a binary tree in between that would be kept: for topology that changes
-// every frame (lecture, "Rapid construction"). Leaves along a Morton curve, clustered in place, collapsed as they are:
-// a third to a quarter of the time of any builder whose tree is collapsed afterwards.
+// Builds a wide tree directly from a mesh, without keeping a binary tree in between. It is for topology that changes
+// every frame (lecture, "Rapid construction"). Leaves along a Morton curve are clustered in place, and the clusters are
+// collapsed directly. This takes a third to a quarter of the time of any builder whose tree is collapsed afterwards.
 // In: a mesh. Out: a WideBvh, the same bytes for any number of threads.
 
-// Empty over no triangles. Throws Cancelled, EngineError, bad_alloc.
+// Returns an empty tree if there are no triangles. Throws Cancelled, EngineError, bad_alloc.
 [[nodiscard]] WideBvh build_fast_wide(const Mesh& mesh, ThreadPool& pool, CancelToken& cancel);
 
 }  // namespace perfect_bvh

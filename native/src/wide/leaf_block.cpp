@@ -64,22 +64,23 @@ LeafBlock make_leaf(TriangleTraits, const std::uint32_t* primitives, std::uint32
     const auto [x, y, z] = vertices.add(corners.x, corners.y, corners.z);
     words[i] = x | y << 4 | z << 8;
   }
-  // To the end, whatever the count: a loop of unforeseeable length costs as much as all that is in it.
+  // Always 8 iterations: a loop of unpredictable length would cost as much as its whole body.
   for (std::uint32_t i = 0; i < 8; ++i) block.corners[i] = words[std::min(i, count - 1)];
   static_cast<void>(write_vertices(block, vertices.numbers().data(), mesh, scale));
   return block;
 }
 
 // Curve leaf ----------------------------------------------------------------------------------------------------------
-// Leaves over curves: each segment's capsule in whole steps, eight side by side. How exact it is, in steps. A
-// coordinate is subtracted, multiplied and rounded to a whole number: with u = 2^-24 that moves it by less than .5 + 3
-// * 1024 u < .5002 on each axis, so a centre by less than .8664. A radius grows by more: by .8671, the products'
+// Leaves over curves: the capsule of each segment in whole steps, eight side by side. Precision, in steps: a coordinate
+// is subtracted, multiplied and rounded to a whole number. With u = 2^-24 that moves it by less than .5 + 3 * 1024 u <
+// .5002 on each axis, so a centre by less than .8664. A radius grows by more: by .8671, by the products' rounding
+// errors, and to the next whole number.
 // roundings, and to the next whole number.
 
 namespace {
 
-constexpr float kMostSteps = 1023.0f;   // of ten bits
-constexpr float kMostRadius = 250.0f;   // with all that it grows by, of eight
+constexpr float kMostSteps = 1023.0f;   // in ten bits
+constexpr float kMostRadius = 250.0f;   // in eight bits, with all growth
 constexpr float kMostInUnit = 0x1p48f;  // so that no product of steps leaves the range of float
 
 // The balls at one end of eight segments, as rows: x, y, z, radii of the first four, then of the others.
@@ -97,14 +98,14 @@ using BallRows = std::array<Float4, 8>;
   return std::min({of_axes, of_radii, kMostInUnit});
 }
 
-// Of four centres.
+// Writes the words of four centres.
 void write_words(const Float4* rows, const CurveLeaf& leaf, std::uint32_t* words) noexcept {
   const Float4 steps(leaf.corner.steps), half(0.5f);
   const auto rounded = [&](int axis) { return truncate((rows[axis] - Float4(leaf.corner.at[axis])) * steps + half); };
   (rounded(0) | rounded(1) << 10 | rounded(2) << 20).store(words);
 }
 
-// Where what a leaf holds is now.
+// Updates a leaf to the present positions of its primitives.
 void move_leaf(PointLeaf& /*leaf*/, const Mesh& /*mesh*/, float /*scale*/) noexcept {}
 void move_leaf(CurveLeaf& leaf, const Mesh& mesh, float scale) noexcept {
   std::array<Float4, 8> first, last;
@@ -118,7 +119,7 @@ void move_leaf(CurveLeaf& leaf, const Mesh& mesh, float scale) noexcept {
   box.lower.store(&lower[0]), box.upper.store(&upper[0]), (box.upper - box.lower).store(&extent[0]);
   for (std::size_t axis = 0; axis < 3; ++axis) leaf.corner.at[axis] = lower[axis] + 0.0f;  // no -0
   leaf.corner.steps = steps_for(std::max({extent[0], extent[1], extent[2]}), upper[3]);
-  // While a tree is refitted coordinates may leave the range of its scale: then it is refitted once more, in another.
+  // While a tree is refitted, coordinates may leave the range of its scale. It is then refitted again in another scale.
   if (!(leaf.corner.steps * (extent[0] + extent[1] + extent[2] + upper[3]) < 1e6f)) return;
   const BallRows firsts = to_rows(first), lasts = to_rows(last);
   for (std::size_t half = 0; half < 8; half += 4) {
@@ -153,18 +154,18 @@ void fetch_to_write(const void* place) noexcept { __builtin_prefetch(place, 1); 
 
 // Leaves of triangles -----------------------------------------------------------------------------------------------
 
-// What a leaf reads is asked for so many leaves ahead of time that it is in the cache when its turn comes: its numbers,
-// which are at hand where leaves stand in order, then what these refer to.
+// Data that a leaf reads is prefetched this many leaves ahead, so that it is in the cache in time: first its numbers,
+// which are close together if leaves are in order, then the vertices that they refer to.
 constexpr std::size_t kNumbersAhead = 24, kVerticesAhead = 8;
 
 void fetch_vertices(const VertexNumbers& numbers, const Vec3f* positions, const LeafBlock& block) noexcept {
   for (const std::uint32_t number : numbers.at) fetch(&positions[number]);
   fetch_to_write(&block.vertices[0][0]);
   fetch_to_write(&block.vertices[2][7]);
-  fetch_to_write(&block.corners[0]);  // which, of every other block, begin a third line of the cache
+  fetch_to_write(&block.corners[0]);  // in every other block, these begin a third cache line
 }
 
-// Positions are read as registers of four: what follows a vertex stands in a lane that means nothing.
+// Positions are read as registers of four: the bytes after a vertex land in a lane that is ignored.
 Box4 write_vertices(const VertexNumbers& numbers, const Vec3f* positions, Float4 scale, LeafBlock& block) noexcept {
   Box4 box = Box4::empty();
   for (std::uint32_t first = 0; first < 8; first += 4) {
@@ -203,7 +204,7 @@ void refit(TriangleTraits, const WideBvh& from, const LeafVertices& vertices, co
 
 // Leaves of curves and points --------------------------------------------------------------------------------------
 
-// Of eight of them.
+// Returns the box of eight of them.
 template <class Kind>
 Box4 round_box_of(const std::uint32_t* primitives, const Mesh& mesh, Float4 scale) noexcept {
   Box4 box = Box4::empty();
@@ -215,8 +216,8 @@ Box4 round_box_of(const std::uint32_t* primitives, const Mesh& mesh, Float4 scal
   return {box.lower * scale + zero, box.upper * scale + zero};
 }
 
-// From a leaf to its balls there are two steps through memory for points, three for curves, each of which knows where
-// the next one goes.
+// From a leaf to its balls there are two memory reads for points and three for curves. Each read gives the address of
+// the next.
 constexpr std::size_t kLeafAhead = 24, kSegmentsAhead = 16, kBallsAhead = 8;
 
 template <class Kind>

@@ -13,9 +13,9 @@
 
 namespace perfect_bvh {
 
-// What one leaf has room for: so many different primitives, and where it holds their vertices at most 8 of those.
+// The capacity of one leaf: the number of different primitives and, if the leaf stores vertices, at most 8 of those.
 struct LeafRoom {
-  std::uint32_t most = 1;                      // an instance, of a top level
+  std::uint32_t most = 1;                      // an instance, in a top level
   const TriangleIndices* triangles = nullptr;  // null: vertices do not count
 
   LeafRoom() noexcept = default;
@@ -33,33 +33,34 @@ struct LeafRoom {
   }
 };
 
-// So many leaves of the mesh's kind.
+// Resizes the tree's leaves of the mesh's kind to `count`, and clears the others.
 inline void make_room_for_leaves(const Mesh& mesh, std::size_t count, WideBvh& tree) {
   for_each_kind([&](auto kind) { leaves_of(kind, tree).clear(); });
   with_kind(mesh.kind, [&](auto kind) { leaves_of(kind, tree).resize(count); });
 }
 
-// From 1 to 8 different primitives, triangles over at most 8 vertices, in any order. Positions are taken times `scale`.
+// Makes a leaf of 1 to 8 different primitives in any order. Triangles share at most 8 vertices. Positions are
+// multiplied by `scale`.
 [[nodiscard]] LeafBlock make_leaf(TriangleTraits, const std::uint32_t* primitives, std::uint32_t count,
                                   const Mesh& mesh, float scale) noexcept;
 [[nodiscard]] CurveLeaf make_leaf(CurveTraits, const std::uint32_t* primitives, std::uint32_t count, const Mesh& mesh,
                                   float scale) noexcept;
 
-// One of a mesh's positions in a register; what stands behind it is in the fourth lane.
+// Loads one of a mesh's positions into a register. The fourth lane gets the bytes that follow it.
 [[nodiscard]] inline Float4 load_position(const Vec3f* position) noexcept {
   static_assert(sizeof(Vec3f) + kReadableBehind >= sizeof(Float4));
   return Float4::load_unaligned(position);
 }
 
-// Notes in a block, whose corners are known, how far its vertices extend.
+// Stores the extent of the vertices in a block whose corners are known.
 void write_span(LeafBlock& block, const Box4& box) noexcept;
 
-// The 8 vertices with these numbers, times `scale`, into a block whose corners are known. Returns their box, in which
-// zeros may have either sign.
+// Writes the 8 vertices with these numbers, times `scale`, into a block whose corners are known. Returns their box, in
+// which zeros may have either sign.
 Box4 write_vertices(LeafBlock& block, const std::uint32_t* vertices, const Mesh& mesh, float scale) noexcept;
 
-// 1 to 8 numbers by ascending order: then the first of several equal hits in a leaf is the one that wins ties. The
-// places past count repeat the last number.
+// Sorts 1 to 8 numbers in ascending order, so that the first of several equal hits in a leaf wins ties. Entries past
+// count repeat the last number.
 void write_sorted(const std::uint32_t* numbers, std::uint32_t count, std::uint32_t* sorted) noexcept;
 
 template <class Kind>
@@ -71,10 +72,10 @@ template <class Kind>
 }
 
 // Leaf refit ----------------------------------------------------------------------------------------------------------
-// The leaves of a wide tree, moved to where their primitives are now.
+// Updates the leaves of a wide tree after their primitives moved.
 
-// Writes to `to` what the leaves in these rows of `from` (it may be the same tree) become over the mesh's positions, in
-// the scale of `to`, and to `boxes` the box of each: with positive zeros, and fourth lanes that mean nothing.
+// Refits the leaves in these rows of `from` to the mesh's positions, and writes them to `to` (which may be the same
+// tree) in the scale of `to`. Writes the box of each to `boxes`, with positive zeros and undefined fourth lanes.
 // `vertices` are those of `from`.
 void refit_leaves(const WideBvh& from, const LeafVertices& vertices, const Mesh& mesh,
                   std::span<const std::uint32_t> rows, WideBvh& to, Box4* boxes) noexcept;

@@ -1,6 +1,6 @@
-// Cuts triangles that follow each other along a Morton curve into runs that fit into a leaf each, as long as they can
-// be within small subtrees of the codes' radix tree.
-// In: a chunk of the order. Out: the runs' lengths, and what filling the blocks needs to know of the corners.
+// Cuts triangles, sorted along a Morton curve, into runs that each fit into a leaf. Runs are as long as possible within
+// small subtrees of the codes' radix tree.
+// In: a chunk of the order. Out: the lengths of the runs, and data on the corners for filling the blocks.
 #pragma once
 
 #include <array>
@@ -30,12 +30,12 @@ struct TriangleOrder {
   }
 };
 
-// What it takes of `scratch`.
+// Returns the bytes that order_triangles() takes from `scratch`.
 [[nodiscard]] inline std::size_t order_byte_count(std::size_t triangle_count) noexcept {
   return 2 * triangle_count * sizeof(std::uint64_t);
 }
 
-// In `scratch`. The same for any number of threads.
+// Sorts the triangles, in `scratch`. The same order for any number of threads.
 [[nodiscard]] TriangleOrder order_triangles(const Mesh& mesh, Scratch& scratch, ThreadPool& pool, CancelToken& cancel);
 
 // Runs
@@ -43,31 +43,31 @@ struct TriangleOrder {
 
 inline constexpr std::size_t kRunChunk = 1024;  // triangles cut together; no run spans two chunks
 inline constexpr std::uint32_t kLeafSize = 8;   // triangles that a leaf holds, and vertices that a block does
-inline constexpr std::uint32_t kMostBack = 3 * kLeafSize;       // corners; what lies farther back is in no run together
+inline constexpr std::uint32_t kMostBack = 3 * kLeafSize;       // corners; those farther back are never in the same run
 inline constexpr std::uint32_t kLongAgo = ~0u - 2 * kMostBack;  // as a corner's number: far before corner 0
-// Where a leaf holds its vertices: all corners are numbered below kLongAgo.
+// For leaves that hold vertices: all corners are numbered below kLongAgo.
 inline constexpr std::size_t kMostCutTriangles = kLongAgo / 3;
-inline constexpr std::size_t kCornersAhead = 48;  // whose vertices are fetched before they are needed
+inline constexpr std::size_t kCornersAhead = 48;  // corners whose vertices are prefetched
 
-// Of all triangles, in the order of the curve.
+// The runs of all triangles, in the order of the curve.
 struct Runs {
-  std::span<std::uint8_t> sizes;    // of each chunk from its first triangle's place on; as many as `counts` says
+  std::span<std::uint8_t> sizes;    // each chunk's begin at its first triangle; `counts` has their number
   std::span<std::uint32_t> counts;  // by chunk
-  // Of triangles, whose leaves hold their vertices:
-  std::span<std::uint32_t> corners;  // three vertices for each triangle, and kCornersAhead of any behind them
+  // Only for triangles, whose leaves hold their vertices:
+  std::span<std::uint32_t> corners;  // three vertices for each triangle, then kCornersAhead arbitrary ones
   std::span<std::uint8_t> way_back;  // how many corners ago its vertex occurred last, at most kMostBack
 };
 
 [[nodiscard]] Runs make_room_for_runs(const Mesh& mesh, Scratch& scratch);
 
-// One for each thread: it remembers where in the order a vertex occurred last.
+// One for each thread. It remembers the position in the order where each vertex occurred last.
 class RunCutter {
  public:
-  // last_corners: of triangles a place for every vertex, of this cutter's own; else empty.
+  // last_corners: for triangles, one entry for every vertex, not shared with other cutters; else empty.
   RunCutter(const Mesh& mesh, const TriangleOrder& order, std::span<std::uint32_t> last_corners, Runs& runs,
             CancelToken& cancel);
 
-  // Triangles in places [begin, end) of the order: a chunk.
+  // Cuts the triangles at positions [begin, end) of the order, which are one chunk.
   void cut(std::size_t begin, std::size_t end) noexcept;
 
  private:
@@ -78,7 +78,7 @@ class RunCutter {
   const TriangleOrder& order_;
   std::span<std::uint32_t> last_corners_;  // by vertex: 3 * place + corner
   Runs& runs_;
-  // By triangle of the chunk: see kNewness; 0 where vertices do not count.
+  // By triangle of the chunk: see kNewness. 0 if vertices do not count.
   std::array<std::uint32_t, kRunChunk> newness_{};
 };
 

@@ -1,5 +1,5 @@
-// A set of up to 8 numbers in two registers: what decides whether triangles fit into a leaf, and which place each of
-// their vertices takes there.
+// A set of up to 8 numbers in two registers. It decides whether triangles fit into a leaf, and which slot each of their
+// vertices takes there.
 #pragma once
 
 #include <array>
@@ -15,13 +15,13 @@ class SmallSet {
  public:
   static constexpr std::uint32_t kMost = 8;
 
-  // Numbers that were added; more than kMost: they did not fit, and the set is of no more use.
+  // The count of numbers added. If it is more than kMost, they did not fit and the set must not be used further.
   [[nodiscard]] std::uint32_t count() const noexcept { return count_; }
   [[nodiscard]] bool overflows() const noexcept { return count_ > kMost; }
 
-  // Numbers below 2^31. Returns the place of the number in the order of their coming.
+  // Adds a number below 2^31. Returns its slot: slots follow the order of insertion.
   std::uint32_t add(std::uint32_t number) noexcept { return add_stored(stored_form(number)); }
-  // Three at once: a third of the time of one after the other. In line, so that a loop keeps the set in registers.
+  // Adds three at once, in a third of the time of three calls. Inlined, so that a loop keeps the set in registers.
   [[gnu::always_inline]] std::array<std::uint32_t, 3> add(std::uint32_t a, std::uint32_t b, std::uint32_t c) noexcept {
     const Int4 all_a(stored_form(a)), all_b(stored_form(b)), all_c(stored_form(c));
     const std::uint32_t found_a = find(all_a), found_b = find(all_b), found_c = find(all_c);
@@ -48,7 +48,7 @@ class SmallSet {
     for (std::uint32_t i = 0; i < count; ++i) add_stored(stored[i]);
     if (other.overflows()) count_ = kMost + 1;
   }
-  // In the order of their coming; the places past count() repeat the last number. Not of an empty set.
+  // Returns the numbers in order of insertion. Slots past count() repeat the last number. The set must not be empty.
   [[nodiscard]] std::array<std::uint32_t, kMost> numbers() const noexcept {
     alignas(16) std::array<std::int32_t, kMost> stored;
     low_.store(&stored[0]);
@@ -67,20 +67,20 @@ class SmallSet {
     [[nodiscard]] Int4 low() const noexcept { return Int4::load(&lanes[0]); }
     [[nodiscard]] Int4 high() const noexcept { return Int4::load(&lanes[4]); }
   };
-  // Row i: all bits of lane i; row 8: none.
+  // Row i has all bits of lane i; row 8 has none.
   static constexpr Place kPlaces[kMost + 1] = {
       {{-1, 0, 0, 0, 0, 0, 0, 0}}, {{0, -1, 0, 0, 0, 0, 0, 0}}, {{0, 0, -1, 0, 0, 0, 0, 0}},
       {{0, 0, 0, -1, 0, 0, 0, 0}}, {{0, 0, 0, 0, -1, 0, 0, 0}}, {{0, 0, 0, 0, 0, -1, 0, 0}},
       {{0, 0, 0, 0, 0, 0, -1, 0}}, {{0, 0, 0, 0, 0, 0, 0, -1}}, {{0, 0, 0, 0, 0, 0, 0, 0}}};
 
-  // Numbers are stored plus one: 0 is an empty place.
+  // Numbers are stored plus one: 0 marks an empty slot.
   [[nodiscard]] static std::int32_t stored_form(std::uint32_t number) noexcept {
     return static_cast<std::int32_t>(number + 1);
   }
   [[nodiscard]] static std::uint32_t row_of(bool is_new, std::uint32_t place) noexcept {
     return is_new && place < kMost ? place : kMost;
   }
-  // The bit of the place where it was found, or else of the place that it takes.
+  // Returns the slot where the number was found, or else the slot that it takes.
   [[nodiscard]] static std::uint32_t first_of(std::uint32_t found, std::uint32_t place) noexcept {
     return static_cast<std::uint32_t>(std::countr_zero(found | 1u << (place < kMost ? place : kMost)));
   }
@@ -104,12 +104,12 @@ class SmallSet {
 };
 
 // Subtree range -------------------------------------------------------------------------------------------------------
-// Where a subtree stands in its tree's array. In depth-first order the pairs of children below a node follow each
-// other without a gap: so the sizes of subtrees are known without a walk, and each is a piece of work of its own.
+// The range of a subtree in its tree's array. In depth-first order the pairs of children below a node follow each other
+// without a gap. So the sizes of subtrees are known without a walk, and each subtree is an independent task.
 
 struct SubtreeRange {
   std::uint32_t node;
-  std::uint32_t end;  // one past the last node below; without meaning for a leaf
+  std::uint32_t end;  // one past the last node below; undefined for a leaf
 };
 
 [[nodiscard]] inline SubtreeRange whole_range(const Bvh2& tree) noexcept {
@@ -123,7 +123,7 @@ struct SubtreeRange {
 [[nodiscard]] inline SubtreeRange right_range(const Bvh2& tree, SubtreeRange range) noexcept {
   return {tree.nodes[range.node].first + 1, range.end};
 }
-// Nodes below.
+// Returns the number of nodes below.
 [[nodiscard]] inline std::uint32_t size_of(const Bvh2& tree, SubtreeRange range) noexcept {
   const Bvh2Node& node = tree.nodes[range.node];
   return node.is_leaf() ? 0 : range.end - node.first;

@@ -1,9 +1,9 @@
-// The tree that rays are traced through: nodes of 8 children, leaves of up to 8 triangles. The same bytes for every
-// instruction set. It serves both levels: over the triangles of a mesh, and over instances.
+// The tree that rays are traced through. Nodes have 8 children, leaves up to 8 triangles. All instruction sets share
+// the same bytes. Both levels use it: over the triangles of a mesh, and over instances.
 //
-// A leaf of triangles holds each of its vertices once, and 3 bits for each corner of a triangle: a kernel moves and
-// shears 8 vertices, then deals them out to the corners by register permutation. Against nine floats a triangle that
-// halves the bytes read and takes no longer; what it costs is that a leaf is full at 8 vertices.
+// A triangle leaf stores each of its vertices once, and a 3-bit index for each corner of a triangle. A kernel moves and
+// shears 8 vertices, then distributes them to the corners by register permutation. Compared with nine floats per
+// triangle, this halves the bytes read and takes no longer. The drawback is that a leaf is full at 8 vertices.
 #pragma once
 
 #include <algorithm>
@@ -22,9 +22,9 @@ namespace perfect_bvh {
 
 inline constexpr std::uint32_t kWideWidth = 8;
 
-// What a child is, in its highest bits. 0: a node, by row. 10: a leaf, by row. 110: an instance, by row (the top
-// level's leaves). 111: the kernels' own marks on their stacks. No child is row 0 of the nodes, the root: so 0 stands
-// for an empty place, whose box is inverted, so that no ray enters it.
+// The kind of a child, in its highest bits. 0: a node, by row. 10: a leaf, by row. 110: an instance, by row (the top
+// level's leaves). 111: reserved for the kernels' marks on their stacks. No child is row 0 of the nodes, which is the
+// root. So 0 marks an empty slot, whose box is inverted so that no ray enters it.
 inline constexpr std::uint32_t kBlockChild = 0x80000000u;
 inline constexpr std::uint32_t kInstanceChild = 0xC0000000u;
 inline constexpr std::uint32_t kFirstMark = 0xE0000000u;
@@ -35,65 +35,65 @@ inline constexpr std::uint32_t kNoChild = 0;
 struct alignas(64) WideNode {
   float planes[6][8];  // lower x, upper x, lower y, upper y, lower z, upper z of the 8 children
   std::uint32_t child[8];
-  // Far to near: for a ray of octant o (bit a set if it runs down axis a), place i holds child (order[i] >> 3 o) & 7.
+  // Far to near: for a ray of octant o (bit a set if it runs down axis a), slot i is child (order[i] >> 3 o) & 7.
   std::uint32_t order[8];
 };
 static_assert(sizeof(WideNode) == 256 && std::is_trivially_copyable_v<WideNode>);
 
-// Unused places repeat the last vertex or triangle, so that they are tested harmlessly: an equal hit of an equal
-// triangle changes nothing. Triangles stand by ascending number.
+// Unused slots repeat the last vertex or triangle. Testing them is harmless: an equal hit of an equal triangle changes
+// nothing. Triangles are sorted by ascending number.
 struct alignas(32) LeafBlock {
   float vertices[3][8];  // x, y, z, in the tree's scale
-  // Bits 0-2, 4-6, 8-10: the vertices of a triangle, in winding order. The upper twenty bits of the first: those of a
-  // float, the extents of the leaf's box added and rounded up (see TriangleRay::edge_slack); of a leaf that is a single
-  // point, which no ray meets, -infinity's. Of the others 0.
+  // Bits 0-2, 4-6, 8-10: a triangle's vertices, in winding order. The upper twenty bits of the first entry hold the
+  // upper bits of a float: the sum of the extents of the leaf's box, rounded up (see TriangleRay::edge_slack). A leaf
+  // that is a single point, which no ray hits, has those of -infinity. In the other entries they are 0.
   std::uint32_t corners[8];
   std::uint32_t primitives[8];  // number of the triangle in the mesh
 };
 static_assert(sizeof(LeafBlock) == 160 && std::is_trivially_copyable_v<LeafBlock>);
 
-// Where whole steps are counted from, in the tree's scale, and how many make a unit of it.
+// The origin of whole steps, in the tree's scale, and the number of steps per unit of it.
 struct alignas(16) LeafCorner {
   float at[3];
   float steps;
 };
 
-// A leaf of curves: of each segment the axis, from one ball's centre to the other's, and the
-// larger radius, in whole steps from the leaf's corner. The segment lies in the capsule about that axis with that
-// radius, so kernels find out, eight at a time, which segments a ray may meet; those are read from the mesh.
+// A leaf of curves. For each segment it holds the axis, from one ball's centre to the other's, and the larger radius,
+// in whole steps from the leaf's corner. The segment lies in the capsule about that axis with that radius. So kernels
+// find, eight at a time, the segments that a ray may hit, and read only those from the mesh.
 struct alignas(64) CurveLeaf {
   std::uint32_t first[8], last[8];  // bits 0-9, 10-19, 20-29: x, y, z
-  std::uint8_t radii[8];            // with what rounding to steps moves the axis
-  std::uint32_t lanes;              // a bit for each segment; unused places repeat the last
+  std::uint8_t radii[8];            // includes the axis' shift by rounding to steps
+  std::uint32_t lanes;              // a bit for each segment; unused slots repeat the last
   std::uint32_t zero = 0;
   LeafCorner corner;
-  std::uint32_t primitives[8];  // as in a block
+  std::uint32_t primitives[8];  // as in LeafBlock
 };
 static_assert(sizeof(CurveLeaf) == 128 && std::is_trivially_copyable_v<CurveLeaf>);
 
-// Of what is read from the mesh, as points are.
+// A leaf of primitives that are read from the mesh, such as points.
 struct alignas(32) PointLeaf {
-  std::uint32_t primitives[8];  // as in a block
+  std::uint32_t primitives[8];  // as in LeafBlock
 };
 static_assert(sizeof(PointLeaf) == 32 && std::is_trivially_copyable_v<PointLeaf>);
 
-// Which of a tree's leaves are of a kind: numbers alone, if it has none of its own.
+// Returns a tree's leaves for a kind; a kind without a leaf format of its own uses PointLeaf, which has numbers only.
 constexpr auto& leaves_of(auto /*kind*/, auto& tree) noexcept { return tree.point_leaves; }
 constexpr auto& leaves_of(TriangleTraits, auto& tree) noexcept { return tree.blocks; }
 constexpr auto& leaves_of(CurveTraits, auto& tree) noexcept { return tree.curve_leaves; }
 
 struct WideBvh {
   AlignedVector<WideNode> nodes;
-  // One of the three: of triangles, curves or points; all are empty in a top level.
+  // Only one of the three is used, for triangles, curves or points. All are empty in a top level.
   AlignedVector<LeafBlock> blocks;
   AlignedVector<CurveLeaf> curve_leaves;
   AlignedVector<PointLeaf> point_leaves;
   std::uint32_t root = kNoChild;   // a node (row 0) or a leaf
-  std::uint32_t depth = 0;         // nodes on the longest way from the root to a leaf
-  bool is_empty = true;            // over nothing: `root` means nothing
-  bool repeats_triangles = false;  // spatial splits: a triangle may stand in several leaves
-  // Boxes and vertices are stored times this power of two: 1, unless the coordinates are so large or so small that
-  // products of them would leave the range of float.
+  std::uint32_t depth = 0;         // nodes on the longest path from the root to a leaf
+  bool is_empty = true;            // over no primitives: `root` means nothing
+  bool repeats_triangles = false;  // spatial splits: a triangle may be in several leaves
+  // Boxes and vertices are stored times this power of two. It is 1, unless the coordinates are so large or so small
+  // that products of them would leave the range of float.
   float scale = 1.0f;
   TreeExtent extent{};  // of the boxes as stored
 
@@ -107,7 +107,7 @@ struct WideBvh {
 };
 
 // Wide boxes ----------------------------------------------------------------------------------------------------------
-// The boxes of a wide tree, as they are stored: in the tree's scale; and that scale.
+// The stored boxes of a wide tree, which are in the tree's scale, and that scale.
 
 [[nodiscard]] inline Vec3f magnitude_of(const Aabb& box) noexcept {
   return {larger(magnitude(box.lower.x), magnitude(box.upper.x)),
@@ -115,9 +115,9 @@ struct WideBvh {
           larger(magnitude(box.lower.z), magnitude(box.upper.z))};
 }
 
-// The power of two that a tree's coordinates are stored times, so that products of them stay within the range of
-// float: 1 for ordinary ones; otherwise what brings the largest into [1, 2). Large ones so lose detail below 2^-126 of
-// the largest, where floats are denormal.
+// Returns the power of two that a tree's coordinates are multiplied by, so that products of them stay within the range
+// of float. It is 1 for ordinary coordinates; otherwise it brings the largest into [1, 2). Trees of large coordinates
+// then lose detail below 2^-126 of the largest, where floats are denormal.
 [[nodiscard]] inline float tree_scale(const Aabb& box) noexcept {
   const Vec3f size = magnitude_of(box);
   const float reach = std::max({size.x, size.y, size.z});
@@ -126,13 +126,13 @@ struct WideBvh {
   return std::ldexp(1.0f, std::clamp(-std::ilogb(reach), -126, 126));
 }
 
-// Of a tree with this box, as stored times `scale`.
+// Returns the extent of a tree with this box, stored times `scale`.
 [[nodiscard]] inline TreeExtent tree_extent(const Aabb& box, float scale) noexcept {
   const Vec3f size = magnitude_of(box) * scale;
   return {{size.x, size.y, size.z}, std::max({size.x, size.y, size.z})};
 }
 
-// Empty for a place that is not taken.
+// Returns an empty box for an unused slot.
 [[nodiscard]] inline Aabb child_box(const WideNode& node, std::uint32_t lane) noexcept {
   return {{node.planes[0][lane], node.planes[2][lane], node.planes[4][lane]},
           {node.planes[1][lane], node.planes[3][lane], node.planes[5][lane]}};
@@ -145,7 +145,7 @@ struct WideBvh {
   return {{corners[0], corners[1], corners[2]}, {corners[4], corners[5], corners[6]}};
 }
 
-// All 8 of them; the fourth lanes of the boxes are not looked at.
+// Writes all 8 boxes. Their fourth lanes are ignored.
 inline void write_planes(const Box4* boxes, WideNode& node) noexcept {
   for (std::uint32_t first = 0; first < kWideWidth; first += 4) {
     Float4 lower[4], upper[4];
@@ -159,14 +159,14 @@ inline void write_planes(const Box4* boxes, WideNode& node) noexcept {
   }
 }
 
-// Of all its children.
+// Returns the box around all children.
 [[nodiscard]] inline Aabb node_box(const WideNode& node) noexcept {
   Aabb box;
   for (std::uint32_t lane = 0; lane < kWideWidth; ++lane) box.grow(child_box(node, lane));
   return box;
 }
 
-// The eight places of a leaf of whatever kind. The last of its triangles is repeated.
+// Returns the eight entries of a leaf of any kind. The last primitive is repeated.
 [[nodiscard]] inline const std::uint32_t* primitives_of(const WideBvh& tree, std::uint32_t leaf) noexcept {
   if (!tree.blocks.empty()) return tree.blocks[leaf].primitives;
   return tree.curve_leaves.empty() ? tree.point_leaves[leaf].primitives : tree.curve_leaves[leaf].primitives;
@@ -179,20 +179,20 @@ inline void write_planes(const Box4* boxes, WideNode& node) noexcept {
   return count;
 }
 
-// Of whole triangles, which a clipped box above the leaf may not hold.
+// Returns the box of whole triangles, which may be larger than a clipped box above the leaf.
 [[nodiscard]] inline Aabb leaf_box(const WideBvh& tree, const Mesh& mesh, std::uint32_t leaf) noexcept {
   Aabb box;
   for (std::uint32_t i = 0; i < 8; ++i) box.grow(mesh.primitive_box(primitives_of(tree, leaf)[i]));
   return {box.lower * tree.scale, box.upper * tree.scale};
 }
 
-// Of a tree over the mesh's triangles; empty for an empty tree.
+// Returns the bounds of a tree over the mesh's triangles; an empty box for an empty tree.
 [[nodiscard]] inline Aabb bounds_of(const WideBvh& tree, const Mesh& mesh) noexcept {
   if (tree.is_empty) return {};
   return tree.root < kBlockChild ? node_box(tree.nodes[tree.root]) : leaf_box(tree, mesh, tree.root - kBlockChild);
 }
 
-// The same at the mesh's own scale.
+// Like bounds_of(), but in the mesh's own scale.
 [[nodiscard]] inline Aabb mesh_bounds_of(const WideBvh& tree, const Mesh& mesh) noexcept {
   const Aabb box = bounds_of(tree, mesh);
   const float to_mesh = 1.0f / tree.scale;

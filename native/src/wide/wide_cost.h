@@ -1,5 +1,6 @@
-// What a wide tree is expected to cost a ray, whole and in each of its parts: the surface area heuristic (MacDonald and
-// Booth 1990) in a form that is compared node by node with an earlier one, to see which parts motion has degraded.
+// The expected cost of a wide tree for a ray, as a whole and for each of its parts. It is the surface area heuristic
+// (MacDonald and Booth 1990), in a form that can be compared node by node with an earlier one, to see which parts
+// motion has degraded.
 #pragma once
 
 #include <array>
@@ -16,7 +17,7 @@
 
 namespace perfect_bvh {
 
-// In visits to wide nodes; the costs that trees are collapsed by.
+// In visits to wide nodes. Collapsing minimizes the same costs.
 inline constexpr double kWideNodeCost = 1.0, kWideLeafCost = 0.5;
 
 [[nodiscard]] inline std::uint32_t child_count(const WideNode& node) noexcept {
@@ -25,7 +26,7 @@ inline constexpr double kWideNodeCost = 1.0, kWideLeafCost = 0.5;
   return count;
 }
 
-// Half the surfaces of the children; without meaning for empty places.
+// Returns half the surface of each child; undefined for empty slots.
 [[nodiscard]] inline std::array<float, kWideWidth> child_areas(const WideNode& node) noexcept {
   alignas(16) std::array<float, kWideWidth> areas;
   for (std::uint32_t first = 0; first < kWideWidth; first += 4) {
@@ -38,24 +39,24 @@ inline constexpr double kWideNodeCost = 1.0, kWideLeafCost = 0.5;
   return areas;
 }
 
-// What a random ray that meets a tree's box is expected to visit (SAH, without the costs).
+// The expected visits of a random ray that hits a tree's box (SAH, without the costs).
 struct TraceWork {
   double node_visits = 0;
   double leaf_visits = 0;
 };
 
-// One pass over the nodes. Zero where the box of the whole has no area, and for an empty tree.
+// Measures in one pass over the nodes. Zero if the box of the whole has no area, and for an empty tree.
 [[nodiscard]] TraceWork measure_trace_work(const WideBvh& tree, const Mesh& mesh, CancelToken& cancel);
 
-// What a random ray that meets a tree's box is expected to spend, 1 for each node and each triangle (SAH). One pass
-// over the nodes and leaves. Where the box of the whole has no area, the triangles stand in; 0 for an empty tree.
+// Returns the expected cost of a random ray that hits a tree's box, 1 for each node and each triangle (SAH). One pass
+// over the nodes and leaves. If the box of the whole has no area, returns the number of triangles; 0 for an empty tree.
 [[nodiscard]] double measure_sah(const WideBvh& tree, const Mesh& mesh, CancelToken& cancel);
 
-// Of a ray that meets a node's box: 1 for the node, and for each child its own cost times its share of the node's
-// surface. So neither size nor place matters. 0 where the node has no surface: there is nothing to compare with.
+// Costs of a ray that hits a node's box: 1 for the node, plus each child's cost times its share of the node's surface.
+// So neither size nor position matters. 0 if the node has no surface, as there is nothing to compare with.
 struct WideCosts {
   AlignedVector<float> nodes;   // by row
-  AlignedVector<float> leaves;  // what of it is for leaves
+  AlignedVector<float> leaves;  // the part of it that is for leaves
 
   [[nodiscard]] double of(std::uint32_t child) const noexcept {
     return child < kBlockChild ? static_cast<double>(nodes[child]) : kWideLeafCost;
@@ -68,7 +69,7 @@ struct WideCosts {
   [[nodiscard]] std::size_t byte_count() const noexcept { return (nodes.size() + leaves.size()) * sizeof(float); }
 
   void resize(std::size_t node_count) { nodes.resize(node_count), leaves.resize(node_count); }
-  // Of a node with this half surface whose children's costs are known.
+  // Sets the cost of a node with this half surface, whose children's costs are known.
   void set(std::uint32_t row, const WideNode& node, float area) noexcept {
     nodes[row] = leaves[row] = 0;
     if (!(area > 0)) return;
@@ -83,14 +84,14 @@ struct WideCosts {
   }
 };
 
-// Of a tree over triangles. The same numbers for any number of threads.
+// Measures a tree over triangles. The numbers do not depend on the number of threads.
 [[nodiscard]] WideCosts measure_wide_costs(const WideBvh& tree, ThreadPool& pool, CancelToken& cancel);
 
 // Wide quality --------------------------------------------------------------------------------------------------------
-// How good a wide tree over triangles is.
+// The quality of a wide tree over triangles.
 
-// For trees that were never binary ones: visits are those of wide nodes, so they are fewer than a binary tree's. Leaves
-// are leaf blocks; sibling overlap is that of every two children of a node, as a share of the nodes' area.
+// For trees that were not collapsed from binary ones. Visits count wide nodes, so they are fewer than a binary tree's.
+// Leaves are leaf blocks. Sibling overlap is summed over every two children of a node, as a share of the nodes' area.
 [[nodiscard]] TreeQuality measure_wide_quality(const WideBvh& tree, const Mesh& mesh);
 
 }  // namespace perfect_bvh

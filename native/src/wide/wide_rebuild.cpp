@@ -16,7 +16,7 @@
 namespace perfect_bvh {
 namespace {
 
-// Boxes of a node's children in registers, and whom they refer to.
+// The boxes of a node's children in registers, and the children's references.
 struct Family {
   std::array<Box4, kWideWidth> boxes;
   std::array<std::uint32_t, kWideWidth> child;
@@ -47,7 +47,7 @@ Box4 box_around(const Family& family) noexcept {
   return box;
 }
 
-// For each child of a node the box around all the others; empty places have that around all.
+// For each child of a node, the box around all the others; for an empty slot, the box around all children.
 class Others {
  public:
   explicit Others(const Family& family) noexcept {
@@ -65,7 +65,7 @@ class Others {
     write_planes(after.data(), planes_);
   }
 
-  // Half the surfaces of those boxes, each grown by `box`.
+  // Returns half the surfaces of those boxes, each grown by `box`.
   [[nodiscard]] std::array<float, kWideWidth> areas_with(const Box4& box) const noexcept {
     alignas(16) float corners[8];
     box.lower.store(&corners[0]);
@@ -86,7 +86,7 @@ class Others {
   WideNode planes_;
 };
 
-// `child` of the node, or its first free place, and place `place` of its child `into` are exchanged.
+// Exchanges `child` of the node, or its first free slot, with slot `place` of its child `into`.
 struct Move {
   float gain = 0;  // of half surface
   std::uint32_t child = 0, into = 0, place = 0;
@@ -96,7 +96,7 @@ class Rotator {
  public:
   Rotator(WideBvh& tree, WideCosts& costs) noexcept : tree_(tree), costs_(costs) {}
 
-  // Everything below has been visited. Returns the number of moves.
+  // Visits a node after everything below it. Returns the number of moves.
   std::size_t visit(std::uint32_t row) {
     Family family = family_of(tree_.nodes[row]);
     std::size_t moves = 0;
@@ -112,9 +112,8 @@ class Rotator {
   }
 
  private:
-  static constexpr std::size_t kMostMoves = 4;  // at a node: more find little
-  static constexpr float kLeastGain =
-      1.0f / 256;  // of the box that shrinks: moves for less are not worth their writing
+  static constexpr std::size_t kMostMoves = 4;     // at a node: more would gain little
+  static constexpr float kLeastGain = 1.0f / 256;  // of the shrinking box: smaller gains are not worth writing
 
   [[nodiscard]] Move find_best(const Family& family) const noexcept {
     Move best;
@@ -123,7 +122,7 @@ class Rotator {
       const Family below = family_of(tree_.nodes[family.child[into]]);
       const Others others(below);
       const float area = half_area(family.boxes[into].extent());
-      // The first free place will do; but no node is left with a single child.
+      // Only the first free slot is tried. No node is left with a single child.
       const std::uint32_t end = family.count < kWideWidth && below.count > 2 ? family.count + 1 : family.count;
       for (std::uint32_t child = 0; child < end; ++child) {
         if (child == into) continue;
@@ -157,7 +156,7 @@ class Rotator {
   WideCosts& costs_;
 };
 
-// Of the nodes below each one and its own, as `depth` counts them.
+// Returns the depth of the tree, with the root node included, as `depth` counts it.
 std::uint32_t depth_of(const WideBvh& tree, ThreadPool& pool, CancelToken& cancel) {
   std::vector<std::uint32_t> heights(tree.nodes.size());
   visit_bottom_up(tree, pool, cancel, [&](std::span<const std::uint32_t> rows) {
@@ -192,7 +191,7 @@ namespace {
 
 bool is_node(std::uint32_t child) noexcept { return child != kNoChild && child < kBlockChild; }
 
-// With children as good as when they were built.
+// The cost with children as good as when they were built.
 double cost_of_arrangement(const WideNode& node, const WideCosts& fresh) noexcept {
   const auto area = static_cast<double>(node_box(node).half_area());
   if (!(area > 0)) return 0;
@@ -289,7 +288,7 @@ class Splicer {
   std::uint32_t depth_ = 0;
 };
 
-// How much of the leaves' cost in each part is not their motion's fault.
+// Returns the share of the leaves' cost in each part that their motion did not cause.
 std::vector<double> shares_of_fresh_leaves(const WideCosts& now, const Splicer& splicer, const WideCosts& fresh,
                                            std::span<const std::uint32_t> parts, CancelToken& cancel) {
   std::vector<double> shares(parts.size(), 1.0);
@@ -304,7 +303,7 @@ std::vector<double> shares_of_fresh_leaves(const WideCosts& now, const Splicer& 
   return shares;
 }
 
-// What a spliced tree is to be compared with from now on: see rebuild_parts().
+// Returns the costs to compare a spliced tree with from now on: see rebuild_parts().
 WideCosts costs_to_compare(const WideCosts& now, const Splicer& splicer, const WideCosts& fresh,
                            std::span<const std::uint32_t> parts, CancelToken& cancel) {
   const std::vector<double> shares = shares_of_fresh_leaves(now, splicer, fresh, parts, cancel);
@@ -334,7 +333,7 @@ std::vector<std::uint32_t> find_degraded_parts(const WideBvh& tree, const WideCo
     const std::uint32_t row = waiting.back();
     waiting.pop_back();
     const WideNode& node = tree.nodes[row];
-    // Over the leaves of a single node there is no other tree; and what is as good as new needs none.
+    // There is no other tree over the leaves of a single node, and a subtree as good as new needs none.
     if (!std::any_of(node.child, node.child + kWideWidth, is_node)) continue;
     if (costs.nodes[row] <= fresh.nodes[row]) continue;
     if (cost_of_arrangement(node, fresh) > tolerance * static_cast<double>(fresh.nodes[row])) {

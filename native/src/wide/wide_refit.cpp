@@ -26,7 +26,7 @@ void list_vertices(const LeafBlock& leaf, const TriangleIndices* triangles, Vert
     numbers.at[(places >> 4) & 7u] = corners.y;
     numbers.at[(places >> 8) & 7u] = corners.z;
   }
-  // Places to spare repeat the last vertex.
+  // Unused slots repeat the last vertex.
   for (std::uint32_t i = 1; i < 8; ++i) numbers.at[i] = numbers.at[i] == kNone ? numbers.at[i - 1] : numbers.at[i];
 }
 
@@ -46,7 +46,7 @@ LeafVertices list_leaf_vertices(const WideBvh& tree, const Mesh& mesh, ThreadPoo
   return vertices;
 }
 
-// Nodes from the last to the first, their places in turn.
+// Lists the leaves of the nodes from the last to the first, slot by slot.
 std::vector<std::uint32_t> list_leaves(const WideBvh& tree, std::span<const std::uint32_t> rows, CancelToken& cancel) {
   std::vector<std::uint32_t> leaves;
   leaves.reserve(6 * rows.size());
@@ -122,7 +122,7 @@ class Refitter {
   [[nodiscard]] WideCosts& costs() noexcept { return costs_; }
 
  private:
-  // First all leaves of these nodes, then the nodes, parents last.
+  // Refits all leaves of these nodes first, then the nodes, parents last.
   void refit_nodes(std::span<const std::uint32_t> rows, std::span<const std::uint32_t> leaves, CancelToken& cancel) {
     AlignedVector<Box4> leaf_boxes(leaves.size());
     for_steps(leaves.size(), cancel, [&](std::size_t begin, std::size_t end) {
@@ -143,7 +143,7 @@ class Refitter {
     for (std::size_t line = 0; line < sizeof(WideNode); line += kCacheLine) __builtin_prefetch(node + line, 1);
   }
 
-  // Its leaves' boxes come next.
+  // `next_leaf` points to the boxes of the node's leaves.
   void refit_node(std::uint32_t row, const Box4*& next_leaf) {
     const WideNode& shape = from_.nodes[row];
     WideNode& node = to_.nodes[row];
@@ -177,7 +177,7 @@ Aabb in_mesh(const Box4& stored, float scale) noexcept {
   return {box.lower * (1.0f / scale), box.upper * (1.0f / scale)};
 }
 
-// Coordinates that left the range of a scale have lost what it takes to tell where they are: the mesh itself is asked.
+// Coordinates that left the range of a scale have lost their values, so the scale is computed from the mesh.
 float scale_of(const Mesh& mesh, CancelToken& cancel) {
   Aabb box;
   for_steps(mesh.primitive_count(), cancel, [&](std::size_t begin, std::size_t end) {
@@ -199,7 +199,7 @@ WideCosts refit_wide(const WideBvh& from, const RefitPlan& plan, const Mesh& mes
   to.root = from.root, to.depth = from.depth, to.is_empty = from.is_empty, to.repeats_triangles = false;
   to.scale = scale.value_or(from.scale), to.extent = from.extent;
   if (from.is_empty) return {};
-  // What `to` itself has of the shape is nearer: it is about to be written.
+  // The shape is read from `to` if it has it: that memory is closer, as it is about to be written.
   const WideBvh& shape = has_shape ? to : from;
   Refitter refitter(shape, plan, mesh, to);
   refitter.run(pool, cancel);

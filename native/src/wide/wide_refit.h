@@ -1,5 +1,5 @@
-// What all refits of trees of one shape share, made once: the order in which they write nodes and leaves, and what they
-// read for the leaves.
+// Data that all refits of trees of one shape share, made once: the order in which they write nodes and leaves, and the
+// vertex numbers of the leaves.
 #pragma once
 
 #include <array>
@@ -19,23 +19,24 @@
 
 namespace perfect_bvh {
 
-// Which vertices each leaf holds, place by place: what a refit reads instead of the leaf's triangles and theirs in the
-// mesh, which halves the time of a leaf. 32 bytes a leaf, or 6 a triangle, of meshes that deform alone.
+// The vertex numbers of each leaf, by slot. A refit reads these instead of the leaf's triangles and their corners in
+// the mesh, which halves the time of a leaf. They take 32 bytes per leaf, or 6 per triangle, and only exist for meshes
+// that deform.
 struct alignas(32) VertexNumbers {
-  std::array<std::uint32_t, 8> at;  // in the mesh, by place in LeafBlock::vertices
+  std::array<std::uint32_t, 8> at;  // in the mesh, by slot in LeafBlock::vertices
 };
 
-// By row of the leaf; empty of curves and points, whose leaves hold no vertices. It holds for as long as the leaves
-// are the same, whatever happens to the nodes above them.
+// By row of the leaf. Empty for curves and points, whose leaves hold no vertices. It stays valid while the leaves are
+// the same, even if the nodes above them change.
 using LeafVertices = AlignedVector<VertexNumbers>;
 
 struct RefitOrder {
   BottomUpOrder nodes;
-  std::vector<std::vector<std::uint32_t>> leaves;  // below each subtree, in the order in which its nodes ask for them
-  std::vector<std::uint32_t> upper_leaves;         // likewise
+  std::vector<std::vector<std::uint32_t>> leaves;  // below each subtree, in the order in which its nodes read them
+  std::vector<std::uint32_t> upper_leaves;         // the same for the upper nodes
 };
 
-// Either part may be missing (null): the order is invalidated by whatever moves nodes, the vertices only by new leaves.
+// Either part may be missing (null). Moving nodes invalidates the order; only new leaves invalidate the vertices.
 struct RefitPlan {
   std::shared_ptr<const RefitOrder> order;
   std::shared_ptr<const LeafVertices> vertices;
@@ -47,19 +48,18 @@ struct RefitPlan {
 void complete_plan(RefitPlan& plan, const WideBvh& tree, const Mesh& mesh, ThreadPool& pool, CancelToken& cancel);
 
 // Wide refit ----------------------------------------------------------------------------------------------------------
-// Refitting the tree that rays are traced through (lecture, "Refitting"): new boxes and leaves for triangles that
-// moved, from the leaves up. No binary tree is needed. In: a wide tree and the mesh as it is now. Out: a tree of the
-// same shape, tight and right; its cost.
+// Refits the tree that rays are traced through (lecture, "Refitting"): new boxes and leaves for triangles that moved,
+// from the leaves up. No binary tree is needed. In: a wide tree and the present mesh. Out: a tree of the same shape
+// with tight, correct boxes; its cost.
 
-// Trees that repeat triangles (spatial splits) have boxes around parts of triangles, which no refit can keep.
+// Trees that repeat triangles (spatial splits) have boxes around parts of triangles, which a refit cannot keep.
 [[nodiscard]] inline bool is_refittable(const WideBvh& tree) noexcept { return !tree.repeats_triangles; }
 
-// Writes to `to` what `from` becomes over the mesh's positions of now; `from` is only read. `plan` is that of `from`,
-// complete. `has_shape`: `to` already
-// is a tree with `from`'s nodes, leaves and their triangles, so that those need not be copied; otherwise its memory is
-// used and its contents are not. Scale and extent follow the mesh, or the scale is the one that is asked for. The same
-// bytes for any number of threads, and those of `from` where nothing moved. Throws InvalidArgument if the tree is not
-// refittable; Cancelled, bad_alloc: `to` is then of no use.
+// Writes to `to` the tree `from`, refitted to the mesh's present positions; `from` is only read. `plan` is the complete
+// plan of `from`. `has_shape`: `to` already is a tree with `from`'s nodes, leaves and triangles, so these are not
+// copied; otherwise only the memory of `to` is reused. Scale and extent follow the mesh, unless `scale` is given. The
+// same bytes for any number of threads, and equal to `from` where nothing moved. Throws InvalidArgument if the tree is
+// not refittable. Throws Cancelled, bad_alloc; `to` is then unusable.
 WideCosts refit_wide(const WideBvh& from, const RefitPlan& plan, const Mesh& mesh, WideBvh& to, bool has_shape,
                      ThreadPool& pool, CancelToken& cancel, std::optional<float> scale = std::nullopt);
 
