@@ -17,8 +17,8 @@ constexpr unsigned kBmi = bit(3), kAvx2 = bit(5), kBmi2 = bit(8);
 constexpr unsigned kAvx512F = bit(16), kAvx512Dq = bit(17), kAvx512Bw = bit(30), kAvx512Vl = bit(31);
 // Leaf 0x80000001, ECX.
 constexpr unsigned kLzcnt = bit(5);
-// XCR0: what the system saves. The halves of ymm; masks and both parts of zmm, which macOS on Intel leaves out until a
-// thread uses them, so that AVX2 is the most that is found there.
+// XCR0: the registers that the system saves. The halves of ymm; masks and both parts of zmm. macOS on Intel does not
+// set the zmm bits until a thread uses them, so at most AVX2 is detected there.
 constexpr unsigned kYmmState = bit(1) | bit(2), kZmmState = kYmmState | bit(5) | bit(6) | bit(7);
 
 constexpr bool has_all(unsigned value, unsigned wanted) { return (value & wanted) == wanted; }

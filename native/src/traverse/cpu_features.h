@@ -1,13 +1,14 @@
-// Which kernels this processor and its system can run. Asked of the processor itself: `__builtin_cpu_supports` needs
-// a part of the compiler's run-time library that not every toolchain fills in, and then says no to everything.
+// Detects the kernels that this processor and its system can run. Reads the processor's registers directly:
+// `__builtin_cpu_supports` needs a part of the compiler's run-time library that some toolchains do not initialize; it
+// then returns false for everything.
 #pragma once
 
 namespace perfect_bvh {
 
-// What kernel_avx2.cpp is compiled for, and registers of 256 bits that the system saves.
+// Checks the features that kernel_avx2.cpp is compiled for, and that the system saves 256-bit registers.
 [[nodiscard]] bool cpu_runs_avx2() noexcept;
 
-// What kernel_avx512.cpp is compiled for beside that, and registers of 512 bits that the system saves.
+// Checks the additional features that kernel_avx512.cpp is compiled for, and that the system saves 512-bit registers.
 [[nodiscard]] bool cpu_runs_avx512() noexcept;
 
 }  // namespace perfect_bvh

@@ -1,5 +1,5 @@
-// Sets the floating point mode that kernels need, whatever the caller or a library in the process has set: denormals
-// on, round to nearest, no traps. The destructor restores the thread's own settings.
+// Sets the floating-point mode that kernels need: denormals on, round to nearest, no traps. The caller or another
+// library in the process may have changed it. The destructor restores the thread's settings.
 #pragma once
 
 #include <cstdint>

@@ -30,7 +30,7 @@ struct Available {
     if (cpu_runs_avx512()) tables[count++] = &kAvx512Kernels;
 #endif
 #if PERFECT_BVH_HAVE_NEON
-    tables[count++] = &kNeonKernels;  // every processor of the kind has it
+    tables[count++] = &kNeonKernels;  // every 64-bit ARM processor has it
 #endif
   }
 };
@@ -52,12 +52,12 @@ const KernelTable& find_kernels(std::string_view name, const char* asker) {
 
 std::atomic<const KernelTable*> chosen{nullptr};
 
-// Under way at once if nothing else is asked: their slots and stacks then fit into a first level cache of 32 KB. On an
-// AMD EPYC (Zen 4) diffuse and occlusion rays are 3 to 13 % faster than with 64, from 17 MB of tree to 250.
+// The default number of rays in flight: their slots and stacks then fit into a first level cache of 32 KB. On an AMD
+// EPYC (Zen 4), diffuse and occlusion rays are 3 to 13 % faster than with 64, for trees of 17 MB to 250 MB.
 constexpr std::size_t kUsualRaysInFlight = 32;
 static_assert(kUsualRaysInFlight <= kMostRaysInFlight);
 
-// Stacks of very deep trees are long: then fewer rays share the memory.
+// Very deep trees have long stacks. Then fewer rays share the memory.
 constexpr std::size_t kWorkspaceLimit = std::size_t{4} << 20;
 
 std::size_t fitting_rays(const KernelTable& kernels, const SceneView& scene, const RayBatch& batch,
@@ -67,8 +67,8 @@ std::size_t fitting_rays(const KernelTable& kernels, const SceneView& scene, con
   return std::min({wanted, std::max<std::size_t>(kWorkspaceLimit / bytes, 1), std::max<std::size_t>(batch.count, 1)});
 }
 
-// A kernel's memory, which its thread keeps from batch to batch. A call that traces while another batch of the thread
-// is interrupted finds none, and gets its own.
+// A kernel's memory, which its thread keeps from batch to batch. If a call traces while another batch of the thread is
+// interrupted, the kept memory is in use, and the call allocates its own.
 class Workspace {
  public:
   explicit Workspace(std::size_t bytes) : memory_(std::move(kept())) {
@@ -90,7 +90,7 @@ class Workspace {
   AlignedVector<std::byte> memory_;
 };
 
-// A batch's rows from `first` on. In no order yet.
+// Returns a batch's rows from `first` on. The batch must have no order yet.
 RayBatch part_of(const RayBatch& batch, std::size_t first, std::size_t count) {
   RayBatch part = batch;
   part.rays += first, part.count = count;
@@ -115,7 +115,7 @@ struct Kernels {
     Workspace workspace(table.packet_workspace_bytes(scene));
     packets(scene, batch, workspace.data(), left);
   }
-  // Rays in an order that makes good packets, the coherent packets of these, then what is left.
+  // Reorders the rays for good packets, traces the coherent packets, then the rays that are left.
   std::size_t trace_by_coherence(const SceneView& scene, const RayBatch& batch, std::size_t in_flight) const {
     thread_local std::unique_ptr<ReorderingSpace> kept;
     auto own = kept ? std::move(kept) : std::make_unique<ReorderingSpace>();  // as in Workspace
@@ -137,7 +137,7 @@ struct Kernels {
     return in_packets;
   }
 
-  // The rows of the packets that were left go to `rows`, which may be the batch's own order; returns how many.
+  // Writes the rows of the skipped packets to `rows`, which may be the batch's own order; returns their number.
   template <std::size_t kPackets>
   static std::size_t gather_left(const RayBatch& batch, const std::array<bool, kPackets>& is_left,
                                  std::uint32_t* rows) {
@@ -157,7 +157,7 @@ std::size_t trace(const Kernels& kernels, const SceneView& scene, const RayBatch
     kernels.trace_packets(scene, batch, nullptr);
     return batch.count;
   }
-  // Into what moves, rays of packets go one by one.
+  // Packet rays enter moving instances one by one.
   const bool pays = scene.motions == nullptr || scene.is_mostly_still;
   if (may_pack && pays && options.strategy == Strategy::kAuto) {
     return kernels.trace_by_coherence(scene, batch, options.in_flight);

@@ -1,4 +1,4 @@
-// Eight lanes in one 256-bit register: what AVX2 and AVX-512VL share. They differ in masks and in compression.
+// Eight lanes in one 256-bit register: the code shared by AVX2 and AVX-512VL, which differ in masks and compression.
 // Included by one translation unit only; everything in it has internal linkage.
 #pragma once
 
@@ -36,13 +36,13 @@ PERFECT_BVH_INLINE Float8 div(Float8 a, Float8 b) noexcept { return _mm256_div_p
 PERFECT_BVH_INLINE Float8 fmadd(Float8 a, Float8 b, Float8 c) noexcept { return _mm256_fmadd_ps(a, b, c); }
 PERFECT_BVH_INLINE Float8 fmsub(Float8 a, Float8 b, Float8 c) noexcept { return _mm256_fmsub_ps(a, b, c); }
 PERFECT_BVH_INLINE Float8 fnmadd(Float8 a, Float8 b, Float8 c) noexcept { return _mm256_fnmadd_ps(a, b, c); }
-// Of two equal or unordered values, the second, as everywhere on x86.
+// Of two equal or unordered values, the second is returned, as everywhere on x86.
 PERFECT_BVH_INLINE Float8 min(Float8 a, Float8 b) noexcept { return _mm256_min_ps(a, b); }
 PERFECT_BVH_INLINE Float8 max(Float8 a, Float8 b) noexcept { return _mm256_max_ps(a, b); }
 PERFECT_BVH_INLINE Float8 abs(Float8 a) noexcept { return _mm256_andnot_ps(_mm256_set1_ps(-0.0f), a); }
 
-// t where a ray meets eight planes across an axis; `inverse` and `offset` are those of a SlabRay: a fourth float behind
-// the three may be read.
+// Returns t where a ray hits eight planes across an axis. `inverse` and `offset` are those of a SlabRay: a fourth float
+// after the three may be read.
 template <int kAxis>
 PERFECT_BVH_INLINE Float8 plane_depths(Float8 planes, const float* inverse, const float* offset) noexcept {
   return fmsub(planes, broadcast(inverse[kAxis]), broadcast(offset[kAxis]));
@@ -54,7 +54,7 @@ template <int kCount>
 PERFECT_BVH_INLINE Int8 shift_right(Int8 a) noexcept {
   return _mm256_srli_epi32(a, kCount);
 }
-// Bits 10 kPlace to 10 kPlace + 9 of each word, as floats.
+// Returns bits 10 kPlace to 10 kPlace + 9 of each word, as floats.
 template <int kPlace>
 PERFECT_BVH_INLINE Float8 ten_bits(Int8 words) noexcept {
   return _mm256_cvtepi32_ps(_mm256_and_si256(_mm256_srli_epi32(words, 10 * kPlace), _mm256_set1_epi32(0x3FF)));
@@ -65,7 +65,7 @@ PERFECT_BVH_INLINE Float8 load_small(const std::uint8_t* p) noexcept {
 // Lane i becomes a[index[i] & 7].
 PERFECT_BVH_INLINE Float8 permute(Float8 a, Int8 index) noexcept { return _mm256_permutevar8x32_ps(a, index); }
 
-// Which lanes of a leaf block repeat the triangle of the one before. The number before the first is any.
+// Returns the lanes of a leaf block that repeat the previous triangle. The number before the first may be anything.
 PERFECT_BVH_INLINE unsigned repeated_lanes(const std::uint32_t* primitives) noexcept {
   const Int8 before = _mm256_loadu_si256(reinterpret_cast<const __m256i*>(primitives - 1));
   const Int8 same = _mm256_cmpeq_epi32(load(primitives), before);
@@ -73,10 +73,11 @@ PERFECT_BVH_INLINE unsigned repeated_lanes(const std::uint32_t* primitives) noex
 }
 
 // Plane avx -----------------------------------------------------------------------------------------------------------
-// t of one triangle's plane with AVX: plane_t() of plane_of(), three axes at a time. The same operations, so the same
-// bits. Included by each of the translation units that have AVX2; everything in it has internal linkage.
+// Computes t of one triangle's plane with AVX: plane_t() of plane_of(), three axes at a time. The operations are the
+// same, so the bits are too. Included by each of the translation units that have AVX2; everything in it has internal
+// linkage.
 
-// `at(corner, axis)`: the corners' coordinates. origin, direction: four doubles, aligned, the last 0.
+// `at(corner, axis)` returns a coordinate of a corner. origin, direction: four doubles, aligned, the last 0.
 template <class Corners>
 inline __attribute__((always_inline)) double meet_plane(const Corners& at, const double* origin,
                                                         const double* direction) noexcept {
@@ -98,8 +99,8 @@ inline __attribute__((always_inline)) double meet_plane(const Corners& at, const
 }
 
 // Ray setup avx -------------------------------------------------------------------------------------------------------
-// From a ray in double to the constants of its level, three axes at a time. The same operations as in math/slab.h,
-// math/triangle.h and ray.h, so the same bits.
+// Computes the constants of a level from a ray in double, three axes at a time. The operations are those of
+// math/slab.h, math/triangle.h and ray.h, so the bits are the same.
 // Included by translation units of kernels only; everything in it has internal linkage.
 
 static_assert(offsetof(Ray, direction) == 24 && sizeof(Ray) >= 56);  // loads of four may read past the direction
@@ -139,8 +140,9 @@ __attribute__((always_inline)) inline bool load_near(ObjectRay& out, const Ray& 
   return true;
 }
 
-// Four rays side by side: their origins' x, y and z, then their directions', times `scale`, at `columns` and so many
-// doubles further each, no origin minus zero; and the ends of their ranges. The ranges travel as doubles of any bits.
+// Loads four rays as columns: x, y and z of their origins, then of their directions, times `scale`. The first column is
+// at `columns`, each next one `stride` doubles further. No origin component is minus zero. Also loads the ends of their
+// ranges, which are moved as doubles of arbitrary bits.
 __attribute__((always_inline)) inline void load_columns(const Ray* const* rays, double scale, double* columns,
                                                         std::size_t stride, float* t_min, float* t_max) noexcept {
   static_assert(offsetof(Ray, t_min) == 48 && offsetof(Ray, t_max) == 52 && sizeof(Ray) == 64);
@@ -186,7 +188,7 @@ __attribute__((always_inline)) inline bool stands_near(const ObjectRay& ray, dou
   return axes_of(all) == 7 && axes_of(_mm256_cmp_pd(direction, _mm256_set1_pd(kShortest), _CMP_GE_OQ)) != 0;
 }
 
-// By the longest axis k: the axes k + 1, k + 2, k, k, and what depends on them.
+// For the longest axis k: the axes k + 1, k + 2, k, k, and values that depend on them.
 struct alignas(16) ShearFrame {
   std::int32_t order[4];
   std::uint8_t axes[4];
@@ -197,7 +199,7 @@ constexpr ShearFrame kFrames[3] = {
     {{2, 0, 1, 1}, {2, 0, 1, 0}, {64, 0, 32, 0}},
     {{0, 1, 2, 2}, {0, 1, 2, 0}, {0, 32, 64, 0}},
 };
-// By x > y, y > z, x > z (bits 0, 1, 2): the longest axis, as longest_axis() has it.
+// The longest axis, as longest_axis() chooses it, by x > y, y > z, x > z (bits 0, 1, 2).
 constexpr std::uint8_t kLongestAxis[8] = {2, 2, 1, 2, 2, 0, 1, 0};
 
 __attribute__((always_inline)) inline void set_states(BoxState& box, TriangleState& triangle, const ObjectRay& ray,
@@ -239,7 +241,7 @@ __attribute__((always_inline)) inline void set_states(BoxState& box, TriangleSta
   const float direction_z = _mm_cvtss_f32(_mm_movehl_ps(along, along));
   triangle.ray.direction_z = direction_z;
   triangle.ray.depth_slack = kDepthReach * _mm_cvtss_f32(long_depth);
-  // The fourth lane is the largest extent, which is not more.
+  // The fourth lane is the largest extent, which never exceeds the others' maximum.
   const __m128 reaches = _mm_max_ps(reach, _mm_movehl_ps(reach, reach));
   triangle.ray.edge_slack = kEdgeReach * _mm_cvtss_f32(_mm_max_ss(reaches, _mm_movehdup_ps(reaches)));
   std::memcpy(triangle.ray.axes, frame.axes, sizeof(triangle.ray.axes));
@@ -248,7 +250,7 @@ __attribute__((always_inline)) inline void set_states(BoxState& box, TriangleSta
 }
 
 // Gather avx ----------------------------------------------------------------------------------------------------------
-// Reads balls with AVX: each by one load of four floats, eight of them turned into four rows. The gather instructions
+// Reads balls with AVX: one load of four floats each; eight of them are transposed into four rows. Gather instructions
 // take more than twice as long.
 // Included by each of the translation units that have AVX2; everything in it has internal linkage.
 
@@ -256,7 +258,7 @@ inline __attribute__((always_inline)) __m256 load_two(const Vec3f& low, const Ve
   return _mm256_insertf128_ps(_mm256_castps128_ps256(_mm_loadu_ps(&low.x)), _mm_loadu_ps(&high.x), 1);
 }
 
-// `ball(lane)` is the ball of that lane.
+// `ball(lane)` returns the ball of that lane.
 template <class BallOf>
 inline __attribute__((always_inline)) void gather_balls(float (*rows)[8], float scale, const BallOf& ball) noexcept {
   const __m256 factor = _mm256_set1_ps(scale);
@@ -273,11 +275,11 @@ inline __attribute__((always_inline)) void gather_balls(float (*rows)[8], float 
 }
 
 // Leaf line avx -------------------------------------------------------------------------------------------------------
-// A ray's line in a leaf's steps with AVX: three axes at a time, as leaf_line_scalar.h finds it but for the last digit
-// of sums, which the filter's margin allows for.
+// Converts a ray's line to a leaf's steps with AVX, three axes at a time. Equal to leaf_line_scalar.h except for the
+// last digit of sums, which the filter's margin allows for.
 // Included by each of the translation units that have AVX2; everything in it has internal linkage.
 
-// `slack`: in units of the tree.
+// `slack` is in units of the tree.
 inline __attribute__((always_inline)) LeafLine leaf_line(const LeafCorner& corner, const ObjectRay& ray, float t_min,
                                                          float t_limit, float slack) noexcept {
   LeafLine line;

@@ -18,7 +18,7 @@ PERFECT_BVH_INLINE Mask8 both(Mask8 a, Mask8 b) noexcept { return _mm256_and_ps(
 PERFECT_BVH_INLINE Mask8 either(Mask8 a, Mask8 b) noexcept { return _mm256_or_ps(a, b); }
 PERFECT_BVH_INLINE unsigned bits(Mask8 mask) noexcept { return static_cast<unsigned>(_mm256_movemask_ps(mask)); }
 
-// Row m: the lanes that m names, in order, a byte each; the rest is 0.
+// Row m: the lanes set in m, in order, one byte each; the rest is 0.
 struct CompressTable {
   std::uint64_t rows[256];
   constexpr CompressTable() noexcept : rows{} {
@@ -36,8 +36,8 @@ PERFECT_BVH_INLINE Int8 compressing(unsigned mask) noexcept {
   return _mm256_cvtepu8_epi32(_mm_loadl_epi64(reinterpret_cast<const __m128i*>(&kCompress.rows[mask])));
 }
 
-// Writes the children in `hit` to `children` (all 8 places may be overwritten), the farthest first, and where each
-// is entered to `nears`. Returns how many they are.
+// Writes the children in `hit` to `children` (all 8 entries may be overwritten), the farthest first, and their entry
+// distances to `nears`. Returns their number.
 PERFECT_BVH_INLINE unsigned push_sorted(const WideNode& node, std::uint32_t order_shift, Mask8 hit, Float8 near,
                                         std::uint32_t* children, float* nears) noexcept {
   const Int8 order = _mm256_srlv_epi32(load(node.order), _mm256_set1_epi32(static_cast<int>(order_shift)));
@@ -53,8 +53,8 @@ PERFECT_BVH_INLINE unsigned push_unsorted(const WideNode& node, Mask8 hit, std::
                       _mm256_permutevar8x32_epi32(load(node.child), compressing(kept)));
   return count_bits(kept);
 }
-// Moves the first `count` (at most 8) entries whose `nears` do not exceed `limit` to the front of `to_*`, which may
-// be the same place or lie before it; all 8 places there may be overwritten. Returns how many they are.
+// Moves the first `count` (at most 8) entries whose `nears` do not exceed `limit` to the front of `to_*`. That may be
+// the same array or begin before it; all 8 entries there may be overwritten. Returns the number of entries kept.
 PERFECT_BVH_INLINE unsigned keep_near(const std::uint32_t* children, const float* nears, unsigned count, Float8 limit,
                                       std::uint32_t* to_children, float* to_nears) noexcept {
   const Float8 near = _mm256_loadu_ps(nears);
@@ -67,7 +67,7 @@ PERFECT_BVH_INLINE unsigned keep_near(const std::uint32_t* children, const float
 }
 
 // Simd rays avx2 ------------------------------------------------------------------------------------------------------
-// Eight rays a vector with AVX2: the arithmetic is the same.
+// Eight rays per vector with AVX2, with the same arithmetic.
 
 constexpr unsigned kRayLanes = 8;
 using RayFloat = Float8;
@@ -81,17 +81,17 @@ PERFECT_BVH_INLINE RayMask ray_mask(unsigned bits) noexcept {
   const __m256i found = _mm256_and_si256(_mm256_set1_epi32(static_cast<int>(bits)), place);
   return _mm256_castsi256_ps(_mm256_cmpeq_epi32(found, place));
 }
-// Lanes of a where the mask is set, of b elsewhere.
+// Returns the lanes of a where the mask is set, of b elsewhere.
 PERFECT_BVH_INLINE RayFloat select(RayMask mask, RayFloat a, RayFloat b) noexcept {
   return _mm256_blendv_ps(b, a, mask);
 }
-// The sign bits.
+// Returns the sign bits.
 PERFECT_BVH_INLINE unsigned signs(RayFloat a) noexcept { return static_cast<unsigned>(_mm256_movemask_ps(a)); }
 PERFECT_BVH_INLINE RayFloat with_sign(RayFloat magnitude, RayFloat sign) noexcept {
   return _mm256_or_ps(magnitude, _mm256_and_ps(sign, _mm256_set1_ps(-0.0f)));
 }
 
-// Half as many rays in double.
+// A vector of doubles, for half as many rays.
 using RayDouble = __m256d;
 PERFECT_BVH_INLINE RayDouble load_rays(const double* p) noexcept { return _mm256_load_pd(p); }
 PERFECT_BVH_INLINE void store_rays(double* p, RayDouble a) noexcept { _mm256_store_pd(p, a); }
@@ -106,12 +106,12 @@ PERFECT_BVH_INLINE unsigned magnitudes_up_to(RayDouble a, RayDouble limit) noexc
 PERFECT_BVH_INLINE unsigned magnitudes_from(RayDouble a, RayDouble limit) noexcept {
   return static_cast<unsigned>(_mm256_movemask_pd(_mm256_cmp_pd(magnitudes(a), limit, _CMP_GE_OQ)));
 }
-// The float nearest to each.
+// Rounds each to the nearest float.
 PERFECT_BVH_INLINE RayFloat load_narrowed(const double* p) noexcept {
   return _mm256_set_m128(_mm256_cvtpd_ps(load_rays(p + 4)), _mm256_cvtpd_ps(load_rays(p)));
 }
 
-// Writes the lanes that `mask` names.
+// Writes only the lanes set in `mask`.
 PERFECT_BVH_INLINE void store_some(float* p, RayMask mask, RayFloat a) noexcept {
   _mm256_maskstore_ps(p, _mm256_castps_si256(mask), a);
 }
@@ -131,7 +131,7 @@ PERFECT_BVH_INLINE float largest(RayFloat a) noexcept {
   return _mm_cvtss_f32(_mm_max_ss(two, _mm_movehdup_ps(two)));
 }
 
-// Bit i: vertex i is a corner of some triangle.
+// Returns bit i set if vertex i is a corner of some triangle.
 PERFECT_BVH_INLINE unsigned used_corners(const std::uint32_t* corners) noexcept {
   const __m256i one = _mm256_set1_epi32(1), seven = _mm256_set1_epi32(7), packed = load(corners);
   const __m256i a = _mm256_sllv_epi32(one, _mm256_and_si256(packed, seven));
@@ -143,7 +143,7 @@ PERFECT_BVH_INLINE unsigned used_corners(const std::uint32_t* corners) noexcept 
   return static_cast<unsigned>(_mm_cvtsi128_si32(_mm_or_si128(two, _mm_shuffle_epi32(two, 1))));
 }
 
-// As push_sorted, with `flags` + which place of the node each child has, to `places`.
+// Like push_sorted; also writes `flags` + each child's slot in the node to `places`.
 PERFECT_BVH_INLINE unsigned push_boxes(const WideNode& node, std::uint32_t order_shift, Mask8 hit, Float8 near,
                                        std::uint32_t flags, std::uint32_t* children, float* nears,
                                        std::uint32_t* places) noexcept {

@@ -18,8 +18,8 @@ PERFECT_BVH_INLINE Mask8 both(Mask8 a, Mask8 b) noexcept { return static_cast<Ma
 PERFECT_BVH_INLINE Mask8 either(Mask8 a, Mask8 b) noexcept { return static_cast<Mask8>(a | b); }
 PERFECT_BVH_INLINE unsigned bits(Mask8 mask) noexcept { return mask; }
 
-// Writes the children in `hit` to `children` (all 8 places may be overwritten), the farthest first, and where each
-// is entered to `nears`. Returns how many they are.
+// Writes the children in `hit` to `children` (all 8 entries may be overwritten), the farthest first, and their entry
+// distances to `nears`. Returns their number.
 PERFECT_BVH_INLINE unsigned push_sorted(const WideNode& node, std::uint32_t order_shift, Mask8 hit, Float8 near,
                                         std::uint32_t* children, float* nears) noexcept {
   const Int8 order = _mm256_srlv_epi32(load(node.order), _mm256_set1_epi32(static_cast<int>(order_shift)));
@@ -33,8 +33,8 @@ PERFECT_BVH_INLINE unsigned push_unsorted(const WideNode& node, Mask8 hit, std::
   _mm256_storeu_si256(reinterpret_cast<__m256i*>(children), _mm256_maskz_compress_epi32(hit, load(node.child)));
   return count_bits(hit);
 }
-// Moves the first `count` (at most 8) entries whose `nears` do not exceed `limit` to the front of `to_*`, which may
-// be the same place or lie before it; all 8 places there may be overwritten. Returns how many they are.
+// Moves the first `count` (at most 8) entries whose `nears` do not exceed `limit` to the front of `to_*`. That may be
+// the same array or begin before it; all 8 entries there may be overwritten. Returns the number of entries kept.
 PERFECT_BVH_INLINE unsigned keep_near(const std::uint32_t* children, const float* nears, unsigned count, Float8 limit,
                                       std::uint32_t* to_children, float* to_nears) noexcept {
   const Float8 near = _mm256_loadu_ps(nears);
@@ -46,7 +46,7 @@ PERFECT_BVH_INLINE unsigned keep_near(const std::uint32_t* children, const float
 }
 
 // Simd rays avx512 ----------------------------------------------------------------------------------------------------
-// Sixteen rays a vector with AVX-512: 512-bit vectors, which double what a cycle computes where every lane is in use.
+// Sixteen rays per vector with AVX-512: 512-bit vectors, which double the work per cycle when every lane is in use.
 
 constexpr unsigned kRayLanes = 16;
 using RayFloat = __m512;
@@ -62,7 +62,7 @@ PERFECT_BVH_INLINE RayFloat div(RayFloat a, RayFloat b) noexcept { return _mm512
 PERFECT_BVH_INLINE RayFloat fmadd(RayFloat a, RayFloat b, RayFloat c) noexcept { return _mm512_fmadd_ps(a, b, c); }
 PERFECT_BVH_INLINE RayFloat fmsub(RayFloat a, RayFloat b, RayFloat c) noexcept { return _mm512_fmsub_ps(a, b, c); }
 PERFECT_BVH_INLINE RayFloat fnmadd(RayFloat a, RayFloat b, RayFloat c) noexcept { return _mm512_fnmadd_ps(a, b, c); }
-// Masked with every lane: the plain forms start from a vector without a value, and GCC 12 warns of it.
+// Masked with all lanes: the unmasked forms start from an undefined vector, and GCC 12 warns about that.
 constexpr RayMask kAllRays = 0xFFFF;
 PERFECT_BVH_INLINE RayFloat min(RayFloat a, RayFloat b) noexcept { return _mm512_maskz_min_ps(kAllRays, a, b); }
 PERFECT_BVH_INLINE RayFloat max(RayFloat a, RayFloat b) noexcept { return _mm512_maskz_max_ps(kAllRays, a, b); }
@@ -77,17 +77,17 @@ PERFECT_BVH_INLINE RayMask both(RayMask a, RayMask b) noexcept { return static_c
 PERFECT_BVH_INLINE RayMask either(RayMask a, RayMask b) noexcept { return static_cast<RayMask>(a | b); }
 PERFECT_BVH_INLINE unsigned bits(RayMask mask) noexcept { return mask; }
 PERFECT_BVH_INLINE RayMask ray_mask(unsigned bits) noexcept { return static_cast<RayMask>(bits); }
-// Lanes of a where the mask is set, of b elsewhere.
+// Returns the lanes of a where the mask is set, of b elsewhere.
 PERFECT_BVH_INLINE RayFloat select(RayMask mask, RayFloat a, RayFloat b) noexcept {
   return _mm512_mask_blend_ps(mask, b, a);
 }
-// The sign bits.
+// Returns the sign bits.
 PERFECT_BVH_INLINE unsigned signs(RayFloat a) noexcept { return _mm512_movepi32_mask(_mm512_castps_si512(a)); }
 PERFECT_BVH_INLINE RayFloat with_sign(RayFloat magnitude, RayFloat sign) noexcept {
   return _mm512_or_ps(magnitude, _mm512_and_ps(sign, _mm512_set1_ps(-0.0f)));
 }
 
-// Half as many rays in double.
+// A vector of doubles, for half as many rays.
 using RayDouble = __m512d;
 PERFECT_BVH_INLINE RayDouble load_rays(const double* p) noexcept { return _mm512_load_pd(p); }
 PERFECT_BVH_INLINE void store_rays(double* p, RayDouble a) noexcept { _mm512_store_pd(p, a); }
@@ -102,13 +102,13 @@ PERFECT_BVH_INLINE unsigned magnitudes_up_to(RayDouble a, RayDouble limit) noexc
 PERFECT_BVH_INLINE unsigned magnitudes_from(RayDouble a, RayDouble limit) noexcept {
   return _mm512_cmp_pd_mask(_mm512_abs_pd(a), limit, _CMP_GE_OQ);
 }
-// The float nearest to each.
+// Rounds each to the nearest float.
 PERFECT_BVH_INLINE RayFloat load_narrowed(const double* p) noexcept {
   const __m256 low = _mm512_maskz_cvtpd_ps(0xFF, load_rays(p)), high = _mm512_maskz_cvtpd_ps(0xFF, load_rays(p + 8));
   return _mm512_maskz_insertf32x8(kAllRays, _mm512_maskz_broadcast_f32x8(kAllRays, low), high, 1);
 }
 
-// Writes the lanes that `mask` names.
+// Writes only the lanes set in `mask`.
 PERFECT_BVH_INLINE void store_some(float* p, RayMask mask, RayFloat a) noexcept { _mm512_mask_store_ps(p, mask, a); }
 PERFECT_BVH_INLINE void store_some(std::uint32_t* p, RayMask mask, std::uint32_t a) noexcept {
   _mm512_mask_store_epi32(p, mask, _mm512_set1_epi32(static_cast<int>(a)));
@@ -124,7 +124,7 @@ PERFECT_BVH_INLINE float largest(RayFloat a) noexcept {
   return _mm_cvtss_f32(_mm_max_ss(two, _mm_movehdup_ps(two)));
 }
 
-// Bit i: vertex i is a corner of some triangle.
+// Returns bit i set if vertex i is a corner of some triangle.
 PERFECT_BVH_INLINE unsigned used_corners(const std::uint32_t* corners) noexcept {
   const __m256i one = _mm256_set1_epi32(1), seven = _mm256_set1_epi32(7), packed = load(corners);
   const __m256i a = _mm256_sllv_epi32(one, _mm256_and_si256(packed, seven));
@@ -136,7 +136,7 @@ PERFECT_BVH_INLINE unsigned used_corners(const std::uint32_t* corners) noexcept 
   return static_cast<unsigned>(_mm_cvtsi128_si32(_mm_or_si128(two, _mm_shuffle_epi32(two, 1))));
 }
 
-// As push_sorted, with `flags` + which place of the node each child has, to `places`.
+// Like push_sorted; also writes `flags` + each child's slot in the node to `places`.
 PERFECT_BVH_INLINE unsigned push_boxes(const WideNode& node, std::uint32_t order_shift, Mask8 hit, Float8 near,
                                        std::uint32_t flags, std::uint32_t* children, float* nears,
                                        std::uint32_t* places) noexcept {

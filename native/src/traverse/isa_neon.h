@@ -1,5 +1,5 @@
-// Eight lanes with NEON, which every 64-bit ARM has: two registers of four. Masks are vectors; permutations are lookups
-// of bytes, of which tables in memory say which.
+// Eight lanes with NEON, which every 64-bit ARM has: two registers of four. Masks are vectors. Permutations are byte
+// lookups, with indices from tables in memory.
 // Included by one translation unit only; everything in it has internal linkage.
 #pragma once
 
@@ -46,16 +46,16 @@ PERFECT_BVH_INLINE Float8 div(const Float8& a, const Float8& b) noexcept {
 PERFECT_BVH_INLINE Float8 fmadd(const Float8& a, const Float8& b, const Float8& c) noexcept {
   return {vfmaq_f32(c.low, a.low, b.low), vfmaq_f32(c.high, a.high, b.high)};
 }
-// Not -(c - a b), whose zeros have the other sign.
+// Not computed as -(c - a b), whose zeros have the other sign.
 PERFECT_BVH_INLINE Float8 fmsub(const Float8& a, const Float8& b, const Float8& c) noexcept {
   return {vfmaq_f32(vnegq_f32(c.low), a.low, b.low), vfmaq_f32(vnegq_f32(c.high), a.high, b.high)};
 }
 PERFECT_BVH_INLINE Float8 fnmadd(const Float8& a, const Float8& b, const Float8& c) noexcept {
   return {vfmsq_f32(c.low, a.low, b.low), vfmsq_f32(c.high, a.high, b.high)};
 }
-// NaN if either is, and of two zeros the lesser (the greater): unlike on x86, but what is compared afterwards does not
-// see it. The sign of a zero decides nothing; no ray that takes part has a NaN in its constants or its range
-// (ray.h), and the weights of a triangle that has one are refused either way.
+// Returns NaN if either value is NaN, and of two zeros the lesser (the greater). This differs from x86, but later
+// comparisons do not depend on it. The sign of a zero decides nothing. No active ray has a NaN in its constants or its
+// range (ray.h), and the weights of a triangle that has a NaN are rejected either way.
 PERFECT_BVH_INLINE Float8 min(const Float8& a, const Float8& b) noexcept {
   return {vminq_f32(a.low, b.low), vminq_f32(a.high, b.high)};
 }
@@ -64,8 +64,8 @@ PERFECT_BVH_INLINE Float8 max(const Float8& a, const Float8& b) noexcept {
 }
 PERFECT_BVH_INLINE Float8 abs(const Float8& a) noexcept { return {vabsq_f32(a.low), vabsq_f32(a.high)}; }
 
-// t where a ray meets eight planes across an axis; `inverse` and `offset` are those of a SlabRay: a fourth float behind
-// the three may be read.
+// Returns t where a ray hits eight planes across an axis. `inverse` and `offset` are those of a SlabRay: a fourth float
+// after the three may be read.
 template <int kAxis>
 PERFECT_BVH_INLINE Float8 plane_depths(const Float8& planes, const float* inverse, const float* offset) noexcept {
   const float32x4_t factors = vld1q_f32(inverse), negated = vnegq_f32(vld1q_f32(offset));
@@ -85,12 +85,12 @@ PERFECT_BVH_INLINE Mask8 both(const Mask8& a, const Mask8& b) noexcept {
 PERFECT_BVH_INLINE Mask8 either(const Mask8& a, const Mask8& b) noexcept {
   return {vorrq_u32(a.low, b.low), vorrq_u32(a.high, b.high)};
 }
-// Unlike on x86 also where either is NaN: see min.
+// Unlike on x86, also true if either is NaN: see min.
 PERFECT_BVH_INLINE Mask8 not_equal(const Float8& a, const Float8& b) noexcept {
   return {vmvnq_u32(vceqq_f32(a.low, b.low)), vmvnq_u32(vceqq_f32(a.high, b.high))};
 }
 
-// The lowest 16 bits of each lane.
+// Returns the lowest 16 bits of each lane.
 PERFECT_BVH_INLINE uint16x8_t narrowed(uint32x4_t low, uint32x4_t high) noexcept {
   return vuzp1q_u16(vreinterpretq_u16_u32(low), vreinterpretq_u16_u32(high));
 }
@@ -102,7 +102,7 @@ PERFECT_BVH_INLINE unsigned bits(const Mask8& mask) noexcept {
   return vaddvq_u16(vandq_u16(narrowed(mask.low, mask.high), vld1q_u16(kBitOfLane)));
 }
 
-// Row m: the lanes that m names, in order, four bytes each; the rest is lane 0. Byte k of lane i: kStride i + kByte k.
+// Row m: the lanes set in m, in order, four bytes each; the rest is lane 0. Byte k of lane i is kStride i + kByte k.
 template <unsigned kStride, unsigned kByte>
 struct alignas(32) CompressTable {
   std::uint8_t rows[256][32];
@@ -122,7 +122,8 @@ struct alignas(32) CompressTable {
 constexpr CompressTable<1, 0> kCompressLanes;
 constexpr CompressTable<4, 1> kCompressBytes;
 
-// Of a mask of eight. By a table: NEON counts bits in vectors, and the way there and back takes longer.
+// The number of bits of a mask of eight, from a table: NEON counts bits in vector registers, and moving to and from
+// them takes longer.
 struct BitCounts {
   std::uint8_t of[256];
   constexpr BitCounts() noexcept : of{} {
@@ -131,7 +132,7 @@ struct BitCounts {
 };
 constexpr BitCounts kBitCounts;
 PERFECT_BVH_INLINE unsigned count_bits(unsigned mask) noexcept { return kBitCounts.of[mask]; }
-// Which lanes of a leaf block repeat the triangle of the one before. The number before the first is any.
+// Returns the lanes of a leaf block that repeat the previous triangle. The number before the first may be anything.
 PERFECT_BVH_INLINE unsigned repeated_lanes(const std::uint32_t* primitives) noexcept {
   const Int8 own = load(primitives), before = load(primitives - 1);
   return bits(Mask8{vceqq_u32(own.low, before.low), vceqq_u32(own.high, before.high)}) & 0xFEu;
@@ -142,7 +143,7 @@ PERFECT_BVH_INLINE Int8 shift_right(const Int8& a) noexcept {
   return {vshrq_n_u32(a.low, kCount), vshrq_n_u32(a.high, kCount)};
 }
 
-// Bits 10 kPlace to 10 kPlace + 9 of each word, as floats.
+// Returns bits 10 kPlace to 10 kPlace + 9 of each word, as floats.
 template <int kPlace>
 PERFECT_BVH_INLINE Float8 ten_bits(const Int8& words) noexcept {
   Int8 shifted = words;
@@ -155,7 +156,7 @@ PERFECT_BVH_INLINE Float8 load_small(const std::uint8_t* p) noexcept {
   return {vcvtq_f32_u32(vmovl_u16(vget_low_u16(wide))), vcvtq_f32_u32(vmovl_u16(vget_high_u16(wide)))};
 }
 
-// Which bytes of two registers become those of two others.
+// The indices of the bytes of two registers that are moved to two others.
 struct Bytes {
   uint8x16_t low, high;
 };
@@ -190,7 +191,7 @@ PERFECT_BVH_INLINE void store_permuted(float* to, const Float8& a, const Bytes& 
   vst1q_f32(to + 4, vreinterpretq_f32_u8(vqtbl2q_u8(table, from.high)));
 }
 
-// Of a node, the children that are hit, the farthest first: where their bytes stand, and which places have one.
+// The hit children of a node, the farthest first: the positions of their bytes, and a mask of the slots in use.
 struct SortedChildren {
   Bytes bytes;
   unsigned mask;
@@ -198,7 +199,7 @@ struct SortedChildren {
 PERFECT_BVH_INLINE SortedChildren sort_children(const WideNode& node, std::uint32_t order_shift,
                                                 const Mask8& hit) noexcept {
   const Int8 orders = load(node.order);
-  // Four times the places: where the children's first bytes stand.
+  // Four times the slots: the positions of the children's first bytes.
   const int32x4_t shift = vdupq_n_s32(2 - static_cast<std::int32_t>(order_shift));
   const uint8x16_t pairs = vreinterpretq_u8_u16(narrowed(vshlq_u32(orders.low, shift), vshlq_u32(orders.high, shift)));
   const uint8x16_t order = vandq_u8(vuzp1q_u8(pairs, pairs), vdupq_n_u8(4 * 7));
@@ -209,8 +210,8 @@ PERFECT_BVH_INLINE SortedChildren sort_children(const WideNode& node, std::uint3
   return {{vorrq_u8(vqtbl1q_u8(order, lanes.low), part), vorrq_u8(vqtbl1q_u8(order, lanes.high), part)}, mask};
 }
 
-// Writes the children in `hit` to `children` (all 8 places may be overwritten), the farthest first, and where each
-// is entered to `nears`. Returns how many they are.
+// Writes the children in `hit` to `children` (all 8 entries may be overwritten), the farthest first, and their entry
+// distances to `nears`. Returns their number.
 PERFECT_BVH_INLINE unsigned push_sorted(const WideNode& node, std::uint32_t order_shift, const Mask8& hit,
                                         const Float8& near, std::uint32_t* children, float* nears) noexcept {
   const SortedChildren sorted = sort_children(node, order_shift, hit);
@@ -223,8 +224,8 @@ PERFECT_BVH_INLINE unsigned push_unsorted(const WideNode& node, const Mask8& hit
   store_permuted(children, load(node.child), load_bytes(kCompressBytes.rows[mask]));
   return count_bits(mask);
 }
-// Moves the first `count` (at most 8) entries whose `nears` do not exceed `limit` to the front of `to_*`, which may
-// be the same place or lie before it; all 8 places there may be overwritten. Returns how many they are.
+// Moves the first `count` (at most 8) entries whose `nears` do not exceed `limit` to the front of `to_*`. That may be
+// the same array or begin before it; all 8 entries there may be overwritten. Returns the number of entries kept.
 PERFECT_BVH_INLINE unsigned keep_near(const std::uint32_t* children, const float* nears, unsigned count,
                                       const Float8& limit, std::uint32_t* to_children, float* to_nears) noexcept {
   const Float8 near = load(nears);
@@ -237,10 +238,10 @@ PERFECT_BVH_INLINE unsigned keep_near(const std::uint32_t* children, const float
 }
 
 // Gather neon ---------------------------------------------------------------------------------------------------------
-// Reads balls with NEON: each by one load of four floats, four of them turned into four rows. Included by one
+// Reads balls with NEON: one load of four floats each; four of them are transposed into four rows. Included by one
 // translation unit only; everything in it has internal linkage.
 
-// `ball(lane)` is the ball of that lane.
+// `ball(lane)` returns the ball of that lane.
 template <class BallOf>
 inline __attribute__((always_inline)) void gather_balls(float (*rows)[8], float scale, const BallOf& ball) noexcept {
   for (int lane = 0; lane < 8; lane += 4) {

@@ -72,7 +72,7 @@ inline Float8 fmsub(const Float8& a, const Float8& b, const Float8& c) noexcept 
 inline Float8 fnmadd(const Float8& a, const Float8& b, const Float8& c) noexcept {
   return each([&](int i) { return __builtin_fmaf(-a.lane[i], b.lane[i], c.lane[i]); });
 }
-// Of two equal or unordered values, the second, as on x86.
+// Of two equal or unordered values, the second is returned, as on x86.
 inline Float8 min(const Float8& a, const Float8& b) noexcept {
   return each([&](int i) { return a.lane[i] < b.lane[i] ? a.lane[i] : b.lane[i]; });
 }
@@ -83,8 +83,8 @@ inline Float8 abs(const Float8& a) noexcept {
   return each([&](int i) { return __builtin_fabsf(a.lane[i]); });
 }
 
-// t where a ray meets eight planes across an axis; `inverse` and `offset` are those of a SlabRay: a fourth float behind
-// the three may be read.
+// Returns t where a ray hits eight planes across an axis. `inverse` and `offset` are those of a SlabRay: a fourth float
+// after the three may be read.
 template <int kAxis>
 inline Float8 plane_depths(const Float8& planes, const float* inverse, const float* offset) noexcept {
   return fmsub(planes, broadcast(inverse[kAxis]), broadcast(offset[kAxis]));
@@ -103,7 +103,7 @@ inline Mask8 both(Mask8 a, Mask8 b) noexcept { return a & b; }
 inline Mask8 either(Mask8 a, Mask8 b) noexcept { return a | b; }
 inline unsigned bits(Mask8 mask) noexcept { return mask; }
 inline unsigned count_bits(unsigned mask) noexcept { return static_cast<unsigned>(__builtin_popcount(mask)); }
-// Which lanes of a leaf block repeat the triangle of the one before.
+// Returns the lanes of a leaf block that repeat the previous triangle.
 inline unsigned repeated_lanes(const std::uint32_t* primitives) noexcept {
   return each_bit([&](int i) { return i > 0 && primitives[i] == primitives[i - 1]; });
 }
@@ -114,7 +114,7 @@ inline Int8 shift_right(const Int8& a) noexcept {
   for (int i = 0; i < 8; ++i) result.lane[i] = a.lane[i] >> kCount;
   return result;
 }
-// Bits 10 kPlace to 10 kPlace + 9 of each word, as floats.
+// Returns bits 10 kPlace to 10 kPlace + 9 of each word, as floats.
 template <int kPlace>
 inline Float8 ten_bits(const Int8& words) noexcept {
   return each([&](int i) { return static_cast<float>(words.lane[i] >> (10 * kPlace) & 0x3FFu); });
@@ -127,8 +127,8 @@ inline Float8 permute(const Float8& a, const Int8& index) noexcept {
   return each([&](int i) { return a.lane[index.lane[i] & 7]; });
 }
 
-// Writes the children in `hit` to `children`, the farthest first, and where each is entered to `nears`. Returns how
-// many they are.
+// Writes the children in `hit` to `children`, the farthest first, and their entry distances to `nears`. Returns their
+// number.
 inline unsigned push_sorted(const WideNode& node, std::uint32_t order_shift, Mask8 hit, const Float8& near,
                             std::uint32_t* children, float* nears) noexcept {
   for (int i = 0; i < 8; ++i) {
@@ -145,8 +145,8 @@ inline unsigned push_unsorted(const WideNode& node, Mask8 hit, std::uint32_t* ch
   }
   return count_bits(hit);
 }
-// Moves the first `count` (at most 8) entries whose `nears` do not exceed `limit` to the front of `to_*`, which may
-// be the same place or lie before it. Returns how many they are.
+// Moves the first `count` (at most 8) entries whose `nears` do not exceed `limit` to the front of `to_*`, which may be
+// the same array or begin before it. Returns the number of entries kept.
 inline unsigned keep_near(const std::uint32_t* children, const float* nears, unsigned count, const Float8& limit,
                           std::uint32_t* to_children, float* to_nears) noexcept {
   unsigned kept = 0;
@@ -159,10 +159,10 @@ inline unsigned keep_near(const std::uint32_t* children, const float* nears, uns
 }
 
 // Ray setup scalar ----------------------------------------------------------------------------------------------------
-// From a ray in double to the constants of its level, in plain C++. The vector version gives the same bits.
+// Computes the constants of a level from a ray in double, in plain C++. The vector version gives the same bits.
 // Included by translation units of kernels only; everything in it has internal linkage.
 
-// The ray times `scale`. False if its origin is not finite (directions are checked later, by bring_near).
+// Multiplies the ray by `scale`. Returns false if its origin is not finite (bring_near checks directions later).
 inline bool load_ray(ObjectRay& out, const Ray& ray, double scale) noexcept {
   const double* const origin = &ray.origin.x;
   const double* const direction = &ray.direction.x;
@@ -186,7 +186,7 @@ inline void map_to_local(ObjectRay& out, const ObjectRay& ray, const MapColumns&
 }
 inline bool stands_near(const ObjectRay& ray, double reach) noexcept { return is_near(ray, reach); }
 
-// All but the limits of t. The ray is near.
+// Sets everything except the limits of t. The ray must be near.
 inline void set_states(BoxState& box, TriangleState& triangle, const ObjectRay& ray,
                        const TreeExtent& extent) noexcept {
   float origin[3], direction[3];
@@ -205,7 +205,7 @@ inline void set_states(BoxState& box, TriangleState& triangle, const ObjectRay& 
 // Reads balls, in plain C++.
 // Included by one translation unit only; everything in it has internal linkage.
 
-// `ball(lane)` is the ball of that lane.
+// `ball(lane)` returns the ball of that lane.
 template <class BallOf>
 inline void gather_balls(float (*rows)[8], float scale, const BallOf& ball) noexcept {
   for (int lane = 0; lane < 8; ++lane) {

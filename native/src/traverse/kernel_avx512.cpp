@@ -2,7 +2,7 @@
 #include "traverse/isa_avx.h"
 #include "traverse/isa_avx512.h"
 
-// Last: it uses all of the above.
+// Last: it uses all headers above.
 #include "traverse/vector_kernels.inl"
 
 namespace perfect_bvh {

@@ -3,7 +3,7 @@
 #include "traverse/leaf_line_scalar.h"
 #include "traverse/rays_neon.h"
 
-// Last: it uses all of the above.
+// Last: it uses all headers above.
 #include "traverse/vector_kernels.inl"
 
 namespace perfect_bvh {

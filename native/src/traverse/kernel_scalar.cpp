@@ -5,7 +5,7 @@
 #include "traverse/kernel_table.h"
 #include "traverse/leaf_line_scalar.h"
 
-// The vectors and the ray's set-up stand; what follows uses them.
+// The files below use the vectors and ray set-up above.
 #include "traverse/stream_kernel.inl"
 // After the stream.
 #include "traverse/all_hits.inl"

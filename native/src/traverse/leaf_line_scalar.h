@@ -1,4 +1,4 @@
-// A ray's line in a leaf's steps, in plain C++.
+// Converts a ray's line to a leaf's steps, in plain C++.
 // Included by translation units of kernels only; everything in it has internal linkage.
 #pragma once
 
@@ -35,10 +35,10 @@ inline LeafLine leaf_line(const LeafCorner& corner, const ObjectRay& ray, float 
 }
 
 // Plane scalar --------------------------------------------------------------------------------------------------------
-// One triangle's plane in plain C++. The vector version gives the same t, bit for bit.
+// Computes t of one triangle's plane in plain C++. The vector version gives the same t, bit for bit.
 // Included by translation units of kernels only; everything in it has internal linkage.
 
-// `at(corner, axis)`: the corners' coordinates.
+// `at(corner, axis)` returns a coordinate of a corner.
 template <class Corners>
 inline double meet_plane(const Corners& at, const double* origin, const double* direction) noexcept {
   const float a[3] = {at(0, 0), at(0, 1), at(0, 2)};

@@ -1,11 +1,12 @@
-// Counts a kernel's steps between two questions whether to stop. By steps, not by a clock: two instructions a step.
+// Counts a kernel's steps between two checks whether to stop. Steps are cheaper than a clock: two instructions per
+// step.
 // Part of stream_kernel.inl: everything has internal linkage.
 
 class Pace {
  public:
   explicit Pace(const Interruption& interruption) noexcept : interruption_(&interruption) {}
 
-  // Before each step. Once true it stays so: nested loops unwind one after the other.
+  // Call before each step. Once true, it stays true, so nested loops unwind one after the other.
   PERFECT_BVH_INLINE bool should_stop() noexcept { return --left_ == 0 && ask(); }
 
  private:

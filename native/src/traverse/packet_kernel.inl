@@ -1,15 +1,15 @@
 // Traces coherent rays in packets of up to 64 that share one stack (ranged traversal: Wald, Boulos and Shirley 2007;
 // Overbeck, Ramamoorthi and Mark 2008).
 //
-// A node's eight boxes are first tested against bounds of the whole packet. A child that survives waits until it is
-// next; then its box is tested against the rays, a vector at a time, from the first ray that entered its parent to the
-// first that enters it: the node is visited with that ray and all after it. Only leaves find out about every ray. So
-// a node costs about two tests, however many rays pass through it. Where few rays are left, each finishes the subtree
-// by itself. The rays of a packet that differ in octant or longest axis take turns.
+// A node's eight boxes are first tested against bounds of the whole packet. A surviving child waits on the stack. When
+// it is next, its box is tested against the rays, a vector at a time, from the first ray that entered its parent up to
+// the first that enters the child. The node is then visited with that ray and all after it. Only leaves test every ray.
+// So a node costs about two tests, no matter how many rays pass through it. When few rays are left, each finishes the
+// subtree alone. Rays of a packet that differ in octant or longest axis are traced in separate passes.
 //
-// A ray may be tested against more boxes and triangles than if it were alone, never against fewer of those that it can
-// hit: and which hit is the best does not depend on the order (math/slab.h, leaf_test.inl). So the answers are, bit for
-// bit, those of the stream.
+// A ray may be tested against more boxes and triangles than it would be alone, but never misses a box or triangle that
+// it can hit. The best hit does not depend on the order (math/slab.h, leaf_test.inl). So the answers are, bit for bit,
+// those of the stream.
 //
 // Included by translation units that have vectors of rays, after stream_kernel.inl.
 
@@ -17,23 +17,22 @@ namespace perfect_bvh {
 namespace {
 
 #include "traverse/packet_setup.inl"
-// After the packet.
-// After the set-up.
+// The files below need the packet and its set-up, both in packet_setup.inl.
 #include "traverse/packet_bounds.inl"
 #include "traverse/packet_leaf.inl"
 
-// No more rays than these go on by themselves.
+// At most this many rays go on alone.
 constexpr unsigned kFewInNode = 3;
 
-// kMoves: something moves within the shutter. The packet then goes through the top level around all the ways of its
-// instances; into those that move, each of its rays goes by itself.
+// kMoves: something moves within the shutter. The packet then traverses the top level with boxes around the whole
+// motion of its instances. Its rays enter moving instances one by one.
 template <bool kAny, bool kMoves>
 struct PacketWalk {
   Packet& packet;
   const SceneView& scene;
   const RayBatch& batch;
 
-  // Ray i finishes the subtree `child` by itself.
+  // Traces ray i alone through the subtree `child`.
   void walk_alone(PacketLevel& level, unsigned i, std::uint32_t child, unsigned base) noexcept {
     LoneRay lone(packet, level, i);
     std::uint32_t* const children = packet.stack.children + base;
@@ -66,7 +65,7 @@ struct PacketWalk {
     level.bounds.t_limit = highest_limit(packet, *level.boxes);
   }
 
-  // The rays from `first` on that enter a box.
+  // Returns the rays from `first` on that enter a box.
   [[nodiscard]] RaySet entering(const PacketLevel& level, const float* box, unsigned first) const noexcept {
     RaySet rays = 0;
     for (; first < packet.lanes; first += kRayLanes) {
@@ -75,7 +74,7 @@ struct PacketWalk {
     return rays;
   }
 
-  // Stacks the children that some ray, `first` or a later one, may enter. The highest entry is then `top` - 1.
+  // Pushes the children that ray `first` or a later one may enter. The highest entry is then `top` - 1.
   void push_children(const PacketLevel& level, std::uint32_t row, unsigned first, unsigned& top) noexcept {
     const WideNode& node = level.nodes[row];
     const NodeTest test = test_bounds(node, level.key.rows, level.bounds);
@@ -85,7 +84,7 @@ struct PacketWalk {
                       stack.nears + top, stack.places + top);
   }
 
-  // All of `rays`, of one key, through the tree of `level`.
+  // Traces all of `rays`, which have one key, through the tree of `level`.
   template <bool kTop>
   void walk(PacketLevel& level, RaySet rays, std::uint32_t root, unsigned base) noexcept {
     if constexpr (!kTop) {
@@ -127,12 +126,12 @@ struct PacketWalk {
     }
   }
 
-  // A tree that is one leaf has no box.
+  // Visits a tree that is a single leaf: it has no box.
   void visit_root_leaf(PacketLevel& level, RaySet rays, std::uint32_t root, unsigned base) noexcept {
     walk_each_alone(level, rays, root, base);
   }
 
-  // Whether the rays share an origin and are direct, which leaf tests make use of.
+  // Sets whether the rays share an origin and are direct, which speeds up leaf tests.
   void set_shortcuts(PacketLevel& level, RaySet rays) const noexcept {
     const PacketRays& local = packet.local_rays;
     const unsigned first = first_ray(rays);
@@ -150,7 +149,7 @@ struct PacketWalk {
     }
   }
 
-  // Those of `rays` that see the instance.
+  // Returns those of `rays` that see the instance.
   [[nodiscard]] RaySet seeing(const InstanceView& instance, RaySet rays) const noexcept {
     if ((instance.mask & packet.common_mask) != 0) return rays;
     for (RaySet left = rays; left != 0; left &= left - 1) {
@@ -159,7 +158,7 @@ struct PacketWalk {
     return rays;
   }
 
-  // `rays`, as its tree sees them, through an instance.
+  // Traces `rays`, mapped to its tree, through an instance.
   void trace_instance(std::uint32_t index, RaySet rays, unsigned base) noexcept {
     const InstanceView& instance = scene.instances[index];
     PacketLevel level;
@@ -176,7 +175,7 @@ struct PacketWalk {
     }
   }
 
-  // Ray i through an instance that moves, as the stream does it.
+  // Traces ray i alone through a moving instance, as the stream does.
   void enter_alone(std::uint32_t index, unsigned i) noexcept {
     PacketHits& hits = packet.hits;
     Slot& slot = *packet.slot;
@@ -207,7 +206,8 @@ struct PacketWalk {
       packet.alone += count_rays(rays);
       for (RaySet left = rays; left != 0; left &= left - 1) enter_alone(index, first_ray(left));
     } else {
-      if (count_rays(rays) < kLeastRays) packet.alone += count_rays(rays);  // the packet is not worth its constants
+      if (count_rays(rays) < kLeastRays)
+        packet.alone += count_rays(rays);  // too few for the packet's set-up to pay off
       rays = map_packet(packet, rays, instance);
       trace_instance(index, rays, base);
     }
@@ -225,7 +225,7 @@ struct PacketWalk {
     }
   }
 
-  // Rays that are traced as they are through a scene's only instance.
+  // Traces unmapped rays through a scene's only instance.
   void trace_directly(const InstanceView& instance, RaySet active) noexcept {
     clear_hits();
     active = seeing(instance, active);
@@ -254,7 +254,7 @@ struct PacketWalk {
   }
 };
 
-// Entries of a stack: those any ray can need, and 8 more that pushes may write over.
+// Returns the entries of a stack: as many as any ray may need, and extra ones that pushes may overwrite.
 inline std::size_t packet_stack_entries(const SceneView& scene) noexcept {
   return (std::size_t{scene.stack_entries} + 16 + 15) / 16 * 16;
 }
@@ -264,7 +264,7 @@ std::size_t packet_workspace_bytes(const SceneView& scene) {
   return sizeof(Packet) + packet_stack_entries(scene) * 4 * sizeof(std::uint32_t) + slot;
 }
 
-// Weights become barycentric coordinates.
+// Converts weights to barycentric coordinates.
 inline void divide_weights(Packet& packet) noexcept {
   PacketHits& hits = packet.hits;
   for (unsigned i = 0; i < packet.lanes; i += kRayLanes) {
@@ -290,12 +290,13 @@ void write_results(const Packet& packet, const RayBatch& batch) noexcept {
   }
 }
 
-// Where triangles are smaller than the distance between rays, a packet's rays diverge long before they reach a leaf,
-// and the stream is faster. After a packet where more than half of the rays finished alone, so many packets are left to
-// the stream; after each further one, twice as many and one, as the rays ahead probably diverge too.
+// If triangles are smaller than the distance between rays, a packet's rays diverge long before they reach a leaf, and
+// the stream is faster. After a packet where more than half of the rays finished alone, kPassedOver packets are left to
+// the stream. After each further one, this number is doubled and increased by one, as the rays ahead probably diverge
+// too.
 constexpr unsigned kPassedOver = 7, kMostPassedOver = 63;
 
-// Those of `rays` that have a time within the shutter.
+// Returns those of `rays` whose time is within the shutter.
 inline RaySet in_shutter(const Packet& packet, RaySet rays) noexcept {
   for (RaySet left = rays; left != 0; left &= left - 1) {
     if (!is_in_shutter(packet.rays[first_ray(left)]->time)) rays &= ~(left & -left);

@@ -1,4 +1,4 @@
-// Rays and hits as every kernel and every caller of a kernel knows them.
+// Rays and hits, as used by all kernels and their callers.
 #pragma once
 
 #include <cstdint>
@@ -13,11 +13,11 @@ namespace perfect_bvh {
 inline constexpr float kInfiniteDistance = std::numeric_limits<float>::infinity();
 inline constexpr std::uint32_t kNoHit = 0xFFFFFFFFu;
 
-// Whether backs of triangles are passed through: clockwise in world space, as seen from the ray's origin.
+// Whether rays pass through the backs of triangles. A back is clockwise in world space, as seen from the ray's origin.
 enum class Cull : std::uint8_t { kNone, kBack };
 
-// World space. t is in multiples of the direction's length; a hit counts if t_min <= t <= t_max and t is finite, as a
-// float.
+// A ray in world space. t is in multiples of the direction's length. A hit counts if t_min <= t <= t_max and t is
+// finite as a float.
 struct alignas(64) Ray {
   Vec3d origin{0, 0, 0};
   Vec3d direction{0, 0, 0};
@@ -28,8 +28,8 @@ struct alignas(64) Ray {
 };
 static_assert(sizeof(Ray) == 64);
 
-// t is infinite on a miss, and the indices kNoHit. instance_index is the row in Snapshot::instances;
-// the hit point is (1-u-v) v0 + u v1 + v v2 of the triangle.
+// A hit, or a miss: then t is infinite and the indices are kNoHit. instance_index is the row in Snapshot::instances.
+// The hit point is (1-u-v) v0 + u v1 + v v2 of the triangle.
 struct Hit {
   float t = kInfiniteDistance;
   float u = 0.0f;
@@ -40,26 +40,26 @@ struct Hit {
   [[nodiscard]] bool found() const noexcept { return instance_index != kNoHit; }
 };
 
-// The time of rays that have none of their own.
+// The time of rays for which no time is given.
 inline constexpr float kShutterOpens = 0.0f;
-// Another one than 0 to 1, NaN included, is no time.
+// Returns whether a time is valid, that is, from 0 to 1. NaN is not.
 [[nodiscard]] static inline bool is_in_shutter(float time) noexcept { return time >= 0.0f && time <= 1.0f; }
 
-// False for rays that can hit nothing: a non-finite or zero direction, a non-finite origin, NaN or crossed t range, no
-// time.
+// Returns false for rays that can hit nothing: the direction is zero or not finite, the origin is not finite, the t
+// range is NaN or crossed, or the time is not valid.
 [[nodiscard]] inline bool is_valid(const Ray& ray) noexcept {
   return is_finite(ray.origin) && is_finite(ray.direction) && !(ray.direction == Vec3d{0, 0, 0}) &&
          ray.t_min <= ray.t_max && is_in_shutter(ray.time);
 }
 
 // Object ray ----------------------------------------------------------------------------------------------------------
-// A world ray as one tree sees it (lecture, "Rigid motion": the ray is transformed, not the geometry).
-// The map is applied in double. If the ray begins far from the tree its origin is moved along it, if its direction is
-// very long or very short it is scaled by a power of two, and only then is it narrowed to float:
+// A world ray as seen by one tree (lecture, "Rigid motion": the ray is transformed, not the geometry).
+// The map is applied in double. If the ray begins far from the tree, its origin is moved along it. If its direction is
+// very long or very short, it is scaled by a power of two. Only then is the ray narrowed to float:
 //   t of the ray = offset + scale * local t
-// For most rays the offset is 0 and the scale 1 ("direct"). As |origin| <= 4 reach in the end, how exact t is depends
-// on the size of the mesh, not on how far away the ray begins. Where the ray began is kept: whether there is a hit is
-// decided for that ray (math/triangle.h).
+// For most rays the offset is 0 and the scale 1 ("direct"). In the end |origin| <= 4 reach, so the precision of t
+// depends on the size of the mesh, not on how far away the ray begins. The start of the ray is kept: whether there is a
+// hit is decided for that ray (math/triangle.h).
 
 struct TimeFrame {
   double offset, scale;
@@ -94,18 +94,19 @@ static inline void map_ray(ObjectRay& out, const ObjectRay& ray, const MapColumn
   out.time = ray.time;
 }
 
-// Directions in this range are not scaled, origins within so many reaches not moved.
+// Directions in this range are not scaled. Origins within kNearby times the reach are not moved.
 inline constexpr double kShortest = 0x1p-20, kLongest = 0x1p20, kNearby = 4.0;
 
-// True if bring_near() would leave the ray as it is.
+// Returns true if bring_near() would not change the ray.
 static inline bool is_near(const ObjectRay& ray, double reach) noexcept {
   const double longest = largest_component(ray.direction);
   return longest >= kShortest && longest <= kLongest && largest_component(ray.origin) <= kNearby * reach;
 }
 
-// The ray times `scale`, as load_ray() and a map that is the identity make it: no origin is minus zero. False if it is
-// not a usual one: each component of its direction is neither very short nor very long, so none is zero (whose sign
-// would depend on the other ones'), and no component of its origin exceeds `farthest`.
+// Multiplies the ray by `scale`, with the same result as load_ray() and an identity map: no origin component is minus
+// zero. Returns false if the ray is not a usual one. In a usual ray, each component of the direction is neither very
+// short nor very long, so none is zero (the sign of a zero would depend on the other components), and no component of
+// the origin exceeds `farthest`.
 static inline bool load_near_by_axis(ObjectRay& out, const Ray& ray, double scale, double farthest) noexcept {
   const double *const origin = &ray.origin.x, *const direction = &ray.direction.x;
   bool is_usual = true;
@@ -120,10 +121,10 @@ static inline bool load_near_by_axis(ObjectRay& out, const Ray& ray, double scal
   return is_usual;
 }
 
-// Moves a ray along its direction to the point of its line that is nearest to the frame's origin, up to rounding.
-// Returns a bound of how far from that point it is. Beyond 2^22 reaches the move is made without the rounding that is
-// as large as the way, so that the new origin is less than 2^-29 of a reach beside the line, up to 2^70 reaches away:
-// far less than float rounds (math/slab.h).
+// Moves a ray's origin along its direction to the point of its line that is nearest to the frame's origin, up to
+// rounding. Returns a bound of its distance from that point. For origins beyond 2^22 reaches, the move avoids the
+// rounding that would be as large as the distance. Up to 2^70 reaches away, the new origin is then less than 2^-29 of a
+// reach off the line, which is far less than float rounds (math/slab.h).
 static inline double move_near(ObjectRay& ray, double reach) noexcept {
   const double *o = ray.origin, *d = ray.direction;
   const double t = -(o[0] * d[0] + o[1] * d[1] + o[2] * d[2]) / (d[0] * d[0] + d[1] * d[1] + d[2] * d[2]);
@@ -137,8 +138,8 @@ static inline double move_near(ObjectRay& ray, double reach) noexcept {
   return 0x1p-48 * way;
 }
 
-// Scales an extreme direction, and moves a distant origin towards a tree within `reach` of the frame's origin. False
-// if the ray misses that tree, or is too extreme for doubles.
+// Scales an extreme direction, and moves a distant origin towards a tree within `reach` of the frame's origin. Returns
+// false if the ray misses that tree, or is too extreme for doubles.
 static inline bool bring_near(ObjectRay& ray, double reach) noexcept {
   constexpr double kLargest = 1.7976931348623157e308;
   for (int axis = 0; axis < 3; ++axis) ray.start[axis] = ray.origin[axis];
@@ -151,12 +152,12 @@ static inline bool bring_near(ObjectRay& ray, double reach) noexcept {
     ray.time.scale *= factor;
     ray.time.is_direct = false;
   }
-  constexpr int kMostMoves = 3;  // the second starts from within 2^-48 of the way, the third is for the zoo's rays
+  constexpr int kMostMoves = 3;  // the second starts within 2^-48 of the distance; the third is for extreme test rays
   for (int moves = 0; !(largest_component(ray.origin) <= kNearby * reach); ++moves) {
     if (moves == kMostMoves) return false;
     ray.time.is_direct = false;
     const double rounding = move_near(ray, reach);
-    // Further out than the box's corners, the line misses the box.
+    // If the origin is outside the box' corners, the line misses the box.
     if (!(largest_component(ray.origin) <= 2.0 * reach + rounding)) return false;
   }
   return true;
@@ -166,20 +167,21 @@ static inline void narrow(const double v[3], float out[3]) noexcept {
   for (int axis = 0; axis < 3; ++axis) out[axis] = static_cast<float>(v[axis]);
 }
 
-// A float: hits that are reported at the same t are at the same t, and their order decides.
+// Rounds t to a float. Hits reported at the same t are then at the same t, and their order decides.
 static inline double to_ray_t(const TimeFrame& time, float local_t) noexcept {
   return static_cast<double>(static_cast<float>(time.offset + time.scale * static_cast<double>(local_t)));
 }
 
-// No t beyond this becomes a float of at most t_max: hits are compared with the range as they are reported.
+// Returns a bound: no greater t rounds to a float of at most t_max. Reported hits are compared with the range again.
 static inline double last_t(float t_max) noexcept {
   const double t = static_cast<double>(t_max), last = t + (0x1p-24 * __builtin_fabs(t) + 0x1p-150);
   return last > t ? last : t;  // minus infinity's is NaN
 }
 
-// The local range of a range of the ray's own t, widened beyond every rounding between them (underflow to 0 included):
-// a hit outside it is outside the range; one inside is compared again, in the ray's own terms. Never NaN, which packets
-// would take for all their rays' limit: a range that is nowhere, or too far away for a double, holds nothing.
+// Convert a range of the ray's t to a local range, widened beyond all rounding in between (including underflow to 0). A
+// hit outside the local range is outside the range; a hit inside is compared again in the ray's t. Never returns NaN,
+// which packets would take as the limit of all their rays: a range that is nowhere, or too far away for a double,
+// contains nothing.
 static inline float to_local_min(const TimeFrame& time, double t) noexcept {
   if (time.is_direct) return static_cast<float>(t);
   const double exact = (t - (0x1p-22 * __builtin_fabs(t) + 0x1p-149) - time.offset) / time.scale;
@@ -194,31 +196,31 @@ static inline float to_local_max(const TimeFrame& time, double t) noexcept {
 }
 
 // Ray state -----------------------------------------------------------------------------------------------------------
-// The constants of a ray at one level, as kernels keep them.
+// The constants of a ray at one level, as kernels store them.
 
-// By the octant of a ray (bit a: it runs down axis a): where the planes it meets first and last stand in a node, in
-// bytes, and 3 * octant.
+// For the octant of a ray (bit a: it runs down axis a): the byte offsets in a node of the planes that it hits first and
+// last, and 3 * octant.
 struct OctantRows {
   std::uint16_t near_row[3], far_row[3];
   std::uint32_t order_shift;
 };
 
-// What node visits read.
+// The data that node visits read.
 struct BoxState {
   SlabRay slab;
   OctantRows rows;
-  float t_min, t_limit;  // local; the limit sinks as hits are found
+  float t_min, t_limit;  // local; the limit decreases as hits are found
 };
 static_assert(sizeof(BoxState) == 60);
 
-// What leaf visits read.
+// The data that leaf visits read.
 struct TriangleState {
   TriangleRay ray;
   std::uint16_t row[4];  // byte offsets in a leaf block of the sheared frame's x, y and z
-  DepthRange depths;     // a triangle must have a point between them to be met within the limits of t
+  DepthRange depths;     // a triangle needs a point in this range to be hit within the limits of t
 };
 
-// As much is added as a hit's t may be beyond the depths of the triangle's corners.
+// Widens the range by the amount that a hit's t may be beyond the depths of the triangle's corners.
 static inline void set_depths(TriangleState& triangle, float t_min, float t_limit) noexcept {
   const TriangleRay& ray = triangle.ray;
   const float slack = ray.depth_slack;

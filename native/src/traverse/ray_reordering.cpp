@@ -8,18 +8,18 @@ namespace perfect_bvh {
 namespace {
 
 constexpr std::size_t kSamples = 128;
-constexpr double kLeastCosine = 0.3;            // of a ray to the mean: further apart, a plane shows them badly
-constexpr double kParallelCosine = 1.0 - 1e-7;  // rays as good as parallel
-constexpr double kSamePoint = 0.01;             // in the scene's reach: points as good as one
+constexpr double kLeastCosine = 0.3;            // of a ray to the mean: at larger angles, a plane represents them badly
+constexpr double kParallelCosine = 1.0 - 1e-7;  // rays treated as parallel
+constexpr double kSamePoint = 0.01;             // in the scene's reach: points treated as one
 constexpr std::size_t kCheckedPackets = 16;
-constexpr double kCompact = 3.0;  // packets no wider, in sides of a square one, are left as they are
+constexpr double kCompact = 3.0;  // packets at most this wide, in sides of a square one, are not reordered
 
 struct Point {
   double a, b;
 };
 
-// The plane on which rays are laid out: near each other there, they go through the same nodes. Rays through one point
-// are seen from that point, parallel rays from far away.
+// The plane on which rays are laid out: rays close together on it go through the same nodes. Rays through one point are
+// projected from that point, parallel rays along their direction.
 struct Plane {
   Vec3d along{0, 0, 0}, a{0, 0, 0}, b{0, 0, 0};  // orthonormal
   bool is_perspective = true;
@@ -31,7 +31,7 @@ struct Plane {
   }
 };
 
-// Of a direction of any length.
+// Normalizes a direction of any length.
 Vec3d unit(Vec3d d) noexcept { return normalized(d * (1.0 / std::max({std::abs(d.x), std::abs(d.y), std::abs(d.z)}))); }
 
 struct Range {
@@ -48,7 +48,8 @@ struct Box {
   [[nodiscard]] double size() const noexcept { return std::max({x.size(), y.size(), z.size()}); }
 };
 
-// Valid rays, spread over all of them, but not evenly: at the distance of an image's rows they would all be one column.
+// A sample of the valid rays, spread over all of them at uneven intervals: at the interval of an image's rows, all
+// samples would be in one column.
 struct Samples {
   std::array<const Ray*, kSamples> rays;
   std::size_t count = 0;
@@ -63,8 +64,8 @@ struct Samples {
   [[nodiscard]] std::span<const Ray* const> all() const noexcept { return {rays.data(), count}; }
 };
 
-// Turns the plane's axes so that a is the one along which the rays spread most: bands along it are then as long as may
-// be, also for the rows of a tilted camera.
+// Turns the plane's axes so that a is the axis along which the rays spread most. Bands along it are then as long as
+// possible, also for the rows of a tilted camera.
 void turn_axes(Plane& plane, const Samples& samples) noexcept {
   const auto n = static_cast<double>(samples.count);
   double a = 0, b = 0, aa = 0, ab = 0, bb = 0;
@@ -83,7 +84,7 @@ void turn_axes(Plane& plane, const Samples& samples) noexcept {
   plane.b = plane.b * cosine - old * sine;
 }
 
-// False if the rays neither meet in a point nor are parallel.
+// Returns false if the rays neither meet in a point nor are parallel.
 bool find_plane(const Samples& samples, double reach, Plane& plane) noexcept {
   if (samples.count < kSamples / 2) return false;
   Vec3d sum{0, 0, 0};
@@ -112,8 +113,9 @@ bool find_plane(const Samples& samples, double reach, Plane& plane) noexcept {
   return true;
 }
 
-// The plane in bands, one square packet high, and the bands in columns of eight rays. Every 64 rays in this order are
-// then about a square, wherever they begin. Every other band runs back, so that none jumps from one end to the other.
+// Divides the plane into bands, one square packet high, and the bands into columns of eight rays. Any 64 consecutive
+// rays in this order then roughly form a square. Every other band runs backwards, so that the order does not jump from
+// one end to the other.
 class Cells {
  public:
   Cells(const Plane& plane, const Samples& samples, std::size_t ray_count) noexcept {
@@ -122,7 +124,7 @@ class Cells {
       a_.take(p.a), b_.take(p.b);
     }
     const auto count = static_cast<double>(ray_count);
-    // Rays in a line are a band of one ray's height.
+    // Rays in a line form one band, one ray high.
     side_ = std::sqrt(kPacketRays * a_.size() * std::max(b_.size(), a_.size() / count) / count);
     bands_ = std::clamp(std::round(b_.size() / side_), 1.0, std::max(count / (8.0 * 8.0), 1.0));
     columns_ = std::max(std::floor(count / (8.0 * bands_)), 1.0);
@@ -133,7 +135,7 @@ class Cells {
   [[nodiscard]] std::size_t count() const noexcept { return static_cast<std::size_t>(bands_ * columns_); }
   [[nodiscard]] double side() const noexcept { return side_; }
 
-  // Whatever lies outside, or nowhere, belongs to the cells at the edge.
+  // Points outside, or without a valid position, belong to the cells at the edge.
   [[nodiscard]] std::uint32_t of(Point p) const noexcept {
     const std::uint32_t band = index((p.b - b_.low) * per_b_, bands_);
     const std::uint32_t column = index((p.a - a_.low) * per_a_, columns_);
@@ -150,7 +152,7 @@ class Cells {
   double side_ = 0, bands_ = 1, columns_ = 1, per_a_ = 0, per_b_ = 0;
 };
 
-// Whether most packets of consecutive rays are as good as square already.
+// Returns whether most packets of consecutive rays are nearly square already.
 bool are_compact(std::span<const Ray> rays, const Plane& plane, double side) noexcept {
   const std::size_t packets = rays.size() / kPacketRays;
   const std::size_t checked = std::min(packets, kCheckedPackets);

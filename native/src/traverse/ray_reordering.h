@@ -1,6 +1,7 @@
-// An order in which consecutive coherent rays make compact packets (ray reordering: Boulos, Wald and Benthin 2008,
-// "Adaptive ray packet reordering"). Images come row by row: 64 rays of a row are a strip of 64 x 1 pixels, which
-// enters more nodes and leaves than a tile of 8 x 8, and for longer. Answers depend on no order, so any will do.
+// Reorders rays so that consecutive coherent rays make compact packets (ray reordering: Boulos, Wald and Benthin 2008,
+// "Adaptive ray packet reordering"). Images arrive row by row: 64 rays of a row are a strip of 64 x 1 pixels, which
+// enters more nodes and leaves than a tile of 8 x 8, and for longer. Any order is valid, as answers do not depend on
+// it.
 #pragma once
 
 #include <cstddef>
@@ -11,9 +12,9 @@
 
 namespace perfect_bvh {
 
-// Rays that are put in order at a time: eight rows of an image, and few enough for the second level cache.
+// The number of rays reordered at a time: eight rows of an image, and few enough for the second level cache.
 inline constexpr std::size_t kReorderedRays = std::size_t{1} << 14;
-// Fewer are left as they come.
+// Fewer rays are not reordered.
 inline constexpr std::size_t kLeastReordered = 1024;
 
 struct ReorderingSpace {
@@ -22,8 +23,9 @@ struct ReorderingSpace {
   std::uint32_t firsts[kReorderedRays / 8 + 1];
 };
 
-// Up to kReorderedRays rays. True if they begin or end near one point or are parallel, and do not come in compact
-// groups yet; then space.order has their rows. `reach` is the scene's, in the rays' units. Decided by the rays alone.
+// Reorders up to kReorderedRays rays. Returns true if they begin or end near one point or are parallel, and are not in
+// compact groups yet; space.order then has their rows. `reach` is the scene's, in the rays' units. The decision depends
+// only on the rays.
 [[nodiscard]] bool reorder_rays(std::span<const Ray> rays, double reach, ReorderingSpace& space) noexcept;
 
 }  // namespace perfect_bvh

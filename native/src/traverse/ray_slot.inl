@@ -1,4 +1,4 @@
-// One ray under way in a stream: its constants, its limits, its best hit so far, and its stack.
+// The state of one ray in flight in a stream: its constants, its limits, its best hit yet, and its stack.
 // Part of stream_kernel.inl: everything has internal linkage.
 
 // Stack entries are children (see wide_bvh.h) or marks. Entry 0 is always kDoneMark.
@@ -7,7 +7,7 @@ constexpr std::uint32_t kDoneMark = 0xFFFFFFFFu;
 
 struct alignas(64) Slot {
   BoxState box;
-  std::uint32_t top;  // the stack's highest entry: what to visit next
+  std::uint32_t top;  // the stack's highest entry: the next to visit
 
   TriangleState triangle;
   std::uint32_t ray;                          // row in the batch
@@ -19,25 +19,25 @@ struct alignas(64) Slot {
   const LeafBlock* blocks;  // null: the tree is over curves or points
   double best_t;            // in the ray's own terms; last_t(t_max) before the first hit
   std::uint32_t instance;   // being traversed; row in the scene
-  std::uint32_t floor;      // the highest entry that does not belong to that level
+  std::uint32_t floor;      // the highest entry that belongs to the level above
 
-  ObjectRay local;  // as the tree sees it that is being traversed
-  // What instances map, and the top level's constants; a lone instance that is traced directly has no use for them.
-  ObjectRay world;  // as it came, times the scene's scale
+  ObjectRay local;  // in the frame of the tree being traversed
+  // The ray that instances map, and the top level's constants. Not used by a lone instance that is traced directly.
+  ObjectRay world;  // the given ray, times the scene's scale
   TimeFrame world_time;
   BoxState world_box;
-  bool is_mirrored;  // the instance's transform turns the winding round
+  bool is_mirrored;  // the instance's transform reverses the winding
 
-  // Of the tree being traversed, in a scene where anything moves within the shutter (ray_slot.inl).
+  // Describes the tree being traversed, in a scene where anything moves within the shutter.
   const TreeStep* step;         // null: it does not move
-  const WideNode* later_nodes;  // of the next step, null where the tree is at a step or a single leaf
+  const WideNode* later_nodes;  // of the next step; null if the tree is at a step or a single leaf
   Moment moment, top_moment;    // of that tree, and of the top level
   float span_slack;
 };
 
 inline std::uint32_t* stack_of(Slot& slot) noexcept { return reinterpret_cast<std::uint32_t*>(&slot + 1); }
 
-// Drops the entries of this level that begin beyond the limit.
+// Drops the entries of this level that the ray enters beyond the limit.
 inline void drop_far_entries(Slot& slot, std::size_t nears_offset) noexcept {
   std::uint32_t* const children = stack_of(slot);
   float* const nears = reinterpret_cast<float*>(children + nears_offset);
@@ -50,29 +50,29 @@ inline void drop_far_entries(Slot& slot, std::size_t nears_offset) noexcept {
   slot.top = kept - 1;
 }
 
-// What is beyond the best hit is out of range. Of a tree, not of the top level.
+// Excludes everything beyond the best hit from the range. For a tree, not for the top level.
 inline void set_limit(Slot& slot) noexcept {
   slot.box.t_limit = to_local_max(slot.time, slot.best_t);
   set_depths(slot.triangle, slot.box.t_min, slot.box.t_limit);
 }
 
-// Null: it is over curves or points.
+// Returns null if the instance is over curves or points.
 inline const LeafBlock* blocks_of(const InstanceView& instance) noexcept {
   return instance.is_round != 0 ? nullptr : instance.leaves.blocks;
 }
 
-// No hit yet.
+// Resets the slot to no hit.
 inline void clear_hit(Slot& slot) noexcept {
   slot.u = slot.v = 0.0f;
   slot.hit_instance = slot.hit_primitive = kNoHit;
 }
 
 // A ray that moves ----------------------------------------------------------------------------------------------------
-// What moves within the shutter, at a ray's time: where an instance stands, and a tree between two of its steps.
+// Motion within the shutter, at a ray's time: the placement of an instance, and a tree between two of its steps.
 // Part of stream_kernel.inl: everything has internal linkage.
 
-// The map from the scene's scale to that of the tree, as an InstanceView's. False where it has none: the instance is
-// flattened at that moment, and no ray meets it.
+// Computes the map from the scene's scale to the tree's, as in an InstanceView. Returns false if there is none: the
+// instance is flat at that moment, and no ray hits it.
 inline bool invert_place(double (*map)[4], const TurnedPlace& place, const double* centre, double tree_scale,
                          double world_scale, bool& is_mirrored) noexcept {
   const double* const c = place.columns;
@@ -101,11 +101,11 @@ inline bool invert_place(double (*map)[4], const TurnedPlace& place, const doubl
   }
   for (int column = 0; column < 4; ++column) map[column][3] = 0.0;
   constexpr double kLargestFloat = 3.4028234e38;
-  return size <= kLargestFloat;  // NaN is not
+  return size <= kLargestFloat;  // false for NaN
 }
 
-// Takes the ray to where a turning instance is by its steps: there its stretch changes. False if the ray does not see
-// it.
+// Maps the ray to a turning instance whose stretch changes, interpolating between its steps. Returns false if the ray
+// does not see it.
 __attribute__((noinline)) bool map_to_step(Slot& slot, const MotionView& motion, const Moment& moment,
                                            double tree_scale, double world_scale) noexcept {
   TurnedPlace place;
@@ -116,7 +116,7 @@ __attribute__((noinline)) bool map_to_step(Slot& slot, const MotionView& motion,
   return true;
 }
 
-// Takes the ray to a moving instance's frame. False if the ray does not see it.
+// Maps the ray to a moving instance's frame. Returns false if the ray does not see it.
 inline bool map_to_moving(Slot& slot, const SceneView& scene, const InstanceView& instance, float time) noexcept {
   const MotionView& motion = scene.motions[instance.motion - 1];
   if (motion.backs == nullptr) {
@@ -134,7 +134,7 @@ inline bool map_to_moving(Slot& slot, const SceneView& scene, const InstanceView
   return true;
 }
 
-// The tree of the slot's instance, or the top level, is that of a moment.
+// Sets the slot's tree (of its instance, or the top level) to that of a moment.
 inline void take_step(Slot& slot, const TreeStep* steps, const Moment& moment) noexcept {
   slot.step = steps + moment.step;
   slot.moment = moment;
@@ -146,8 +146,7 @@ inline void take_top_step(Slot& slot, const SceneView& scene) noexcept {
   take_step(slot, scene.top_steps, slot.top_moment);
 }
 
-// By how much less than this vertices are rounded where they are interpolated: a part of how far away from the origin
-// they are.
+// Returns a bound of the rounding of interpolated vertices: a fraction of their distance from the origin.
 inline float span_slack(const InstanceView& instance) noexcept { return instance.extent.reach * 0x1p-20f; }
 
 inline void take_tree_step(Slot& slot, const SceneView& scene, const InstanceView& instance, float time) noexcept {
@@ -160,7 +159,7 @@ inline void take_tree_step(Slot& slot, const SceneView& scene, const InstanceVie
   slot.span_slack = span_slack(instance);
 }
 
-// Takes on a new ray. False if it can hit nothing. kMoves: the scene has motions.
+// Starts a new ray. Returns false if it can hit nothing. kMoves: the scene has motions.
 template <bool kMoves>
 __attribute__((noinline)) bool start_ray(Slot& slot, const SceneView& scene, const Ray& ray) noexcept {
   if (!(ray.t_min <= ray.t_max)) return false;
@@ -169,7 +168,7 @@ __attribute__((noinline)) bool start_ray(Slot& slot, const SceneView& scene, con
   const double reach = static_cast<double>(scene.reach);
   const ObjectRay* near = &slot.world;
   if (!stands_near(slot.world, reach)) [[unlikely]] {
-    slot.local = slot.world;  // which the first instance that is entered sets again
+    slot.local = slot.world;  // the first instance entered sets it again
     if (!bring_near(slot.local, reach)) return false;
     near = &slot.local;
   }
@@ -194,8 +193,8 @@ __attribute__((noinline)) bool start_ray(Slot& slot, const SceneView& scene, con
   return true;
 }
 
-// The instance on top of the stack gives way to the root of its tree. False if the ray does not see it: the entry is
-// then to be dropped.
+// Replaces the instance on top of the stack with the root of its tree. Returns false if the ray does not see it: the
+// caller then drops the entry.
 template <bool kMoves>
 inline bool enter_instance(Slot& slot, const SceneView& scene, const Ray& ray) noexcept {
   std::uint32_t* const stack = stack_of(slot);
@@ -218,7 +217,7 @@ inline bool enter_instance(Slot& slot, const SceneView& scene, const Ray& ray) n
   set_states(slot.box, slot.triangle, local, instance.extent);
   slot.box.t_min = to_local_min(slot.time, static_cast<double>(ray.t_min));
   set_limit(slot);
-  if (slot.top == 1) {  // nothing to come back to
+  if (slot.top == 1) {  // nothing to return to
     slot.floor = 0;
   } else {
     stack[slot.top] = kLeaveMark;
@@ -228,12 +227,12 @@ inline bool enter_instance(Slot& slot, const SceneView& scene, const Ray& ray) n
   return true;
 }
 
-// A lone instance in the scene's own frame and scale: most rays need no mapping, and nothing of them is kept for a top
-// level. Null: there is none, and rays take the usual way. `may_deform`: it may change its shape within the shutter;
-// never its place.
+// A lone instance in the scene's own frame and scale. Most rays need no mapping, and keep no state for a top level.
+// Null: there is none, and rays take the usual path. `may_deform`: it may deform within the shutter, but it never
+// moves.
 struct LoneInstance {
   const InstanceView* view = nullptr;
-  double farthest = 0.0;  // origins no further out, on any axis, are near the scene and the tree
+  double farthest = 0.0;  // origins up to here, on any axis, are near the scene and the tree
 
   LoneInstance(const SceneView& scene, bool may_deform) noexcept {
     if (scene.is_empty || scene.root < kInstanceChild) return;
@@ -254,7 +253,7 @@ struct LoneInstance {
   }
 };
 
-// What no ray changes that is traced directly.
+// Sets everything that is the same for all rays traced directly.
 inline void prepare_slot(Slot& slot, const SceneView& scene, const InstanceView& instance) noexcept {
   stack_of(slot)[0] = kDoneMark;
   slot.instance = scene.root - kInstanceChild;
@@ -264,8 +263,8 @@ inline void prepare_slot(Slot& slot, const SceneView& scene, const InstanceView&
   slot.floor = 0;
 }
 
-// start_ray() and enter_instance() at once, with the same outcome. False if the ray is not a usual one: then it is to
-// be started the usual way. `instance` is the lone one's.
+// Does start_ray() and enter_instance() at once, with the same result. Returns false if the ray is not a usual one: it
+// must then be started the usual way. `instance` is that of `lone`.
 template <bool kMoves>
 PERFECT_BVH_INLINE bool start_directly(Slot& slot, const SceneView& scene, const LoneInstance& lone,
                                        const Ray& ray) noexcept {
@@ -286,7 +285,7 @@ PERFECT_BVH_INLINE bool start_directly(Slot& slot, const SceneView& scene, const
   return true;
 }
 
-// Any-hit rays stop at their first hit: their limit never sinks, and no entry distances are stacked.
+// Any-hit rays stop at their first hit: their limit never decreases, and their stacks hold no entry distances.
 template <bool kAny, bool kMoves>
 inline void leave_instance(Slot& slot, const SceneView& scene, std::size_t nears_offset) noexcept {
   slot.box = slot.world_box;

@@ -1,5 +1,5 @@
-// From a ray in double to the constants of its level, with NEON: x and y in one register, z in another. The same
-// operations as in math/slab.h, math/triangle.h and ray.h, so the same bits.
+// Computes the constants of a level from a ray in double, with NEON: x and y in one register, z in another. The
+// operations are those of math/slab.h, math/triangle.h and ray.h, so the bits are the same.
 // Included by translation units of kernels only; everything in it has internal linkage.
 #pragma once
 
@@ -49,8 +49,9 @@ __attribute__((always_inline)) inline bool load_near(ObjectRay& out, const Ray& 
   return load_near_by_axis(out, ray, scale, farthest);
 }
 
-// Four rays side by side: their origins' x, y and z, then their directions', times `scale`, at `columns` and so many
-// doubles further each, no origin minus zero; and the ends of their ranges.
+// Loads four rays as columns: x, y and z of their origins, then of their directions, times `scale`. The first column is
+// at `columns`, each next one `stride` doubles further. No origin component is minus zero. Also loads the ends of their
+// ranges.
 __attribute__((always_inline)) inline void load_columns(const Ray* const* rays, double scale, double* columns,
                                                         std::size_t stride, float* t_min, float* t_max) noexcept {
   for (std::size_t i = 0; i < 4; ++i) {
@@ -85,7 +86,8 @@ __attribute__((always_inline)) inline bool stands_near(const ObjectRay& ray, dou
   return lanes_of_mask(all) == ~std::uint64_t{0} && lanes_of_mask(any) != 0;
 }
 
-// By the longest axis k: the axes k + 1, k + 2, k, k and four times k, as bytes of floats, and what depends on them.
+// For the longest axis k: the axes k + 1, k + 2, k, k and four times k, as bytes of floats, and values that depend on
+// them.
 struct alignas(64) ShearFrame {
   std::uint8_t order[16], longest[16];
   std::uint8_t axes[4];
@@ -153,14 +155,15 @@ __attribute__((always_inline)) inline void set_states(BoxState& box, TriangleSta
   const float direction_z = vgetq_lane_f32(along, 2);
   triangle.ray.direction_z = direction_z;
   triangle.ray.depth_slack = kDepthReach * vgetq_lane_f32(long_depth, 0);
-  triangle.ray.edge_slack = kEdgeReach * vmaxvq_f32(reach);  // the fourth lane, the largest extent, is not more
+  triangle.ray.edge_slack =
+      kEdgeReach * vmaxvq_f32(reach);  // the fourth lane, the largest extent, never exceeds the others' maximum
   std::memcpy(triangle.ray.axes, frame.axes, sizeof(triangle.ray.axes));
   triangle.ray.runs_down = direction_z < 0.0f;
   std::memcpy(triangle.row, frame.row, sizeof(frame.row));
 }
 
 // Simd rays neon ------------------------------------------------------------------------------------------------------
-// Eight rays in two registers with NEON: the arithmetic is that of isa_neon.h.
+// Eight rays in two registers with NEON, with the arithmetic of isa_neon.h.
 // Included by one translation unit only, after isa_neon.h; everything in it has internal linkage.
 
 constexpr unsigned kRayLanes = 8;
@@ -176,14 +179,14 @@ PERFECT_BVH_INLINE RayMask ray_mask(unsigned bits) noexcept {
   const uint32x4_t all = vdupq_n_u32(bits);
   return {vtstq_u32(all, vld1q_u32(kBitOfRay)), vtstq_u32(all, vld1q_u32(kBitOfRay + 4))};
 }
-// Lanes of a where the mask is set, of b elsewhere.
+// Returns the lanes of a where the mask is set, of b elsewhere.
 PERFECT_BVH_INLINE RayFloat select(const RayMask& mask, const RayFloat& a, const RayFloat& b) noexcept {
   return {vbslq_f32(mask.low, a.low, b.low), vbslq_f32(mask.high, a.high, b.high)};
 }
 PERFECT_BVH_INLINE uint32x4_t sign_lanes(float32x4_t a) noexcept {
   return vreinterpretq_u32_s32(vshrq_n_s32(vreinterpretq_s32_f32(a), 31));
 }
-// The sign bits.
+// Returns the sign bits.
 PERFECT_BVH_INLINE unsigned signs(const RayFloat& a) noexcept {
   return bits(Mask8{sign_lanes(a.low), sign_lanes(a.high)});
 }
@@ -192,7 +195,7 @@ PERFECT_BVH_INLINE RayFloat with_sign(const RayFloat& magnitude, const RayFloat&
   return {vbslq_f32(sign_bit, sign.low, magnitude.low), vbslq_f32(sign_bit, sign.high, magnitude.high)};
 }
 
-// Half as many rays in double.
+// Two registers of doubles, for half as many rays.
 struct RayDouble {
   float64x2_t low, high;
 };
@@ -224,13 +227,13 @@ PERFECT_BVH_INLINE unsigned magnitudes_up_to(const RayDouble& a, const RayDouble
 PERFECT_BVH_INLINE unsigned magnitudes_from(const RayDouble& a, const RayDouble& limit) noexcept {
   return four_bits(vcageq_f64(a.low, limit.low), vcageq_f64(a.high, limit.high));
 }
-// The float nearest to each.
+// Rounds each to the nearest float.
 PERFECT_BVH_INLINE RayFloat load_narrowed(const double* p) noexcept {
   return {vcvt_high_f32_f64(vcvt_f32_f64(vld1q_f64(p)), vld1q_f64(p + 2)),
           vcvt_high_f32_f64(vcvt_f32_f64(vld1q_f64(p + 4)), vld1q_f64(p + 6))};
 }
 
-// Writes the lanes that `mask` names; the others are written as they were.
+// Writes the lanes set in `mask`; the others are rewritten unchanged.
 PERFECT_BVH_INLINE void store_some(float* p, const RayMask& mask, const RayFloat& a) noexcept {
   store_rays(p, select(mask, a, load_rays(p)));
 }
@@ -258,20 +261,21 @@ PERFECT_BVH_INLINE uint32x4_t used_corners(uint32x4_t packed) noexcept {
   const uint32x4_t a = bit(vandq_u32(packed, seven)), b = bit(vandq_u32(vshrq_n_u32(packed, 4), seven));
   return vorrq_u32(vorrq_u32(a, b), bit(vandq_u32(vshrq_n_u32(packed, 8), seven)));
 }
-// Bit i: vertex i is a corner of some triangle. The highest such bit is right; lower ones may be missing, or set, too.
+// Returns bit i set if vertex i is a corner of some triangle. Only the highest set bit is reliable; lower ones may be
+// missing or set wrongly.
 PERFECT_BVH_INLINE unsigned used_corners(const std::uint32_t* corners) noexcept {
   const Int8 packed = load(corners);
   return vmaxvq_u32(vorrq_u32(used_corners(packed.low), used_corners(packed.high)));
 }
 
-// As push_sorted, with `flags` + which place of the node each child has, to `places`.
+// Like push_sorted; also writes `flags` + each child's slot in the node to `places`.
 PERFECT_BVH_INLINE unsigned push_boxes(const WideNode& node, std::uint32_t order_shift, const Mask8& hit,
                                        const Float8& near, std::uint32_t flags, std::uint32_t* children, float* nears,
                                        std::uint32_t* places) noexcept {
   const SortedChildren sorted = sort_children(node, order_shift, hit);
   store_permuted(children, load(node.child), sorted.bytes);
   store_permuted(nears, near, sorted.bytes);
-  // The first bytes are four times the places.
+  // The first bytes are four times the slots.
   const uint32x4_t flagged = vdupq_n_u32(flags), place = vdupq_n_u32(7);
   vst1q_u32(places, vorrq_u32(flagged, vandq_u32(vshrq_n_u32(vreinterpretq_u32_u8(sorted.bytes.low), 2), place)));
   vst1q_u32(places + 4, vorrq_u32(flagged, vandq_u32(vshrq_n_u32(vreinterpretq_u32_u8(sorted.bytes.high), 2), place)));

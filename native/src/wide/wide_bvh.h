@@ -77,7 +77,7 @@ struct alignas(32) PointLeaf {
 };
 static_assert(sizeof(PointLeaf) == 32 && std::is_trivially_copyable_v<PointLeaf>);
 
-// Returns a tree's leaves for a kind; a kind without a leaf format of its own uses PointLeaf, which has numbers only.
+// Returns a tree's leaves for a kind. Kinds without their own leaf format use PointLeaf, which has only numbers.
 constexpr auto& leaves_of(auto /*kind*/, auto& tree) noexcept { return tree.point_leaves; }
 constexpr auto& leaves_of(TriangleTraits, auto& tree) noexcept { return tree.blocks; }
 constexpr auto& leaves_of(CurveTraits, auto& tree) noexcept { return tree.curve_leaves; }
