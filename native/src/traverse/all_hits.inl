@@ -1,15 +1,15 @@
-// Every triangle that a ray meets in its range, and every end of a chord in curves and points that is shown: counted,
-// or written down unsorted. Ray by ray: no hit shortens the ray, so the order of visits is free and no entry distance
-// is kept.
-// A triangle that stands in several leaves (spatial splits) is found in each: the caller, which may allocate, sorts
-// and drops what it has seen.
-// Included after stream_kernel.inl, of whose slots, node and leaf tests it is made; everything has internal linkage.
+// Finds every triangle that a ray hits in its range, and every visible end of a chord in curves and points. Counts them
+// or writes them unsorted, ray by ray. No hit shortens the ray, so the order of visits is free and no entry distance is
+// stored.
+// A triangle that is in several leaves (spatial splits) is found in each. The caller, which may allocate, sorts the
+// hits and drops repetitions.
+// Included after stream_kernel.inl, whose slots, node tests and leaf tests it uses; everything has internal linkage.
 
 namespace perfect_bvh {
 namespace {
 
-// Lane by lane. Null `hits`: only counts. Returns how many were met, which may
-// be more than there is room for.
+// Takes the hits lane by lane. Null `hits`: only counts. Returns the number of hits, which may exceed the room for
+// them.
 template <class Leaf>
 PERFECT_BVH_INLINE std::size_t take_all(const Slot& slot, const InstanceView& /*instance*/, const Leaf& leaf,
                                         const RayBatch& batch, std::uint32_t /*row*/, FoundHit* hits,
@@ -32,7 +32,7 @@ PERFECT_BVH_INLINE std::size_t take_all(const Slot& slot, const InstanceView& /*
   return count;
 }
 
-// The same of curves or points: where a ray goes in (v = 0) and out (v = 1); of ribbons only where it meets them (0).
+// The same for curves or points: where a ray enters (v = 0) and leaves (v = 1) them. Ribbons have only one hit (v = 0).
 inline std::size_t take_all(const Slot& slot, const InstanceView& instance, const RoundLeaves& leaves,
                             const RayBatch& batch, std::uint32_t row, FoundHit* hits, std::size_t room) noexcept {
   const RoundList& list = leaves.round;
@@ -69,7 +69,7 @@ inline std::size_t visit_whole_leaf(const Slot& slot, const SceneView& scene, co
   });
 }
 
-// How many hits the slot's ray has; those for which there is room are written to `hits` unless it is null.
+// Returns the number of hits of the slot's ray. Writes those for which there is room to `hits`, unless it is null.
 template <bool kMoves>
 inline std::size_t walk_whole_ray(Slot& slot, const SceneView& scene, const RayBatch& batch, FoundHit* hits,
                                   std::size_t room, Pace& pace) noexcept {

@@ -1,9 +1,9 @@
-// The nearest point of a scene's triangles, curves and points to each of a batch of points.
-// Distances are the world's, through whatever transform: M = Q R with Q a rotation and R upper triangular, so in the
-// world turned by Q a point of the tree is R x, and distances are what they were. R is diagonal unless the transform
-// shears: then a child's box is no larger there than it must be, and otherwise its shadow on each axis bounds it.
-// All in double, eight children or triangles as two times four, with fixed operations: so a triangle has one distance
-// on every instruction set, however far away the point is.
+// Finds the nearest point of a scene's triangles, curves and points to each of a batch of points.
+// Distances are in world space, for any transform. M = Q R with Q a rotation and R upper triangular. So in the world
+// rotated by Q, a point of the tree is R x, and distances do not change. R is diagonal unless the transform shears. If
+// it is diagonal, a child's box is tight there; otherwise its projection on each axis bounds it.
+// Everything is in double, eight children or triangles as two times four, with fixed operations. So a triangle has the
+// same distance on every instruction set, however far away the point is.
 // Included by one translation unit for each instruction set; everything has internal linkage.
 
 namespace perfect_bvh {
@@ -12,13 +12,13 @@ namespace {
 // A point as one tree sees it.
 struct PointFrame {
   double r[6];                             // rows 00 01 02, 11 12, 22, from the tree's stored units
-  double q[3];                             // the point, turned
-  double low[3], high[3];                  // less and plus all rounding of a box's shadow
-  std::size_t lower_row[6], upper_row[6];  // byte offsets in a node: which planes make a shadow's ends
+  double q[3];                             // the point, rotated
+  double low[3], high[3];                  // minus and plus the rounding of a box' projection
+  std::size_t lower_row[6], upper_row[6];  // byte offsets in a node: the planes that make a projection's ends
 };
 
 struct PointEntry {
-  double squared;  // at least so far away
+  double squared;  // a lower bound of the distance
   std::uint32_t child;
 };
 
@@ -27,7 +27,7 @@ struct PointSearch {
   const PointQuery& query;
   PointEntry* stack;
   std::size_t top = 0;
-  double best;  // squared; so much is too far or equal
+  double best;  // squared; candidates must not be farther
   Pace& pace;
   NearestPoint nearest{};
 };
@@ -36,14 +36,14 @@ constexpr double kLargestDouble = 1.7976931348623157e308;
 
 inline double dot3(const double* a, const double* b) noexcept { return (a[0] * b[0] + a[1] * b[1]) + a[2] * b[2]; }
 
-// Of length 1; a vector of no length becomes an axis.
+// Normalizes a vector and returns its length; a vector of length 0 becomes an axis.
 inline double make_unit(double* v, int axis) noexcept {
   const double length = __builtin_sqrt(dot3(v, v));
   for (int i = 0; i < 3; ++i) v[i] = length > 0.0 ? v[i] / length : (i == axis ? 1.0 : 0.0);
   return length;
 }
 
-// place: columns x, y, z and translation of a map to the world; scale: of the tree's stored units.
+// place: columns x, y, z and translation of a map to the world. scale: that of the tree's stored units.
 inline void make_frame(PointFrame& frame, const double* place, double scale, const double* point,
                        const TreeExtent& extent) noexcept {
   const double* const columns[3] = {place, place + 3, place + 6};
@@ -52,7 +52,7 @@ inline void make_frame(PointFrame& frame, const double* place, double scale, con
   frame.r[0] = make_unit(first, 0);
   double along = dot3(first, second);
   for (int i = 0; i < 3; ++i) second[i] -= along * first[i];
-  const double again = dot3(first, second);  // what rounding left of it
+  const double again = dot3(first, second);  // the residue left by rounding
   for (int i = 0; i < 3; ++i) second[i] -= again * first[i];
   frame.r[1] = dot3(first, columns[1]);
   frame.r[3] = make_unit(second, 1);
@@ -87,7 +87,7 @@ PERFECT_BVH_INLINE Double4 four_of(const void* row) noexcept {
   return Double4{values[0], values[1], values[2], values[3]};
 }
 
-// How far apart the point and a shadow are on one axis, squared.
+// Returns the squared distance between the point and a projection on one axis.
 PERFECT_BVH_INLINE Double4 gap_squared(const Double4& lower, const Double4& upper, double low, double high) noexcept {
   const Double4 none = all4(0.0), before = lower - all4(high), behind = all4(low) - upper;
   const Double4 gap = before > behind ? before : behind;
@@ -95,7 +95,7 @@ PERFECT_BVH_INLINE Double4 gap_squared(const Double4& lower, const Double4& uppe
   return positive * positive;
 }
 
-// Lower bounds of the children's squared distances.
+// Computes lower bounds of the children's squared distances.
 PERFECT_BVH_INLINE void bound_children(const WideNode& node, const PointFrame& frame, double* squared) noexcept {
   const char* const planes = reinterpret_cast<const char*>(node.planes);
   for (std::size_t half = 0; half < 2; ++half) {
@@ -114,13 +114,13 @@ PERFECT_BVH_INLINE void bound_children(const WideNode& node, const PointFrame& f
   }
 }
 
-// Beyond this a lower bound rules a box out.
+// Returns the limit: a box with a greater lower bound is rejected.
 PERFECT_BVH_INLINE double limit_of(double best) noexcept { return best * (1.0 + 0x1p-44); }
 
-// What is searched: a tree of the scene, at a time of the shutter.
+// The searched tree of the scene, at a time within the shutter.
 struct PointTree {
   const WideNode* nodes;
-  const WideNode* later_nodes = nullptr;  // of the next step; null at a step, of a single leaf, and at rest
+  const WideNode* later_nodes = nullptr;  // of the next step; null at a step, for a single leaf, and without motion
   const TreeStep* step = nullptr;         // null: it does not move
   Moment moment;
 
@@ -131,7 +131,7 @@ struct PointTree {
   }
 };
 
-// The children that may hold something nearer, the farthest first.
+// Pushes the children that may contain a nearer point, the farthest first.
 inline void push_children(PointSearch& search, const PointFrame& frame, const WideNode& node) noexcept {
   alignas(64) double squared[8];
   bound_children(node, frame, squared);
@@ -158,7 +158,7 @@ PERFECT_BVH_INLINE void push_children(PointSearch& search, const PointFrame& fra
   push_children(search, frame, tree.nodes[row]);
 }
 
-// True if a triangle at the same distance as the nearest so far takes its place: the smaller (order, id, primitive).
+// Returns true if a triangle at the same distance replaces the nearest one: the smaller (order, id, primitive) wins.
 inline bool wins_tie(const PointSearch& search, std::uint32_t instance, std::uint32_t primitive) noexcept {
   const NearestPoint& holder = search.nearest;
   if (holder.instance_index == instance) return primitive < holder.primitive_index;
@@ -166,11 +166,11 @@ inline bool wins_tie(const PointSearch& search, std::uint32_t instance, std::uin
   return first.order != second.order ? first.order < second.order : first.id < second.id;
 }
 
-// A primitive so far away may be the nearest.
+// Takes a primitive at this distance if it is the nearest.
 PERFECT_BVH_INLINE void offer_nearest(PointSearch& search, double squared, double u, double v, std::uint32_t instance,
                                       std::uint32_t primitive) noexcept {
   if (!(squared <= search.best) || !(__builtin_sqrt(squared) <= search.query.max_distance)) return;
-  if (!(squared <= kLargestDouble)) return;  // too far away to say
+  if (!(squared <= kLargestDouble)) return;  // too far away for a double
   const bool is_first = search.nearest.instance_index == kNoHit;
   if (!is_first && squared == search.best && !wins_tie(search, instance, primitive)) return;
   search.best = squared;
@@ -201,7 +201,7 @@ void visit_triangles(PointSearch& search, const PointFrame& frame, const Leaf& l
   }
 }
 
-// An instance of curves or points: how it is placed, and the point from where it has its origin.
+// An instance of curves or points: its placement, and the query point relative to its origin.
 struct RoundFrame {
   RoundPlace place;
   double query[3];
@@ -211,7 +211,7 @@ struct RoundFrame {
   }
 };
 
-// Of curves or points. Each is solid: the point itself is the nearest if it is inside.
+// Visits a leaf of curves or points. Each is solid: if the query point is inside, it is the nearest point itself.
 __attribute__((noinline)) void visit_rounds(PointSearch& search, const RoundFrame& frame, const RoundLeaves& leaves,
                                             std::uint32_t index, std::uint32_t row) noexcept {
   RoundList list = leaves.round;
@@ -224,7 +224,7 @@ __attribute__((noinline)) void visit_rounds(PointSearch& search, const RoundFram
   }
 }
 
-// Of triangles whose tree moves.
+// Visits a leaf of triangles of a moving tree.
 __attribute__((noinline)) void visit_moving_triangles(PointSearch& search, const PointFrame& frame,
                                                       const PointTree& tree, std::uint32_t row,
                                                       std::uint32_t index) noexcept {
@@ -233,7 +233,8 @@ __attribute__((noinline)) void visit_moving_triangles(PointSearch& search, const
   visit_triangles(search, frame, MovingBlock(tree.step, tree.moment, row, span_slack(instance)), index);
 }
 
-// Columns x, y, z and translation of the map to the world: the scene's row, or what a turning instance has now.
+// Returns columns x, y, z and translation of the map to the world: the scene's row, or the present one of a turning
+// instance.
 inline const double* place_of(const SceneView& scene, std::uint32_t index, float time, double* turned) noexcept {
   const InstanceView& instance = scene.instances[index];
   if (instance.motion != 0) {
@@ -258,7 +259,7 @@ inline PointTree tree_of(const SceneView& scene, const InstanceView& instance, f
   return {motion.trees, moment_at(motion.tree_times, time)};
 }
 
-// Everything below `root` that may hold something nearer.
+// Searches everything below `root` that may contain a nearer point.
 inline void search_instance(PointSearch& search, std::uint32_t index) noexcept {
   const InstanceView& instance = search.scene.instances[index];
   if ((instance.mask & search.query.mask) == 0) return;

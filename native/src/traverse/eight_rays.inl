@@ -1,9 +1,9 @@
-// Eight rays of a stream take up their slots at once: start_directly() or start_ray(), a vector of rays at a time, with
-// the same bits. Alone a ray takes some 150 instructions for that, here 85. (Instances are entered by one ray alone:
-// eight at once took 206 instructions each, no fewer, and 5 to 12 % longer.)
+// Starts eight rays of a stream in their slots at once: start_directly() or start_ray(), a vector of rays at a time,
+// with the same bits. A ray alone takes some 150 instructions for that, here 85. (Instances are entered one ray at a
+// time: eight at once took 206 instructions each, no fewer, and 5 to 12 % longer.)
 // Part of stream_kernel.inl, for the instruction sets of isa_avx.h: everything has internal linkage.
 
-// The same quantity of eight rays along each axis.
+// One quantity of eight rays along each axis.
 struct EightVectors {
   __m256 x, y, z;
 };
@@ -22,7 +22,7 @@ PERFECT_BVH_INLINE __m256 largest_of(const EightVectors& v) noexcept {
   return _mm256_max_ps(_mm256_max_ps(v.x, v.y), v.z);
 }
 
-// Columns of eight vectors of four; the fourth by itself, if it is wanted.
+// Transposes eight vectors of four into columns; returns the fourth separately, if it is requested.
 PERFECT_BVH_INLINE EightVectors turn_columns(const __m128 (&rows)[kEight], __m256* fourth = nullptr) noexcept {
   __m256 pairs[4];
   for (int i = 0; i < 4; ++i) pairs[i] = _mm256_insertf128_ps(_mm256_castps128_ps256(rows[i]), rows[i + 4], 1);
@@ -33,7 +33,7 @@ PERFECT_BVH_INLINE EightVectors turn_columns(const __m128 (&rows)[kEight], __m25
           _mm256_shuffle_ps(low_z, high_z, 0x44)};
 }
 
-// Column i is stored at `offset` bytes of slot i.
+// Stores column i at byte `offset` of slot i.
 PERFECT_BVH_INLINE void store_rows(Slot* const* slots, std::size_t offset, const __m256 (&columns)[kEight]) noexcept {
   __m256 pairs[8], fours[8];
   for (int i = 0; i < 8; i += 2) {
@@ -55,10 +55,10 @@ PERFECT_BVH_INLINE void store_rows(Slot* const* slots, std::size_t offset, const
   }
 }
 
-// What set_states() makes the constants of a level of.
+// The data from which set_states() makes the constants of a level.
 struct EightRays {
   EightVectors origin, direction;
-  EightVectors away, length;  // the sizes of these
+  EightVectors away, length;  // their absolute values
   __m256 t_min, t_limit;
 
   PERFECT_BVH_INLINE void set(const EightVectors& from, const EightVectors& along) noexcept {
@@ -66,7 +66,7 @@ struct EightRays {
   }
 };
 
-// As OctantRows, in four words.
+// Computes OctantRows, as four words.
 PERFECT_BVH_INLINE void octant_rows(const EightVectors& inverse, __m256* words) noexcept {
   static_assert(sizeof(OctantRows) == 16 && kOctantRows[1].near_row[0] == 32 && kOctantRows[1].order_shift == 3);
   const auto down = [](__m256 v) __attribute__((always_inline)) {  // 32 where it runs down
@@ -84,8 +84,8 @@ PERFECT_BVH_INLINE void octant_rows(const EightVectors& inverse, __m256* words) 
   words[3] = _mm256_castsi256_ps(_mm256_add_epi32(octant, _mm256_add_epi32(octant, octant)));
 }
 
-// set_states(), set_depths() and clear_hit() of eight slots whose stack has one entry. kTriangles: not of the top
-// level, of which only boxes are asked; then `ray` and the hit are set, too.
+// Does set_states(), set_depths() and clear_hit() for eight slots whose stacks have one entry. kTriangles: for a tree,
+// so `ray` and the hit are set too; the top level only tests boxes.
 template <bool kTriangles>
 PERFECT_BVH_INLINE void set_eight(Slot* const* slots, const EightRays& rays, const TreeExtent& tree,
                                   const std::uint32_t* ray_rows) noexcept {
@@ -174,7 +174,7 @@ PERFECT_BVH_INLINE void set_eight(Slot* const* slots, const EightRays& rays, con
   }
 }
 
-// TimeFrame{0, 1, true}, and eight bytes of zero after it.
+// Stores TimeFrame{0, 1, true}, and eight zero bytes after it.
 static_assert(sizeof(TimeFrame) == 24 && offsetof(TimeFrame, is_direct) == 16 &&
               offsetof(ObjectRay, start) == offsetof(ObjectRay, time) + 24 &&
               offsetof(Slot, u) == offsetof(Slot, time) + 24 && offsetof(Slot, v) == offsetof(Slot, time) + 28);
@@ -183,7 +183,8 @@ PERFECT_BVH_INLINE void store_direct(TimeFrame& time) noexcept {
   _mm256_store_si256(reinterpret_cast<__m256i*>(&time), _mm256_setr_epi64x(0, kOne, 1, 0));
 }
 
-// last_t() of eight, to `slots`. Returns the same in float, which is to_local_max() of a ray that was not moved.
+// Stores last_t() of eight rays in `slots`. Returns it in float too, which equals to_local_max() of a ray that was not
+// moved.
 PERFECT_BVH_INLINE __m256 set_last_t(Slot* const* slots, __m256 t_max) noexcept {
   const __m256d part = _mm256_set1_pd(0x1p-24), least = _mm256_set1_pd(0x1p-150);
   const auto last_of = [&](__m128 narrow) __attribute__((always_inline)) {
@@ -200,15 +201,15 @@ PERFECT_BVH_INLINE __m256 set_last_t(Slot* const* slots, __m256 t_max) noexcept 
   return _mm256_set_m128(_mm256_cvtpd_ps(high), _mm256_cvtpd_ps(low));
 }
 
-// In which lanes all components are smaller than a limit; in that of a NaN they are not.
+// Returns the lanes in which all components are smaller than a limit; false for NaN.
 PERFECT_BVH_INLINE __m256 are_below(const EightVectors& v, float limit) noexcept {
   const __m256 most = _mm256_set1_ps(limit);
   return _mm256_and_ps(_mm256_and_ps(_mm256_cmp_ps(v.x, most, _CMP_LT_OQ), _mm256_cmp_ps(v.y, most, _CMP_LT_OQ)),
                        _mm256_cmp_ps(v.z, most, _CMP_LT_OQ));
 }
 
-// Eight rays of the batch begin, at the root of a lone instance (kDirect) or of the top level. False if any of them is
-// not a usual one: then they are to be started one by one. `farthest`: as for load_near() or stands_near().
+// Starts eight rays of the batch, at the root of a lone instance (kDirect) or of the top level. Returns false if any of
+// them is not a usual one: they must then be started one by one. `farthest`: as for load_near() or stands_near().
 template <bool kDirect, bool kMoves>
 PERFECT_BVH_INLINE bool start_eight(Slot* const* slots, const RayBatch& batch, const std::uint32_t* ray_rows,
                                     const SceneView& scene, const InstanceView* lone, double farthest) noexcept {
@@ -234,8 +235,8 @@ PERFECT_BVH_INLINE bool start_eight(Slot* const* slots, const RayBatch& batch, c
   const __m256 t_max = range.y, mask = range.z;
   rays.t_min = range.x;
 
-  // In float, which sooner says no: lengths are powers of two, and the farthest is brought nearer by what rounding
-  // does.
+  // Compared in float, which is stricter: the limits of lengths are powers of two, and `farthest` is reduced by the
+  // rounding error.
   const EightVectors& length = rays.length;
   const __m256 shortest = kDirect ? _mm256_min_ps(_mm256_min_ps(length.x, length.y), length.z) : largest_of(length);
   __m256 usual = _mm256_and_ps(are_below(rays.away, static_cast<float>(farthest) * (1.0f - 0x1p-22f)),

@@ -1,12 +1,12 @@
-// The eight triangles of a leaf against a ray: math/triangle.h, eight at a time. Every kernel's leaf visit is made of
-// these functions, so that each of them gives a triangle the same t. A `Leaf` is a LeafBlock, or the MovingBlock
+// Tests the eight triangles of a leaf against a ray: math/triangle.h, eight at a time. All kernels' leaf visits use
+// these functions, so that each kernel computes the same t for a triangle. A `Leaf` is a LeafBlock, or the MovingBlock
 // between two of them. Part of stream_kernel.inl: everything has internal linkage.
 
-// Of each lane; `lanes` has those that the ray's line passes through, or may pass through beside an edge, and whose t
-// may be in range; a repeated triangle's first.
+// The results of each lane. `lanes` has the triangles whose t may be in range and that the ray's line passes through,
+// or may pass through near an edge. Of a repeated triangle it has only the first.
 struct LeafTest {
   Float8 weight_v1, weight_v2, sum;
-  Float8 least_weight;  // of the three, by its size; negative outside
+  Float8 least_weight;  // the least of the three, by magnitude; negative outside
   unsigned lanes;
 };
 
@@ -16,12 +16,12 @@ PERFECT_BVH_INLINE Float difference(Float a, Float b, Float c, Float d) noexcept
   return add(fmsub(a, b, product), fnmadd(c, d, product));
 }
 
-// From the ray's origin, along the sheared frame's axes.
+// Relative to the ray's origin, along the sheared frame's axes.
 struct ShearedCorners {
   Float8 x0, y0, z0, x1, y1, z1, x2, y2, z2;
 };
 
-// `row(i)`: a block's vertices along the sheared frame's axis i.
+// `row(i)` returns a block's vertices along the sheared frame's axis i.
 template <class Row>
 PERFECT_BVH_INLINE ShearedCorners shear_vertices(const Row& row, const std::uint32_t* corners,
                                                  const TriangleState& triangle) noexcept {
@@ -40,7 +40,7 @@ PERFECT_BVH_INLINE ShearedCorners shear(const LeafBlock& block, const TriangleSt
   return shear_vertices(row, block.corners, triangle);
 }
 
-// At least the spans (math/triangle.h) of a block's triangles.
+// Returns an upper bound of the spans (math/triangle.h) of a block's triangles.
 PERFECT_BVH_INLINE float span_bound(const LeafBlock& block) noexcept {
   return __builtin_bit_cast(float, block.corners[0]);
 }
@@ -65,7 +65,7 @@ PERFECT_BVH_INLINE LeafTest test_leaf(const Leaf& leaf, const TriangleState& tri
   return {weight1, weight2, sum, least_weight, lanes};
 }
 
-// The lanes of a LeafTest in memory, to be looked at one by one.
+// The lanes of a LeafTest in memory, to be read one by one.
 struct LeafCandidates {
   explicit LeafCandidates(const LeafTest& test) noexcept {
     store(weights_v1, test.weight_v1), store(weights_v2, test.weight_v2), store(sums, test.sum);
@@ -78,7 +78,7 @@ inline float coordinate(const LeafBlock& block, int lane, int corner, int axis) 
   return block.vertices[axis][(block.corners[lane] >> (4 * corner)) & 7];
 }
 
-// One of its triangles.
+// The corners of one triangle.
 struct LoneCorners {
   template <class Leaf>
   LoneCorners(const Leaf& leaf, int lane) noexcept {
@@ -89,7 +89,7 @@ struct LoneCorners {
   float at[3][3];
 };
 
-// Where its corners are along the sheared z.
+// The corners' depths along the sheared z.
 struct CornerDepths {
   template <class Leaf>
   CornerDepths(const Leaf& leaf, int lane, const TriangleRay& ray) noexcept {
@@ -98,8 +98,8 @@ struct CornerDepths {
   float z[3];
 };
 
-// Whether t of a triangle that the ray's line passes through is in range, wherever between its corners' depths it is
-// met. The range is that of the TriangleState, which is too wide by depth_slack.
+// Returns whether t is in range for any point between the depths of the corners. The ray's line passes through the
+// triangle. The range is that of the TriangleState, which is too wide by depth_slack.
 PERFECT_BVH_INLINE bool is_surely_in_range(const TriangleState& triangle, const CornerDepths& depths) noexcept {
   const float *const z = depths.z, margin = 2.0f * triangle.ray.depth_slack * magnitude(triangle.ray.direction_z);
   return smaller(smaller(z[0], z[1]), z[2]) - margin >= triangle.depths.least &&
@@ -111,20 +111,20 @@ PERFECT_BVH_INLINE bool is_in_range(double t, const Ray& ray) noexcept {
   return narrowed >= ray.t_min && narrowed <= ray.t_max && magnitude(narrowed) < kInfiniteDistance;
 }
 
-// Where a ray meets one triangle: t in the ray's own terms; u is weight_v1 / sum, v weight_v2 / sum.
+// The intersection of a ray with one triangle: t in the ray's own terms; u is weight_v1 / sum, v is weight_v2 / sum.
 struct Meeting {
   double t;
   float weight_v1, weight_v2, sum;
 };
 
-// Whether float may be wrong about a triangle that it takes for met. `span`: the triangle's, or a bound of it, which
-// finds more of them.
+// Returns whether float may be wrong about a triangle that it takes for hit. `span`: the triangle's span, or a bound of
+// it, which makes this true more often.
 PERFECT_BVH_INLINE bool is_beside_edge(float least_weight, const TriangleRay& ray, float span) noexcept {
   return !(least_weight > weight_slack(ray.edge_slack, span));
 }
 
-// Of a triangle that is not known to be met inside of its edges, or is seen edge-on from afar: intersect_triangle(),
-// from where float has its say.
+// Decides a triangle that is not surely hit inside its edges, or is seen edge-on from afar: intersect_triangle(), from
+// after its float test.
 template <class Leaf>
 __attribute__((noinline)) bool meet_closely(Meeting& meeting, const LeafCandidates& candidates, int lane,
                                             const Leaf& leaf, const TriangleState& triangle,
@@ -154,8 +154,8 @@ __attribute__((noinline)) bool meet_closely(Meeting& meeting, const LeafCandidat
   return true;
 }
 
-// Whether the ray's line meets a candidate within the limits of t, and where; beyond them it may say so, too. `local`:
-// what the tree's TriangleRay was made of.
+// Returns whether the ray's line hits a candidate within the limits of t, and where. May also return true beyond the
+// limits. `local`: the ray from which the tree's TriangleRay was made.
 template <class Leaf>
 PERFECT_BVH_INLINE bool meet_candidate(Meeting& meeting, const LeafCandidates& candidates, int lane, const Leaf& leaf,
                                        const TriangleState& triangle, const ObjectRay& local) noexcept {
@@ -177,7 +177,7 @@ PERFECT_BVH_INLINE bool is_culled(Cull cull, float sum, const TriangleRay& ray, 
   return !is_front;
 }
 
-// Of two hits at the same t, the one of the smaller (order, id, primitive) counts.
+// Breaks a tie: of two hits at the same t, the smaller (order, id, primitive) wins.
 inline bool wins_tie(const InstanceView* instances, std::uint32_t instance, std::uint32_t primitive,
                      std::uint32_t held_instance, std::uint32_t held_primitive) noexcept {
   if (instance == held_instance) return primitive < held_primitive;
@@ -185,7 +185,7 @@ inline bool wins_tie(const InstanceView* instances, std::uint32_t instance, std:
   return mine.order != holder.order ? mine.order < holder.order : mine.id < holder.id;
 }
 
-// A candidate becomes the slot's best hit, if it is one.
+// Makes a candidate the slot's best hit, if it is the best.
 template <class Leaf>
 PERFECT_BVH_INLINE bool take_hit(Slot& slot, const InstanceView* instances, const Ray& ray, Cull cull, const Leaf& leaf,
                                  int lane, const LeafCandidates& candidates) noexcept {
@@ -207,7 +207,7 @@ PERFECT_BVH_INLINE bool take_hit(Slot& slot, const InstanceView* instances, cons
   return true;
 }
 
-// Where any hit will do, whether a candidate is one for which t need not be known; the slot has it then.
+// For any-hit rays: returns whether a candidate is surely a hit, without knowing its t, and stores it in the slot.
 template <class Leaf>
 PERFECT_BVH_INLINE bool is_surely_hit(Slot& slot, Cull cull, const Leaf& leaf, int lane,
                                       const LeafCandidates& candidates) noexcept {
@@ -219,16 +219,16 @@ PERFECT_BVH_INLINE bool is_surely_hit(Slot& slot, Cull cull, const Leaf& leaf, i
   return true;
 }
 
-// Without the last one's repetitions.
+// Counts the triangles without repetitions of the last.
 PERFECT_BVH_INLINE unsigned count_triangles(const std::uint32_t* primitives) noexcept {
   return 8 - count_bits(repeated_lanes(primitives));
 }
 
 // Node test -----------------------------------------------------------------------------------------------------------
-// The eight boxes of a node against a ray: math/slab.h, eight at a time.
+// Tests the eight boxes of a node against a ray: math/slab.h, eight at a time.
 // Part of stream_kernel.inl: everything has internal linkage.
 
-// `near`: where each box is entered.
+// `near`: the entry distance of each box.
 struct NodeTest {
   Float8 near;
   Mask8 hit;
@@ -249,7 +249,7 @@ PERFECT_BVH_INLINE NodeTest test_node(const WideNode& node, const BoxState& box)
 }
 
 // Shares --------------------------------------------------------------------------------------------------------------
-// Eight lanes between two steps (math/turning.h).
+// Interpolates eight lanes between two steps (math/turning.h).
 // Part of stream_kernel.inl: everything has internal linkage.
 
 struct Shares {

@@ -1,9 +1,9 @@
-// What bounds every ray of a packet at once: intervals of the reciprocal directions, seen from one ray's origin
-// (interval arithmetic on packets: Boulos et al. 2006, Wald et al. 2007). One test of a node's eight boxes against it
-// dismisses those that no ray can enter. For a ray r and a point c (any),
+// Bounds all rays of a packet at once: intervals of their reciprocal directions, seen from one ray's origin (interval
+// arithmetic on packets: Boulos et al. 2006, Wald et al. 2007). One test of a node's eight boxes against the bounds
+// rejects those that no ray can enter. For a ray r and any point c,
 //   near_r = p * inv_r - near_offset_r = (p - c) * inv_r - (near_offset_r - c * inv_r),
-// which is least at an end of the interval of inv_r. The margin exceeds the roundings of both sides: each is within
-// 2^-24 of products that are at most (M + |c|) * |inv|, with M as in math/slab.h, and of the offsets.
+// which is least at an end of the interval of inv_r. The margin exceeds the rounding of both sides: each is within
+// 2^-24 of products of at most (M + |c|) * |inv|, with M as in math/slab.h, and of the offsets.
 // Part of packet_kernel.inl: everything has internal linkage.
 
 struct PacketBounds {
@@ -15,7 +15,7 @@ struct PacketBounds {
 
 PERFECT_BVH_INLINE float smallest(RayFloat a) noexcept { return -largest(sub(every_ray(-0.0f), a)); }
 
-// The highest limit of all rays: nothing beyond it matters.
+// Returns the highest limit of all rays; nothing beyond it matters.
 PERFECT_BVH_INLINE float highest_limit(const Packet& packet, const PacketBoxes& boxes) noexcept {
   RayFloat most = load_rays(boxes.t_limit);
   for (unsigned i = kRayLanes; i < packet.lanes; i += kRayLanes) most = max(most, load_rays(boxes.t_limit + i));
@@ -27,7 +27,7 @@ inline void set_bounds(PacketBounds& bounds, const Packet& packet, const PacketB
   const unsigned first = first_ray(rays);
   for (int axis = 0; axis < 3; ++axis) {
     const float centre = frame.narrow_origin[axis][first];
-    // Other rays count as the first one does.
+    // Rays outside the set are replaced by the first ray.
     const RayFloat c = every_ray(centre), stand_in = every_ray(boxes.inverse[axis][first]);
     const RayFloat near_in = every_ray(boxes.near_offset[axis][first]);
     const RayFloat far_in = every_ray(boxes.far_offset[axis][first]);
@@ -77,14 +77,16 @@ PERFECT_BVH_INLINE NodeTest test_bounds(const WideNode& node, const OctantRows& 
 }
 
 // Packet coherence ----------------------------------------------------------------------------------------------------
-// Whether the rays of a packet go much the same way, so that tracing them together pays. Decided by the rays alone.
+// Decides whether the rays of a packet have similar paths, so that tracing them together pays off. The decision depends
+// only on the rays.
 // Part of packet_kernel.inl: everything has internal linkage.
 
-// Packets won for camera and shadow rays, the stream for diffuse bounces: these tell them apart.
+// In measurements, packets were faster for camera and shadow rays, the stream for diffuse bounces. These limits
+// separate the two.
 constexpr float kMostSlope = 0.4f;   // between directions, across the longest axis of the first
 constexpr float kMostShift = 0.05f;  // between origins along any axis, in the scene's reach
-// Rays that come from far away were moved towards the scene, each by itself, even if they had one origin. They are as
-// good as parallel: neighbours may stand further apart.
+// Rays from far away were moved towards the scene one by one, even if they shared an origin. They are nearly parallel,
+// so neighbours may be farther apart.
 constexpr float kMostShiftMoved = 0.25f;
 constexpr unsigned kLeastRays = 16;
 
@@ -94,7 +96,7 @@ PERFECT_BVH_INLINE bool are_alike(const Vec3d& a, const Vec3d& b) noexcept {
   return along > 0.0 && along * along > 0.75 * squares;
 }
 
-// A glance at the directions of a few rays, which tells most incoherent packets before they are loaded.
+// Checks the directions of a few rays, which detects most incoherent packets before they are loaded.
 PERFECT_BVH_INLINE bool may_be_coherent(const RayBatch& batch, std::size_t begin, unsigned count) noexcept {
   if (count < kLeastRays) return false;
   const auto direction = [&](unsigned i) -> const Vec3d& { return batch.rays[row_of(batch, begin + i)].direction; };
@@ -103,7 +105,7 @@ PERFECT_BVH_INLINE bool may_be_coherent(const RayBatch& batch, std::size_t begin
          are_alike(first, direction(count / 3));
 }
 
-// All of `valid`, as the top level sees them.
+// Checks all rays of `valid`, as the top level sees them.
 inline bool are_coherent(const PacketRays& rays, RaySet valid, unsigned lanes, float reach) noexcept {
   if (count_rays(valid) < kLeastRays) return false;
   const unsigned first = first_ray(valid);

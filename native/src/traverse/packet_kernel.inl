@@ -206,8 +206,7 @@ struct PacketWalk {
       packet.alone += count_rays(rays);
       for (RaySet left = rays; left != 0; left &= left - 1) enter_alone(index, first_ray(left));
     } else {
-      if (count_rays(rays) < kLeastRays)
-        packet.alone += count_rays(rays);  // too few for the packet's set-up to pay off
+      if (count_rays(rays) < kLeastRays) packet.alone += count_rays(rays);  // too few to pay off the set-up
       rays = map_packet(packet, rays, instance);
       trace_instance(index, rays, base);
     }

@@ -1,9 +1,9 @@
-// A leaf against a packet's rays. Where many of a vector's rays enter the leaf, lanes are rays and the triangles
-// come one at a time; where few do, lanes are triangles and the rays come one at a time. Either way the arithmetic is
-// that of math/triangle.h, operation by operation, so the bits are the same.
+// Tests a leaf against a packet's rays. If many rays of a vector enter the leaf, lanes are rays and the triangles come
+// one at a time; otherwise lanes are triangles and the rays come one at a time. In both cases the arithmetic is that of
+// math/triangle.h, operation by operation, so the bits are the same.
 // Part of packet_kernel.inl: everything has internal linkage.
 
-// The tree that a packet is in, for rays of one key.
+// The tree that a packet traverses, for rays of one key.
 struct PacketLevel {
   const WideNode* nodes;
   const LeafBlock* blocks;  // null: the tree is over curves or points
@@ -19,7 +19,7 @@ struct PacketLevel {
   bool is_direct;  // local t is the ray's own t, for all rays
 };
 
-// One ray of a packet as kernels for single rays know it.
+// One ray of a packet in the form that single-ray kernels use.
 struct LoneRay {
   BoxState box;
   TriangleState triangle;
@@ -46,7 +46,7 @@ struct LoneRay {
   }
 };
 
-// Ray i meets a triangle at t, in the ray's own terms. True if that is its best hit now.
+// Takes a hit of ray i with a triangle at t, in the ray's own terms. Returns true if it is the best hit now.
 PERFECT_BVH_INLINE bool take_packet_hit(Packet& packet, const PacketLevel& level, unsigned i, std::uint32_t primitive,
                                         const Meeting& meeting) noexcept {
   PacketHits& hits = packet.hits;
@@ -62,7 +62,7 @@ PERFECT_BVH_INLINE bool take_packet_hit(Packet& packet, const PacketLevel& level
   return true;
 }
 
-// Ray i against all triangles. True if its best hit is a new one (any hit: if there is one).
+// Tests ray i against all triangles. Returns true if it has a new best hit (any hit: if there is a hit).
 template <bool kAny>
 bool test_leaf_alone(Packet& packet, const PacketLevel& level, const LeafBlock& leaf, unsigned i,
                      LoneRay& lone) noexcept {
@@ -87,7 +87,7 @@ bool test_leaf_alone(Packet& packet, const PacketLevel& level, const LeafBlock& 
   return true;
 }
 
-// Along the sheared frame's axes; from the rays' origin if they share it.
+// Stores the vertices along the sheared frame's axes; relative to the rays' origin if they share it.
 PERFECT_BVH_INLINE void store_vertices(float* x, float* y, float* z, const PacketLevel& level,
                                        const float (*rows)[8]) noexcept {
   float* const to[3] = {x, y, z};
@@ -97,7 +97,7 @@ PERFECT_BVH_INLINE void store_vertices(float* x, float* y, float* z, const Packe
   }
 }
 
-// The planes of those triangles that some rays pass through, made once for all of them.
+// The planes of triangles that some rays pass through, computed once for all rays.
 struct LeafPlanes {
   TrianglePlane plane[8];
   double away[8];      // from the origin, if the rays share one
@@ -113,7 +113,7 @@ struct LeafPlanes {
   }
 };
 
-// A leaf's vertices, as packets read them.
+// A leaf's vertices, in the form that packets read.
 struct LeafCorners {
   alignas(32) float x[8], y[8], z[8];
   LeafPlanes planes;
@@ -127,8 +127,8 @@ struct LeafCorners {
   }
 };
 
-// Of vectors of rays that meet a triangle, those in `found`, where local t is not the rays' own. Returns the rays that
-// need no more hits.
+// Takes the hits of rays in `found` with a triangle, where local t is not the rays' own t. Returns the rays that need
+// no more hits.
 template <bool kAny>
 unsigned take_moved_hits(Packet& packet, const PacketLevel& level, std::uint32_t primitive, unsigned first,
                          unsigned found, RayFloat t, RayFloat weight1, RayFloat weight2, RayFloat sum) noexcept {
@@ -147,7 +147,7 @@ unsigned take_moved_hits(Packet& packet, const PacketLevel& level, std::uint32_t
   return done;
 }
 
-// Of the rays `first` and on: t of a triangle's plane, as plane_t() has it, to the nearest float.
+// Computes t of a triangle's plane for the rays from `first` on, as plane_t() does, rounded to float.
 template <bool kShared>
 PERFECT_BVH_INLINE RayFloat plane_ts(const LeafPlanes& planes, unsigned triangle, const PacketRays& rays,
                                      unsigned first) noexcept {
@@ -173,8 +173,8 @@ PERFECT_BVH_INLINE RayFloat plane_ts(const LeafPlanes& planes, unsigned triangle
   return load_narrowed(t);
 }
 
-// Of rays `first` and on that pass through a triangle, those whose t there is in range wherever between its corners'
-// depths they meet it: as is_surely_in_range() has it.
+// The rays from `first` on pass through a triangle. Returns those whose t is in range for any point between the depths
+// of its corners, like is_surely_in_range().
 PERFECT_BVH_INLINE unsigned surely_in_range(const Packet& packet, const PacketLevel& level, unsigned first, RayFloat a,
                                             RayFloat b, RayFloat c) noexcept {
   const RayFloat inverse = load_rays(level.boxes->inverse[level.key.axes[2]] + first);
@@ -186,8 +186,8 @@ PERFECT_BVH_INLINE unsigned surely_in_range(const Packet& packet, const PacketLe
          bits(less_equal(end, load_rays(level.boxes->t_limit + first)));
 }
 
-// Rays `first` and on, those in `lanes`, against all triangles, one at a time. The hits that surely count are taken
-// here; rays whose hits need a closer look (beside an edge, as far as the best one) are returned.
+// Tests the rays in `lanes`, counted from `first` on, against all triangles, one at a time. Takes the hits that surely
+// count. Returns the rays whose hits need a closer test (near an edge, or as far as the best hit).
 template <bool kAny, bool kShared>
 unsigned test_triangles(Packet& packet, const PacketLevel& level, const LeafBlock& block, LeafCorners& leaf,
                         unsigned first, unsigned lanes) noexcept {
@@ -198,7 +198,7 @@ unsigned test_triangles(Packet& packet, const PacketLevel& level, const LeafBloc
   float* const limits = level.boxes->t_limit + first;
   RayFloat across[8], upward[8], depth[8];
   const RayFloat shear_x = load_rays(triangles.shear_x + first), shear_y = load_rays(triangles.shear_y + first);
-  // A vertex from the rays' origins, along the sheared frame's axes.
+  // Converts a vertex: relative to the rays' origins, along the sheared frame's axes.
   const auto place = [&](unsigned i) __attribute__((always_inline)) {
     const RayFloat x = every_ray(leaf.x[i]), y = every_ray(leaf.y[i]), z = every_ray(leaf.z[i]);
     if constexpr (kShared) {
@@ -212,7 +212,7 @@ unsigned test_triangles(Packet& packet, const PacketLevel& level, const LeafBloc
     }
   };
   for (unsigned i = 0; i < leaf.vertex_count; ++i) place(i);
-  const auto take_any = [&](unsigned found) __attribute__((always_inline)) {  // they need no more
+  const auto take_any = [&](unsigned found) __attribute__((always_inline)) {  // these rays need no more hits
     const RayMask mask = ray_mask(found);
     store_some(hits.instance + first, mask, level.instance_index);
     store_some(limits, mask, every_ray(kDead));
@@ -278,7 +278,7 @@ unsigned test_triangles(Packet& packet, const PacketLevel& level, const LeafBloc
   return kAny ? ambiguous & lanes : ambiguous;
 }
 
-// Vectors with no more rays in a leaf take them one at a time.
+// If a vector has at most this many rays in a leaf, they are tested one at a time.
 constexpr unsigned kFewInLeaf = kRayLanes / 8;
 
 template <bool kAny>
@@ -301,12 +301,13 @@ PERFECT_BVH_INLINE void test_leaf_together(Packet& packet, PacketLevel& level, c
   level.bounds.t_limit = highest_limit(packet, *level.boxes);
 }
 
-// Ray i against the curves or points of a leaf. True if its best hit is a new one (any hit: if there is one).
+// Tests ray i against the curves or points of a leaf. Returns true if it has a new best hit (any hit: if there is a
+// hit).
 template <bool kAny>
 __attribute__((noinline)) bool test_round_leaf_alone(Packet& packet, const PacketLevel& level, std::uint32_t row,
                                                      unsigned i) noexcept {
   const RoundLeaves& leaves = *level.instance->leaves.round_leaves;
-  ObjectRay local;  // without its time, which only candidates ask for
+  ObjectRay local;  // without its time, which only candidates need
   for (int axis = 0; axis < 3; ++axis) {
     local.origin[axis] = packet.local_rays.origin[axis][i],
     local.direction[axis] = packet.local_rays.direction[axis][i];
@@ -337,7 +338,7 @@ __attribute__((noinline)) bool test_round_leaf_alone(Packet& packet, const Packe
   return is_new;
 }
 
-// One ray after another: no packet of them would go on together from hair to hair.
+// Tests one ray after another: rays do not stay together from hair to hair.
 template <bool kAny>
 __attribute__((noinline)) void test_round_leaf_together(Packet& packet, PacketLevel& level, std::uint32_t row,
                                                         const float* box, unsigned begin) noexcept {
@@ -350,7 +351,7 @@ __attribute__((noinline)) void test_round_leaf_together(Packet& packet, PacketLe
   level.bounds.t_limit = highest_limit(packet, *level.boxes);
 }
 
-// The rays from `begin` on that enter `box` against all that a leaf holds.
+// Tests the rays from `begin` on that enter `box` against everything in a leaf.
 template <bool kAny>
 void visit_packet_leaf(Packet& packet, PacketLevel& level, std::uint32_t row, const float* box,
                        unsigned begin) noexcept {
@@ -366,7 +367,7 @@ __attribute__((noinline)) bool visit_round_leaf_alone(Packet& packet, const Pack
   return true;
 }
 
-// As test_leaf_alone.
+// Like test_leaf_alone.
 template <bool kAny>
 PERFECT_BVH_INLINE bool visit_leaf_alone(Packet& packet, const PacketLevel& level, std::uint32_t row, unsigned i,
                                          LoneRay& lone) noexcept {

@@ -1,5 +1,5 @@
-// Up to 64 rays that go through a tree together: their constants, limits and best hits, one array a quantity, so that
-// a vector holds the same quantity of neighbouring rays.
+// The state of up to 64 rays that traverse a tree together: constants, limits and best hits. Each quantity has one
+// array, so that a vector holds the same quantity of neighbouring rays.
 // Part of packet_kernel.inl: everything has internal linkage.
 
 constexpr float kDead = -kInfiniteDistance;  // as the limit of t: a ray that enters no box
@@ -14,13 +14,13 @@ PERFECT_BVH_INLINE unsigned lanes_of(RaySet rays, unsigned first) noexcept {
   return static_cast<unsigned>(rays >> first) & ((1u << kRayLanes) - 1);
 }
 
-// Of one level: as BoxState.
+// The constants of one level, like BoxState.
 struct alignas(64) PacketBoxes {
   float inverse[3][kPacketRays], near_offset[3][kPacketRays], far_offset[3][kPacketRays];
   float t_min[kPacketRays], t_limit[kPacketRays];
 };
 
-// As TriangleRay; the rest of it is in PacketRays.
+// Like TriangleRay; the rest of it is in PacketRays.
 struct alignas(64) PacketTriangles {
   float shear_x[kPacketRays], shear_y[kPacketRays], depth_slack[kPacketRays], edge_slack[kPacketRays];
 };
@@ -31,22 +31,22 @@ struct alignas(64) PacketHits {
   std::uint32_t instance[kPacketRays], primitive[kPacketRays];
 };
 
-// Children that wait to be visited; parallel arrays, `capacity` entries each.
+// The children waiting to be visited, in parallel arrays of `capacity` entries each.
 struct PacketStack {
   std::uint32_t* children;
   float* nears;            // no ray enters earlier
   std::uint32_t* parents;  // row of the node that holds the child's box
-  std::uint32_t* places;   // bits 0-2: where in that node; the rest: the first ray that may enter
+  std::uint32_t* places;   // bits 0-2: slot in that node; the rest: the first ray that may enter
 };
 
-// As ObjectRay, for the rays that need no shift or scale (see ray.h); `moved` names the others.
+// Like ObjectRay, for the rays that need no shift or scale (see ray.h); `moved` has the others.
 struct alignas(64) PacketRays {
   double origin[3][kPacketRays], direction[3][kPacketRays];
   float narrow_origin[3][kPacketRays], narrow_direction[3][kPacketRays];
   RaySet moved;
   TimeFrame moved_time[kPacketRays];
-  double start[3][kPacketRays];  // of the moved ones: their origin before that
-  // By direction: which run down each axis, and for which that axis is the longest.
+  double start[3][kPacketRays];  // of the moved rays: their origin before the move
+  // By direction: the rays that run down each axis, and those for which it is the longest.
   RaySet down[3], longest[3];
 
   [[nodiscard]] TimeFrame time(unsigned i) const noexcept {
@@ -61,11 +61,11 @@ struct Packet {
   Pace* pace;
   Cull cull;
   unsigned count;             // rays
-  unsigned lanes;             // the same, rounded up to whole vectors
+  unsigned lanes;             // `count` rounded up to whole vectors
   std::uint32_t common_mask;  // the bits that all rays share
-  unsigned alone;             // ways that one ray went by itself, or into an instance with few others
+  unsigned alone;             // times that a ray was traced alone, or entered an instance with few others
   PacketStack stack;
-  Slot* slot;  // of a scene in which something moves: for a ray that goes by itself
+  Slot* slot;  // for rays that go alone, in a scene in which something moves
   alignas(64) float t_min[kPacketRays], t_max[kPacketRays];  // of the rays themselves
   PacketRays world_rays, local_rays;
   PacketBoxes world, local;
@@ -73,7 +73,8 @@ struct Packet {
   PacketHits hits;
 };
 
-// A vector of rays against one box: which rays enter it. `box` points to its lower x among its node's planes.
+// Tests a vector of rays against one box; returns the rays that enter it. `box` points to its lower x in its node's
+// planes.
 PERFECT_BVH_INLINE unsigned test_box(const PacketBoxes& rays, const OctantRows& rows, const float* box,
                                      unsigned first) noexcept {
   RayFloat near = load_rays(rays.t_min + first), far = load_rays(rays.t_limit + first);
@@ -87,12 +88,13 @@ PERFECT_BVH_INLINE unsigned test_box(const PacketBoxes& rays, const OctantRows& 
 }
 
 // Packet setup --------------------------------------------------------------------------------------------------------
-// From rays to the constants of a packet at one level: the operations of isa_avx.h, a vector of rays at a time.
+// Computes the constants of a packet at one level from its rays: the operations of isa_avx.h, a vector of rays at a
+// time.
 // Part of packet_kernel.inl: everything has internal linkage.
 
 constexpr unsigned kDoubleLanes = kRayLanes / 2;
 
-// Which of the rays `first` and on, kDoubleLanes of them, stand near (see ray.h).
+// Returns which of the kDoubleLanes rays from `first` on are near (see ray.h).
 PERFECT_BVH_INLINE unsigned near_lanes(const PacketRays& rays, unsigned first, double reach) noexcept {
   const RayDouble longest = every_ray(kLongest), shortest = every_ray(kShortest), farthest = every_ray(kNearby * reach);
   unsigned all = ~0u, any = 0;
@@ -117,7 +119,7 @@ inline ObjectRay object_ray(const PacketRays& rays, unsigned i) noexcept {
   return ray;
 }
 
-// Brings ray i near. False if it hits nothing.
+// Brings ray i near. Returns false if it hits nothing.
 inline bool move_ray(PacketRays& rays, unsigned i, double reach) noexcept {
   ObjectRay ray = object_ray(rays, i);
   for (const double component : ray.origin) {
@@ -134,7 +136,7 @@ inline bool move_ray(PacketRays& rays, unsigned i, double reach) noexcept {
   return true;
 }
 
-// Moves those of `candidates` that are not near; the ones left are near and narrowed.
+// Moves those of `candidates` that are not near. Returns the remaining rays, near and narrowed.
 inline RaySet prepare_rays(PacketRays& rays, RaySet candidates, unsigned lanes, double reach) noexcept {
   RaySet near = 0;
   for (unsigned i = 0; i < lanes; i += kDoubleLanes) near |= from_bits(near_lanes(rays, i, reach), i);
@@ -152,7 +154,7 @@ inline RaySet prepare_rays(PacketRays& rays, RaySet candidates, unsigned lanes, 
       rays.down[axis] |= from_bits(signs(direction), i);
       length[axis] = abs(direction);
     }
-    // As longest_axis().
+    // Like longest_axis().
     const unsigned x_over_y = bits(less(length[1], length[0])), x_over_z = bits(less(length[2], length[0]));
     const unsigned y_over_z = bits(less(length[2], length[1]));
     const unsigned x = x_over_y & x_over_z, y = ~x_over_y & y_over_z;
@@ -163,7 +165,7 @@ inline RaySet prepare_rays(PacketRays& rays, RaySet candidates, unsigned lanes, 
   return candidates;
 }
 
-// Rays `begin` and on, `packet.count` of them, not prepared yet. Those that cannot hit anything are left out.
+// Loads the `packet.count` rays from `begin` on, not prepared yet. Omits rays that cannot hit anything.
 inline RaySet load_rays_of(const RayBatch& batch, std::size_t begin, double scale, Packet& packet,
                            PacketRays& rays) noexcept {
   static_assert(offsetof(PacketRays, direction) == 3 * kPacketRays * sizeof(double));  // six columns in all
@@ -189,7 +191,7 @@ inline RaySet load_rays_of(const RayBatch& batch, std::size_t begin, double scal
   return valid & (~RaySet{0} >> (kPacketRays - packet.count));
 }
 
-// Whether all rays are usual ones, as load_near_by_axis() has it.
+// Returns whether all rays are usual ones, as defined by load_near_by_axis().
 inline bool are_usual(const PacketRays& rays, unsigned lanes, double farthest) noexcept {
   const RayDouble longest = every_ray(kLongest), shortest = every_ray(kShortest), limit = every_ray(farthest);
   unsigned all = (1u << kDoubleLanes) - 1;
@@ -203,8 +205,8 @@ inline bool are_usual(const PacketRays& rays, unsigned lanes, double farthest) n
   return all == (1u << kDoubleLanes) - 1;
 }
 
-// The next packet, prepared for the scene. True if it is to be traced directly through the lone instance: it is then in
-// packet.local_rays, otherwise in packet.world_rays.
+// Loads the next packet, prepared for the scene. Returns true if it can be traced directly through the lone instance:
+// it is then in packet.local_rays, otherwise in packet.world_rays.
 inline bool load_packet(Packet& packet, const SceneView& scene, const LoneInstance& lone, const RayBatch& batch,
                         std::size_t begin, RaySet& valid) noexcept {
   const double scale = static_cast<double>(scene.scale), reach = static_cast<double>(scene.reach);
@@ -220,7 +222,7 @@ inline bool load_packet(Packet& packet, const SceneView& scene, const LoneInstan
   return false;
 }
 
-// Ray i was moved for the top level: an instance maps it as it came.
+// Maps the original ray i to an instance, because it was moved for the top level.
 inline void map_from_start(Packet& packet, unsigned i, const MapColumns& map) noexcept {
   ObjectRay world, local;
   load_ray(world, *packet.rays[i], static_cast<double>(packet.scene->scale));
@@ -231,7 +233,7 @@ inline void map_from_start(Packet& packet, unsigned i, const MapColumns& map) no
   }
 }
 
-// Those of `rays` that may hit something of the instance, as its tree sees them.
+// Maps `rays` to the instance's tree. Returns those that may hit something in it.
 inline RaySet map_packet(Packet& packet, RaySet rays, const InstanceView& instance) noexcept {
   const PacketRays& from = packet.world_rays;
   PacketRays& to = packet.local_rays;
@@ -252,14 +254,14 @@ inline RaySet map_packet(Packet& packet, RaySet rays, const InstanceView& instan
   return prepare_rays(to, rays, packet.lanes, static_cast<double>(instance.extent.reach));
 }
 
-// What the rays that are traced together have in common.
+// The common properties of rays that are traced together.
 struct PacketKey {
   OctantRows rows;
   std::uint8_t axes[3];  // of the sheared frame
   bool runs_down;        // the longest axis
 };
 
-// The rays of `candidates` that run in the same octant, along the same longest axis, as the first of them.
+// Returns the rays of `candidates` that run in the same octant, along the same longest axis, as the first of them.
 inline RaySet of_one_key(const PacketRays& rays, RaySet candidates, PacketKey& key) noexcept {
   const unsigned first = first_ray(candidates);
   unsigned octant = 0, longest = 0;
@@ -276,7 +278,7 @@ inline RaySet of_one_key(const PacketRays& rays, RaySet candidates, PacketKey& k
   return candidates & rays.longest[longest];
 }
 
-// As set_states() in isa_avx.h, for the vectors that hold any of `members`; rays of other keys get no use of it.
+// Does set_states() of isa_avx.h, for the vectors that contain any of `members`; undefined for rays of other keys.
 inline void set_constants(PacketBoxes& boxes, PacketTriangles& triangles, const PacketRays& rays, RaySet members,
                           unsigned lanes, const PacketKey& key, const TreeExtent& extent) noexcept {
   const RayFloat one = every_ray(1.0f);
@@ -313,15 +315,15 @@ inline void set_constants(PacketBoxes& boxes, PacketTriangles& triangles, const 
   }
 }
 
-// The range of t of `members` as it is now; the others enter nothing. Rays that have their hit enter nothing either if
-// any hit will do.
+// Sets the present range of t of `members`; other rays enter nothing. For any-hit, rays that have a hit enter nothing
+// either.
 template <bool kAny>
 void set_ranges(PacketBoxes& boxes, const Packet& packet, const PacketRays& rays, RaySet members) noexcept {
   for (unsigned i = 0; i < packet.lanes; i += kRayLanes) {
     const RayFloat limit = load_narrowed(packet.hits.t + i);
     const RayMask mask = ray_mask(lanes_of(members, i));
-    // Others get both ends of an empty range: their constants may be NaN, so that the range alone decides, and one from
-    // -infinity to kDead is not empty.
+    // Other rays get both ends of an empty range. Their constants may be NaN, so that only the range decides, and a
+    // range from -infinity to kDead is not empty.
     store_rays(boxes.t_min + i, select(mask, load_rays(packet.t_min + i), every_ray(kInfiniteDistance)));
     store_rays(boxes.t_limit + i, select(mask, limit, every_ray(kDead)));
   }

@@ -155,8 +155,7 @@ __attribute__((always_inline)) inline void set_states(BoxState& box, TriangleSta
   const float direction_z = vgetq_lane_f32(along, 2);
   triangle.ray.direction_z = direction_z;
   triangle.ray.depth_slack = kDepthReach * vgetq_lane_f32(long_depth, 0);
-  triangle.ray.edge_slack =
-      kEdgeReach * vmaxvq_f32(reach);  // the fourth lane, the largest extent, never exceeds the others' maximum
+  triangle.ray.edge_slack = kEdgeReach * vmaxvq_f32(reach);  // the fourth lane never exceeds the others' maximum
   std::memcpy(triangle.ray.axes, frame.axes, sizeof(triangle.ray.axes));
   triangle.ray.runs_down = direction_z < 0.0f;
   std::memcpy(triangle.row, frame.row, sizeof(frame.row));

@@ -1,25 +1,28 @@
-// The eight curve segments, or points, of a leaf against a ray. Float finds out which of them the ray may meet, eight
-// at a time; math/round_segment.h and math/curve_joint.h decide, one at a time, in double. So float decides nothing: no
-// hit, no t, and not which of two is nearer. Part of stream_kernel.inl: everything has internal linkage.
+// Tests the eight curve segments or points of a leaf against a ray. A filter in float finds those that the ray may hit,
+// eight at a time. Then math/round_segment.h and math/curve_joint.h decide in double, one at a time. So float decides
+// nothing: not whether there is a hit, not its t, and not which of two is nearer. Part of stream_kernel.inl: everything
+// has internal linkage.
 //
-// The filter. A hull lies in the capsule about its axis whose radius is the larger one's. Leaves of curves hold it in
-// whole steps from their corner, which rounding makes no smaller (wide/leaf_block.cpp); of others it is gathered, the
-// first centre is the corner, and a step is 1. Let o be the point of the line nearest to the corner (found in double),
-// d the ray's direction, w0 and w1 the ends of an axis from o, in steps. The line is |d x w| / |d| away from a point of
-// the axis, w = w0 + s (w1 - w0), and the least of this is where s is, with k = d x w0 and e = d x (w1 - w0),
-// -k.e / e.e, or at the end on that side. Both sides of the comparison are left as |d| times what they are.
+// The filter. A hull lies in the capsule about its axis with the larger of its radii. Leaves of curves store the
+// capsule in whole steps from their corner, and rounding does not shrink it (wide/leaf_block.cpp). For other leaves the
+// capsule is gathered: the first centre is the corner, and a step is 1. Let o be the point of the line nearest to the
+// corner (found in double), d the ray's direction, w0 and w1 the ends of an axis from o, in steps. The distance between
+// the line and a point of the axis, w = w0 + s (w1 - w0), is |d x w| / |d|. With k = d x w0 and e = d x (w1 - w0), it
+// is least at s = -k.e / e.e, or at the end on that side. Both sides of the comparison stay multiplied by |d|.
 //
-// What rounding does, over |d|. u = 2^-24; M = the largest component of o, w0 and w1, and the radius, added. Components
-// of w are off by 2 u M each, their products with d by 6.7 u M in all, so k and k + e by 12 u M; the least distance
-// between points that are moved so far is moved no farther. s is off by less than 6 u |k| / |e|, its share of e by less
-// than 10 u M; what is left, e as rounded, the point at s, its square, the radius and |d|, by less than 16 u M. The
-// depth d.w is off by less than 10 u M, t's limits are narrowed (u M; far away ones cannot err), and a hit's t is
-// rounded: that is added to the limits. 64 u M holds all of it. What double does to the ray (as it was mapped, and is
-// judged: 16 of its u times all distances) and underflow (2^-60) are in the line's slack.
+// Rounding errors, divided by |d|. u = 2^-24; M = the sum of the largest component of o, w0 and w1, and the radius.
+// Components of w are off by 2 u M each, their products with d by 6.7 u M in all, so k and k + e by 12 u M. The least
+// distance between points moves no farther than the points do. s is off by less than 6 u |k| / |e|, its share of e by
+// less than 10 u M. The rest (e as rounded, the point at s, its square, the radius and |d|) is off by less than 16 u M.
+// The depth d.w is off by less than 10 u M, t's limits are narrowed (u M; limits far away cannot err), and a hit's t is
+// rounded: these errors are added to the limits. 64 u M bounds all of it. The line's slack covers the errors of double
+// arithmetic on the ray (when it is mapped and when it is tested: 16 of its u times all distances) and underflow
+// (2^-60).
 
 constexpr float kRoundSlack = 0x1p-18f;
 
-// In units of the tree, within `reach` of whose origin all that it holds is, and rays begin within kNearby of it.
+// Returns the line's slack, in units of the tree. The tree is within `reach` of its origin, and rays begin within
+// kNearby times that.
 PERFECT_BVH_INLINE float line_slack(float reach) noexcept { return 0x1p-43f * reach + 0x1p-60f; }
 
 struct Vector8 {
@@ -39,8 +42,8 @@ PERFECT_BVH_INLINE Vector8 cross8(const Vector8& a, const Vector8& b) noexcept {
 }
 PERFECT_BVH_INLINE Float8 largest8(const Vector8& a) noexcept { return max(max(abs(a.x), abs(a.y)), abs(a.z)); }
 
-// Whether the line comes as near as `reach`: of points, whose squares `square` are |d x w|^2, and least and greatest
-// depths.
+// Tests whether the line comes within `reach` of points. `square` is their |d x w|^2; the depths are their least and
+// greatest.
 PERFECT_BVH_INLINE unsigned lanes_within(const LeafLine& line, Float8 reach, Float8 square, Float8 first_depth,
                                          Float8 last_depth) noexcept {
   const Float8 margin = mul(reach, broadcast(line.length));
@@ -50,7 +53,7 @@ PERFECT_BVH_INLINE unsigned lanes_within(const LeafLine& line, Float8 reach, Flo
   return bits(both(is_near, in_range));
 }
 
-// Capsules: `first` is w0, `axis` w1 - w0.
+// Tests capsules: `first` is w0, `axis` is w1 - w0.
 PERFECT_BVH_INLINE unsigned lanes_near_capsules(const LeafLine& line, const Vector8& first, const Vector8& axis,
                                                 Float8 reach) noexcept {
   const Vector8 direction = broadcast3(line.direction);
@@ -63,7 +66,7 @@ PERFECT_BVH_INLINE unsigned lanes_near_capsules(const LeafLine& line, const Vect
   return lanes_within(line, reach, dot8(q, q), min(depth, depth1), max(depth, depth1));
 }
 
-// Of a leaf of curves. No component of an end exceeds 1023 steps, no radius 255.
+// Filters a leaf of curves. No component of an end exceeds 1023 steps, no radius 255.
 PERFECT_BVH_INLINE unsigned round_candidates(const CurveLeaf& leaf, const LeafLine& line) noexcept {
   const Int8 firsts = load(leaf.first), lasts = load(leaf.last);
   const Vector8 first{ten_bits<0>(firsts), ten_bits<1>(firsts), ten_bits<2>(firsts)};
@@ -73,12 +76,12 @@ PERFECT_BVH_INLINE unsigned round_candidates(const CurveLeaf& leaf, const LeafLi
   return lanes_near_capsules(line, sub8(first, broadcast3(line.nearest)), sub8(last, first), reach) & leaf.lanes;
 }
 
-// Of balls, as rows of x, y, z and radii: from the corner.
+// Returns balls (rows of x, y, z and radii) relative to the corner.
 PERFECT_BVH_INLINE Vector8 from_corner(const float (*rows)[8], const LeafCorner& corner) noexcept {
   return sub8({load(rows[0]), load(rows[1]), load(rows[2])}, broadcast3(corner.at));
 }
 
-// Of gathered segments.
+// Filters gathered segments.
 PERFECT_BVH_INLINE unsigned round_candidates(const GatheredBalls& leaf, const LeafCorner& corner,
                                              const LeafLine& line) noexcept {
   const Vector8 nearest = broadcast3(line.nearest);
@@ -90,7 +93,7 @@ PERFECT_BVH_INLINE unsigned round_candidates(const GatheredBalls& leaf, const Le
   return lanes_near_capsules(line, first, sub8(last, first), reach);
 }
 
-// Of gathered points.
+// Filters gathered points.
 PERFECT_BVH_INLINE unsigned round_candidates(const float (*rows)[8], const LeafCorner& corner,
                                              const LeafLine& line) noexcept {
   const Vector8 direction = broadcast3(line.direction);
@@ -102,7 +105,7 @@ PERFECT_BVH_INLINE unsigned round_candidates(const float (*rows)[8], const LeafC
   return lanes_within(line, reach, dot8(k, k), depth, depth);
 }
 
-// Of gathered leaves, whose last primitive is repeated: each once.
+// Removes the repetitions of the last primitive in gathered leaves.
 PERFECT_BVH_INLINE unsigned without_repeated(unsigned lanes, const std::uint32_t* primitives) noexcept {
   for (int lane = 1; lanes != 0 && lane < 8; ++lane) {
     if (primitives[lane] == primitives[lane - 1]) lanes &= ~(1u << lane);
@@ -110,7 +113,7 @@ PERFECT_BVH_INLINE unsigned without_repeated(unsigned lanes, const std::uint32_t
   return lanes;
 }
 
-// A leaf's primitives: those that a ray may meet, once each.
+// The primitives of a leaf that a ray may hit, once each.
 struct RoundCandidates {
   const std::uint32_t* primitives;
   unsigned lanes;
@@ -130,7 +133,7 @@ struct RoundCandidates {
   }
 
  private:
-  // Between two steps: rounded once more where balls are interpolated, for which kRoundSlack has room.
+  // Filters balls between two steps. Interpolation adds one more rounding, for which kRoundSlack has room.
   [[nodiscard]] __attribute__((noinline)) unsigned moving_candidates(const RoundList& list, const ObjectRay& ray,
                                                                      float t_min, float t_limit,
                                                                      float slack) const noexcept {
@@ -166,25 +169,25 @@ struct RoundCandidates {
   }
 };
 
-// For counts: how many different ones there are.
+// Returns the number of different primitives, for the counts.
 inline std::uint32_t count_round(const RoundLeaves& leaves, std::uint32_t row) noexcept {
   if (leaves.curves != nullptr) return count_bits(leaves.curves[row].lanes);
   return count_bits(without_repeated(0xFF, leaves.points[row].primitives));
 }
 
-// A primitive's chord, its ends in the ray's own terms too.
+// A primitive's chord, and its ends in the ray's own t.
 struct RoundMeeting {
   Chord chord;
   double entry, exit;
 };
 
-// The end of a chord in the ray's own terms, rounded to float before as a triangle's t is. Out of line: GCC 12
-// (12.2, -O2) leaves the rounding out where it vectorizes the ways of both ends together.
+// Converts the end of a chord to the ray's own t, rounded to float before that, as a triangle's t is. Out of line: GCC
+// 12 (12.2, -O2) omits the rounding when it vectorizes both ends together.
 __attribute__((noinline)) double end_in_ray(const TimeFrame& time, double local_t) noexcept {
   return to_ray_t(time, static_cast<float>(local_t));
 }
 
-// False if the ray's line passes it by.
+// Returns false if the ray's line misses the primitive.
 inline bool meet_round(RoundMeeting& meeting, const RoundRay& ray, const RoundList& list, std::uint32_t primitive,
                        const TimeFrame& time) noexcept {
   const Chord chord = chord_of(ray, list, primitive);
@@ -195,14 +198,14 @@ inline bool meet_round(RoundMeeting& meeting, const RoundRay& ray, const RoundLi
   return true;
 }
 
-// Where a ray meets a curve or point; u along the segment.
+// A hit of a curve or point; u is along the segment.
 struct RoundHit {
   double t;
   float u;
 };
 
-// The first end of a primitive's chord that is shown and `counts(t)`. Whether it is shown is asked last: it takes the
-// neighbours' chords. Its front is what rays enter by, however the instance is placed.
+// Finds the first end of a primitive's chord that is visible and for which `counts(t)` is true. Visibility is tested
+// last, because it needs the neighbours' chords. The front is always where rays enter, even in mirrored instances.
 template <class Counts>
 inline bool meet_end(RoundHit& hit, const RoundRay& ray, const RoundList& list, std::uint32_t primitive,
                      const TimeFrame& time, Cull cull, const Counts& counts) noexcept {
@@ -219,7 +222,7 @@ inline bool meet_end(RoundHit& hit, const RoundRay& ray, const RoundList& list, 
   return true;
 }
 
-// A candidate becomes the slot's best hit, if it is one.
+// Makes a candidate the slot's best hit, if it is the best.
 inline bool take_round_hit(Slot& slot, const InstanceView* instances, const Ray& ray, Cull cull, const RoundRay& local,
                            const RoundList& list, std::uint32_t primitive) noexcept {
   const auto counts = [&](double t) {
@@ -237,10 +240,10 @@ inline bool take_round_hit(Slot& slot, const InstanceView* instances, const Ray&
 }
 
 // Moving leaf ---------------------------------------------------------------------------------------------------------
-// The nodes and leaves of a tree between two of its steps: boxes and vertices in straight lines (math/turning.h).
+// The nodes and leaves of a tree between two of its steps: boxes and vertices move in straight lines (math/turning.h).
 // Part of stream_kernel.inl: everything has internal linkage.
 
-// test_node() of the boxes at a moment.
+// Like test_node(), for the boxes at a moment.
 PERFECT_BVH_INLINE NodeTest test_moving_node(const WideNode& node, const WideNode& later, const BoxState& box,
                                              const Moment& moment) noexcept {
   const Shares shares(moment);
@@ -265,7 +268,7 @@ PERFECT_BVH_INLINE NodeTest test_any_node(const Slot& slot, std::uint32_t row) n
   return test_moving_node(slot.nodes[row], slot.later_nodes[row], slot.box, slot.moment);
 }
 
-// The node that a tree of that moment would have.
+// Returns the interpolated node at that moment.
 inline WideNode node_between(const WideNode& from, const WideNode& to, const Moment& moment) noexcept {
   WideNode node = from;
   const Shares shares(moment);
@@ -275,9 +278,9 @@ inline WideNode node_between(const WideNode& from, const WideNode& to, const Mom
   return node;
 }
 
-// The leaf that a tree of that moment would have, between those of two steps: its vertices are interpolated when they
-// are read. Its bound of the triangles' spans is larger: vertices are rounded where they are interpolated, by a part of
-// how far away from the origin they are, which `reach` bounds.
+// The interpolated leaf at that moment, between those of two steps. Its vertices are interpolated when they are read.
+// Its bound of the triangles' spans is larger, because interpolation rounds vertices by a fraction of their distance
+// from the origin, which `reach` bounds.
 struct MovingBlock {
   const LeafBlock &from, &to;
   const Moment& moment;
@@ -286,7 +289,7 @@ struct MovingBlock {
 
   PERFECT_BVH_INLINE MovingBlock(const TreeStep* step, const Moment& at, std::uint32_t row, float slack) noexcept
       : from(step[0].leaves.blocks[row]), to(step[1].leaves.blocks[row]), moment(at), primitives(from.primitives) {
-    span = 0.0f;  // of a leaf that is a point it is no number
+    span = 0.0f;  // span_bound() of a leaf that is a point is NaN or -infinity
     if (span_bound(from) > span) span = span_bound(from);
     if (span_bound(to) > span) span = span_bound(to);
     span = span * (1.0f + 0x1p-10f) + slack;
@@ -307,14 +310,14 @@ inline float coordinate(const MovingBlock& block, int lane, int corner, int axis
                      coordinate(block.to, lane, corner, axis));
 }
 
-// Curves or points at a moment: those of a step, with the next step's balls.
+// Returns the curves or points at a moment: those of a step, with the next step's balls.
 PERFECT_BVH_INLINE RoundLeaves moving_leaves(const TreeStep* step, const Moment& moment) noexcept {
   RoundLeaves leaves = *step[0].leaves.round_leaves;
   if (moment.is_between()) leaves.round.later = step[1].leaves.round_leaves->round.balls, leaves.round.moment = moment;
   return leaves;
 }
 
-// The slot's leaf, as what it is: body(a LeafBlock or MovingBlock), or body(RoundLeaves) of what is in its row.
+// Calls body with the slot's leaf in its actual type: a LeafBlock or MovingBlock, or RoundLeaves with the row.
 template <bool kMoves, class Body>
 PERFECT_BVH_INLINE auto with_leaf(const Slot& slot, const InstanceView& instance, std::uint32_t row,
                                   const Body& body) noexcept {

@@ -165,10 +165,10 @@ struct alignas(32) GatheredBalls {
 // A ray as the filter of a leaf of curves or points uses it: in the leaf's steps, from the leaf's corner.
 
 struct alignas(16) LeafLine {
-  float nearest[4];    // the line's point nearest to the corner, relative to it; the fourth is unused
-  float direction[4];  // the ray's
-  float least, most;   // hits are between these depths: dot products of the direction with the path from that point
-  float away;          // largest component of that point
+  float nearest[4];              // the line's point nearest to the corner, relative to it; the fourth is unused
+  float direction[4];            // the ray's
+  float least, most;             // hits are between these depths: the dot products with the path from that point
+  float away;                    // largest component of that point
   float squared_length, length;  // of the direction
   float slack;                   // bound of the errors of double arithmetic and underflow
 };

@@ -1,35 +1,35 @@
-// Traces a batch as a stream: up to 64 rays are under way at once, each with its own stack, and all take their steps in
-// turn: every ray at a node visits it, then every ray at a leaf tests it, and so on. A ray's own order of visits is the
-// same as if it were alone.
+// Traces a batch as a stream. Up to 64 rays are in flight, each with its own stack, and all take their steps in turn:
+// every ray at a node visits it, then every ray at a leaf tests it, and so on. Each ray visits nodes and leaves in the
+// same order as if it were alone.
 //
-// Why: one ray alone waits. Its next node is known only after the last one's boxes have been tested, and which way it
-// goes from there is a branch that cannot be predicted. In turn, the steps of different rays do not depend on each
-// other, and a step needs no branch: what a ray meets next (a node, a leaf, something else) only decides which list
-// its slot is appended to. Latency, cache misses included, hides behind the other rays.
+// Reason: a single ray waits. Its next node is known only after the last one's boxes have been tested, and its next
+// direction is a branch that cannot be predicted. The steps of different rays do not depend on each other, and a step
+// needs no branch: the kind of the next child (a node, a leaf, something else) only decides which list the slot is
+// appended to. The other rays hide latency, including cache misses.
 //
 // Included by one translation unit for each instruction set, after its vectors. Longer than other files because the
-// loop is one thing; everything has internal linkage.
+// loop cannot be divided; everything has internal linkage.
 
 namespace perfect_bvh {
 namespace {
 
 #include "traverse/pace.inl"
 #include "traverse/ray_slot.inl"
-constexpr std::size_t kEight = 8;  // rays that may take up their slots together
+constexpr std::size_t kEight = 8;  // rays that may start together
 #ifdef __AVX2__
 constexpr bool kHasEight = true;
-// After the slot.
+// Needs ray_slot.inl.
 #include "traverse/eight_rays.inl"
 #else
 constexpr bool kHasEight = false;
 #endif
-// After the slot.
+// Needs ray_slot.inl.
 #include "traverse/leaf_test.inl"
-// After the leaf test.
+// Needs leaf_test.inl.
 #include "traverse/round_leaf.inl"
-// After the leaf and node tests.
+// Needs the leaf and node tests.
 
-// Leaves are tested when this many rays wait at one, or no ray is left at a node.
+// Leaves are tested when this many rays wait at leaves, or no ray is left at a node.
 constexpr std::size_t kLeafPatience = 16;
 
 struct Stream {
@@ -44,11 +44,11 @@ struct Stream {
   const SceneView& scene;
   const RayBatch& batch;
   const LoneInstance lone;
-  std::size_t nears_offset;     // from a slot's stack of children to that of their entry distances, in entries
-  const bool starts_in_eights;  // where nothing is counted
+  std::size_t nears_offset;     // from a slot's stack of children to its stack of entry distances, in entries
+  const bool starts_in_eights;  // if nothing is counted
   Slot* at_node[kMostRaysInFlight + 1];
-  Slot* at_between[kMostRaysInFlight + 1];  // at a node as well, of a tree between two of its steps
-  Slot* at_other[kMostRaysInFlight + 1];    // leaves and marks
+  Slot* at_between[kMostRaysInFlight + 1];  // also at a node, of a tree between two of its steps
+  Slot* at_other[kMostRaysInFlight + 1];    // at leaves and marks
   Slot* at_leaf[kMostRaysInFlight + 1];
   Slot* at_mark[kMostRaysInFlight + 1];
   Slot* idle[kMostRaysInFlight + 1];  // without a ray
@@ -57,7 +57,7 @@ struct Stream {
 
   [[nodiscard]] std::size_t count_at_nodes() const noexcept { return node_count + between_count; }
   [[nodiscard]] bool has_eight_left() const noexcept { return batch.count - next_ray >= kEight; }
-  // Of a lone instance all that is entered is its root, which stays in the cache.
+  // A lone instance reads only its root, which stays in the cache.
   [[nodiscard]] bool fetches_instances() const noexcept { return scene.exceeds_cache && lone.view == nullptr; }
 };
 
@@ -65,8 +65,8 @@ struct Stream {
 constexpr std::uint32_t kRowBytes[2][4] = {{sizeof(WideNode), sizeof(WideNode), 0, 0},
                                            {sizeof(WideNode), sizeof(WideNode), sizeof(LeafBlock), 0}};
 
-// Begins to fetch the node or leaf that a slot will visit next, while others take their steps. Which of them it is
-// cannot be predicted. Compilers make a branch of a choice of bases: so the base is read by its offset.
+// Prefetches the node or leaf that a slot will visit next, while other slots take their steps. Its kind cannot be
+// predicted. Compilers turn a choice between two bases into a branch, so the base is read by its offset.
 template <bool kMoves>
 PERFECT_BVH_INLINE void fetch_next(const Slot& slot, std::uint32_t next) noexcept {
   const std::size_t has_blocks = slot.blocks != nullptr, is_block = next >> 31 & has_blocks;
@@ -75,7 +75,7 @@ PERFECT_BVH_INLINE void fetch_next(const Slot& slot, std::uint32_t next) noexcep
   const char* lines;
   __builtin_memcpy(&lines, reinterpret_cast<const char*>(&slot) + base, sizeof(lines));
   for (int line = 0; line < 4; ++line) __builtin_prefetch(lines + offset + 64 * line);
-  if constexpr (kMoves) {  // the next step's, of which three lines are read
+  if constexpr (kMoves) {  // the next step's node, of which three lines are read
     if (slot.later_nodes == nullptr) return;
     const char* const later = is_block != 0 ? reinterpret_cast<const char*>(slot.step[1].leaves.blocks)
                                             : reinterpret_cast<const char*>(slot.later_nodes);
@@ -83,9 +83,9 @@ PERFECT_BVH_INLINE void fetch_next(const Slot& slot, std::uint32_t next) noexcep
   }
 }
 
-// What moves is read in three steps, each of which needs the one before: the instance, its motion, its way back.
+// Moving instances are read in three dependent steps: the instance, its motion, its inverse motion.
 __attribute__((noinline)) void fetch_motions(const Stream& stream) noexcept {
-  __asm__ volatile("");  // compilers drop calls to functions that do no more than prefetch
+  __asm__ volatile("");  // compilers drop calls to functions that only prefetch
   const MotionView* motions[kMostRaysInFlight + 1];
   const float* times[kMostRaysInFlight + 1];
   std::size_t count = 0;
@@ -106,7 +106,7 @@ __attribute__((noinline)) void fetch_motions(const Stream& stream) noexcept {
   }
 }
 
-// The same for instances that slots will enter, before the leaves are tested.
+// Prefetches the instances that slots will enter, before the leaves are tested.
 template <bool kMoves>
 inline void fetch_instances(Stream& stream) noexcept {
   for (std::size_t i = 0; i < stream.mark_count; ++i) {
@@ -119,8 +119,8 @@ inline void fetch_instances(Stream& stream) noexcept {
   if constexpr (kMoves) fetch_motions(stream);
 }
 
-// kBetween: those of trees between two of their steps, which are visited by themselves: which of both a tree is cannot
-// be predicted either.
+// kBetween: visits only nodes of trees between two of their steps. They are visited separately, because a branch on the
+// kind of tree cannot be predicted either.
 template <bool kAny, bool kCounts, bool kFetches, bool kMoves, bool kBetween>
 PERFECT_BVH_INLINE void visit_nodes(Stream& stream) noexcept {
   Slot** const at_node = kBetween ? stream.at_between : stream.at_node;
@@ -160,7 +160,7 @@ PERFECT_BVH_INLINE void visit_all_nodes(Stream& stream) noexcept {
   if constexpr (kMoves) visit_nodes<kAny, kCounts, kFetches, true, true>(stream);
 }
 
-// The slot is at a node.
+// Adds the slot to the list of slots at a node.
 template <bool kMoves>
 PERFECT_BVH_INLINE void put_at_node(Stream& stream, Slot& slot) noexcept {
   if (kMoves && slot.later_nodes != nullptr) {
@@ -170,14 +170,14 @@ PERFECT_BVH_INLINE void put_at_node(Stream& stream, Slot& slot) noexcept {
   }
 }
 
-// After the stream.
+// Needs the stream.
 #include "traverse/stream_leaf.inl"
 
-// A leaf of points is read in two steps, each of which needs the one before: numbers, balls. They are fetched here for
-// all waiting leaves together, so that the caches are waited for once and not once a leaf. A leaf of curves is two
-// lines, and what it names is seldom needed.
+// A leaf of points is read in two dependent steps: numbers, then balls. They are prefetched here for all waiting leaves
+// together, to wait for the caches once and not once per leaf. A leaf of curves is two cache lines, and the segments
+// that it names are seldom needed.
 __attribute__((noinline)) void fetch_round_leaves(const Stream& stream) noexcept {
-  __asm__ volatile("");  // compilers drop calls to functions that do no more than prefetch
+  __asm__ volatile("");  // compilers drop calls to functions that only prefetch
   bool has_points = false;
   for (std::size_t i = 0; i < stream.leaf_count; ++i) {
     Slot& slot = *stream.at_leaf[i];
@@ -240,7 +240,7 @@ inline void write_result(const RayBatch& batch, std::size_t row, const Slot* slo
   }
 }
 
-// The next ray of the batch that can hit anything; false if none is left.
+// Starts the next ray of the batch that can hit anything; returns false if none is left.
 template <bool kAny, bool kCounts, bool kMoves>
 PERFECT_BVH_INLINE bool take_next_ray(Stream& stream, Slot& slot) noexcept {
   while (stream.next_ray < stream.batch.count) {
@@ -258,7 +258,7 @@ PERFECT_BVH_INLINE bool take_next_ray(Stream& stream, Slot& slot) noexcept {
   return false;
 }
 
-// Eight idle slots begin with the next eight rays, if these are usual ones. False if they do not.
+// Starts the next eight rays in eight idle slots, if these are usual ones. Returns false if they do not start.
 template <bool kMoves>
 __attribute__((noinline)) bool take_next_eight([[maybe_unused]] Stream& stream) noexcept {
 #ifdef __AVX2__
@@ -290,7 +290,7 @@ __attribute__((noinline)) bool take_next_eight([[maybe_unused]] Stream& stream) 
 #endif
 }
 
-// The slot begins with the next ray, if any is left.
+// Starts the next ray in the slot, if any is left.
 template <bool kAny, bool kCounts, bool kMoves>
 PERFECT_BVH_INLINE void take_next_singly(Stream& stream, Slot& slot) noexcept {
   if (!take_next_ray<kAny, kCounts, kMoves>(stream, slot)) return;
@@ -301,7 +301,8 @@ PERFECT_BVH_INLINE void take_next_singly(Stream& stream, Slot& slot) noexcept {
   }
 }
 
-// Idle slots begin with the next rays: eight at a time while there are as many of both, the batch's last ones alone.
+// Starts the next rays in the idle slots: eight at a time while there are enough of both, the last rays of the batch
+// one by one.
 template <bool kAny, bool kCounts, bool kMoves>
 __attribute__((noinline)) void take_next_rays(Stream& stream) noexcept {
   const bool in_eights = !kCounts && stream.starts_in_eights;
@@ -317,7 +318,7 @@ __attribute__((noinline)) void take_next_rays(Stream& stream) noexcept {
   }
 }
 
-// Follows the marks on each waiting slot's stack until it is at a node or a leaf, or no ray is left for it.
+// Follows the marks on each waiting slot's stack until the slot is at a node or a leaf, or has no ray left.
 template <bool kAny, bool kCounts, bool kMoves>
 void follow_marks(Stream& stream) noexcept {
   const bool in_eights = !kCounts && stream.starts_in_eights;
@@ -369,12 +370,13 @@ inline void sort_others(Stream& stream) noexcept {
   stream.other_count = 0;
 }
 
-// Entries of a stack: those any ray can need, and 8 more that pushes may write over.
+// Returns the entries of a stack: as many as any ray may need, and 8 more that pushes may overwrite.
 inline std::size_t padded_entries(const SceneView& scene) noexcept {
   return (std::size_t{scene.stack_entries} + 8 + 15) / 16 * 16;
 }
 
-// A slot with its stacks: an odd number of cache lines, so that slots do not compete for the same places in the cache.
+// Returns the bytes of a slot with its stacks: an odd number of cache lines, so that slots do not compete for the same
+// cache sets.
 inline std::size_t slot_bytes(const SceneView& scene) noexcept {
   const std::size_t lines = sizeof(Slot) / 64 + padded_entries(scene) / 8;
   return 64 * (lines | 1);
@@ -384,7 +386,7 @@ std::size_t stream_workspace_bytes(const SceneView& scene, std::size_t in_flight
   return slot_bytes(scene) * in_flight;
 }
 
-// One ray to its end, in a tree that it has entered, of a scene where something moves.
+// Traces one ray to its end, in a tree that it has entered, of a scene in which something moves.
 template <bool kAny>
 void finish_alone(Stream& stream, Slot& slot, Pace& pace) noexcept {
   std::uint32_t* const stack = stack_of(slot);

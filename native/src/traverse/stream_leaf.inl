@@ -1,8 +1,8 @@
-// A ray of a stream at a leaf, of every kind there is.
+// Visits a leaf, of any kind, with a ray of a stream.
 // Part of stream_kernel.inl: everything has internal linkage.
 
-// Leaf and ray meet: looks closer at the triangles in `lanes`, whose t may be in range. True if the best hit is
-// a new one (any hit: if there is one).
+// Tests the triangles in `lanes`, whose t may be in range, more closely. Returns true if there is a new best hit (any
+// hit: if there is a hit).
 template <bool kAny, class Leaf>
 PERFECT_BVH_INLINE bool take_hits(Slot& slot, const Stream& stream, const Leaf& leaf, unsigned lanes,
                                   const LeafCandidates& candidates) noexcept {
@@ -22,7 +22,7 @@ PERFECT_BVH_INLINE bool take_hits(Slot& slot, const Stream& stream, const Leaf& 
   return is_new;
 }
 
-// The slot has a new best hit (any hit: has one).
+// Continues after a new best hit (any hit: after a hit).
 template <bool kAny>
 PERFECT_BVH_INLINE void go_on_from_hit(const Stream& stream, Slot& slot) noexcept {
   if constexpr (kAny) {
@@ -43,7 +43,7 @@ PERFECT_BVH_INLINE void visit_leaf(Stream& stream, Slot& slot, const Leaf& leaf)
   if (take_hits<kAny>(slot, stream, leaf, test.lanes, candidates)) go_on_from_hit<kAny>(stream, slot);
 }
 
-// Curves or points that the ray may meet, at least one. Out of line: most visits of leaves end before, and need neither
+// Tests the candidates of curves or points, at least one. Out of line: most leaf visits end earlier, and need neither
 // its registers nor its stack.
 template <bool kAny>
 __attribute__((noinline)) void take_round_hits(Stream& stream, Slot& slot, const RoundList& list,
@@ -57,7 +57,7 @@ __attribute__((noinline)) void take_round_hits(Stream& stream, Slot& slot, const
   if (is_new) go_on_from_hit<kAny>(stream, slot);
 }
 
-// Of curves or points.
+// Visits a leaf of curves or points.
 template <bool kAny, bool kCounts>
 __attribute__((noinline)) void visit_round_leaf(Stream& stream, Slot& slot, const RoundLeaves& leaves,
                                                 std::uint32_t row) noexcept {
@@ -68,13 +68,13 @@ __attribute__((noinline)) void visit_round_leaf(Stream& stream, Slot& slot, cons
   if (candidates.lanes != 0) take_round_hits<kAny>(stream, slot, leaves.round, candidates);
 }
 
-// Of a tree that moves, between two steps.
+// Visits a triangle leaf of a moving tree between two steps.
 template <bool kAny, bool kCounts>
 PERFECT_BVH_INLINE void visit_moving_block(Stream& stream, Slot& slot, std::uint32_t row) noexcept {
   visit_leaf<kAny, kCounts>(stream, slot, MovingBlock(slot.step, slot.moment, row, slot.span_slack));
 }
 
-// Of a tree that moves, any other leaf.
+// Visits any other leaf of a moving tree.
 template <bool kAny, bool kCounts>
 __attribute__((noinline)) void visit_moving_leaf(Stream& stream, Slot& slot, std::uint32_t row) noexcept {
   if (slot.blocks == nullptr) {
