@@ -1,6 +1,6 @@
-// Memory that is no longer in use, kept for the next tree or the next positions of the same mesh: a system takes as
-// long to hand out new memory as a refit or a copy takes to fill it. Snapshots may outlive each other in any order, on
-// any thread: memory comes here when the last of those that use it lets it go.
+// Memory that is no longer in use, kept for the next tree or the next positions of the same mesh. A system takes as
+// long to allocate new memory as a refit or a copy takes to fill it. Snapshots may be destroyed in any order, on any
+// thread: memory returns here when its last user releases it.
 #pragma once
 
 #include <atomic>
@@ -32,7 +32,7 @@ class SpareMemory {
     const std::lock_guard lock(mutex_);
     std::swap(memory_, memory);
   }
-  // What was given last; empty if there is nothing.
+  // Returns the memory given last, or an empty one.
   [[nodiscard]] T take() noexcept {
     const std::lock_guard lock(mutex_);
     return std::exchange(memory_, T{});
@@ -56,8 +56,8 @@ struct Points {
 };
 using SparePositions = SpareMemory<Points>;
 
-// A number for the shape of a wide tree: which nodes, leaves and triangles are where. Trees of the same number differ
-// in boxes and positions alone. 0: unknown.
+// Returns a number for the shape of a wide tree: the arrangement of its nodes, leaves and triangles. Trees with the
+// same number differ only in boxes and positions. 0: unknown.
 [[nodiscard]] inline std::uint64_t new_tree_shape() noexcept {
   static std::atomic<std::uint64_t> last{0};
   return last.fetch_add(1, std::memory_order_relaxed) + 1;
@@ -77,42 +77,41 @@ struct Blas {
 
   const std::shared_ptr<const Mesh> owned_mesh;
   const Mesh& mesh;
-  BuildConfig config;   // that the tree was built with, its builder named; refits keep it
-  TreeQuality quality;  // of the binary tree that `wide` was made from; empty where there was none, or it was refitted
-  WideBvh wide;         // what rays are traced through
+  BuildConfig config;   // of the build, with a specific builder; refits keep it
+  TreeQuality quality;  // of the binary tree that was collapsed to `wide`; empty if there was none, or after a refit
+  WideBvh wide;         // the tree that rays are traced through
   RoundLeaves round_leaves;  // of `wide`, over curves or points
   std::uint64_t shape = 0;
-  std::shared_ptr<const WideCosts> fresh_costs;  // of each part of `wide` when it was built; null before it is refitted
-  double built_sah = 0;              // of `wide` when it was built, as tree_boxes.h reckons it; 0 before it is refitted
-  RefitPlan refit_plan;              // of `wide`; likewise
-  std::shared_ptr<SpareTree> spare;  // where `wide` goes at the end; null: nowhere
+  std::shared_ptr<const WideCosts> fresh_costs;  // of each part of `wide` when it was built; null before a refit
+  double built_sah = 0;              // of `wide` when it was built, computed as in tree_boxes.h; 0 before a refit
+  RefitPlan refit_plan;              // of `wide`; empty before a refit
+  std::shared_ptr<SpareTree> spare;  // receives `wide` in the end; null: nothing does
   Aabb box;                          // around the triangles
-  LazySupport support;               // of `wide`, made when one of many instances is turned
-  // Of a mesh that moves within the shutter (moved_mesh.h): its trees at the steps that follow, of which no more is
-  // filled in than rays need; and all of its steps as kernels see them.
+  LazySupport support;               // of `wide`, made for turned instances if there are many
+  // For a mesh that moves within the shutter (moved_mesh.h): its trees at the later steps, of which only the parts that
+  // rays need are filled in, and all of its steps as kernels read them.
   std::vector<std::shared_ptr<Blas>> later;
   std::vector<TreeStep> steps;
 };
 
-// What kernels see of the leaves of such a tree over curves or points and of its mesh, which must both stay where they
-// are.
+// Returns the kernels' view of the leaves of a tree over curves or points and of its mesh. Neither may move in memory.
 [[nodiscard]] inline RoundLeaves view_leaves(const WideBvh& tree, const Mesh& mesh) noexcept {
   const CurveLeaf* const curves = tree.curve_leaves.empty() ? nullptr : tree.curve_leaves.data();
   return {tree.point_leaves.data(), curves, round_list(mesh, {}, tree.scale)};
 }
 
-// Of a tree in which nothing more changes.
+// Returns the view of the leaves of a finished tree.
 [[nodiscard]] inline LeafView view_leaves(const Blas& blas) noexcept {
   if (blas.mesh.is_round()) return {.round_leaves = &blas.round_leaves};
   return {.blocks = blas.wide.blocks.data()};
 }
 
-// Of what refits go by; 0 before the first one.
+// Returns the bytes of the refit data; 0 before the first refit.
 [[nodiscard]] inline std::size_t plan_byte_count(const Blas& blas) noexcept {
   return blas.refit_plan.byte_count() + (blas.fresh_costs ? blas.fresh_costs->byte_count() : 0);
 }
 
-// Of the steps after the first, of one that moves within the shutter.
+// Returns the bytes of the steps after the first, for a mesh that moves within the shutter.
 [[nodiscard]] inline std::size_t motion_byte_count(const Blas& blas) noexcept {
   std::size_t count = 0;
   for (const auto& step : blas.later) {
@@ -122,7 +121,7 @@ struct Blas {
   return count;
 }
 
-// Geometry, trees and plan.
+// Returns the bytes of geometry, trees and plan.
 [[nodiscard]] inline std::size_t byte_count(const Blas& blas) noexcept {
   return blas.mesh.byte_count() + blas.wide.byte_count() + plan_byte_count(blas) + motion_byte_count(blas);
 }

@@ -1,4 +1,4 @@
-// From a mesh to its binary tree, by the builder that suits what the mesh is for.
+// Builds a mesh's binary tree, with the builder that suits the mesh's usage.
 #pragma once
 
 #include <cstdint>
@@ -13,14 +13,14 @@
 
 namespace perfect_bvh {
 
-// What the owner of a mesh expects to happen to it.
+// The changes that the owner of a mesh expects.
 enum class Usage : std::uint8_t {
-  kStatic,     // nothing, or rigid motion
+  kStatic,     // none, or rigid motion
   kDeforming,  // its positions change
   kChanging,   // its topology changes
 };
 
-// As users write it.
+// Returns the name that users write.
 [[nodiscard]] constexpr const char* usage_name(Usage usage) noexcept {
   switch (usage) {
     case Usage::kStatic:
@@ -33,22 +33,22 @@ enum class Usage : std::uint8_t {
   return "";
 }
 
-// Names the builder where the choice was left to the engine: a tree that lasts for a frame must be built fast,
-// any other repays a better one.
+// Chooses a builder if the choice was left to the engine. A tree that lasts for one frame must be built fast; for all
+// others a better tree pays off.
 [[nodiscard]] BuildConfig choose_builder(BuildConfig config, Usage usage) noexcept;
 
-// Whether the tree is built straight into the wide one: the fast builder's, unless something was asked for that needs a
-// binary tree.
+// Returns whether the wide tree is built directly: with the fast builder, unless a setting needs a binary tree.
 [[nodiscard]] bool is_built_wide(const BuildConfig& config) noexcept;
 
 [[nodiscard]] Bvh2 build_tree(const Mesh& mesh, const BuildConfig& config, ThreadPool& pool, CancelToken& cancel);
 
 // Build wide tree -----------------------------------------------------------------------------------------------------
-// From a mesh to the tree that rays are traced through, by the builder of its settings: a binary tree is built and
-// collapsed, or the wide one is built at once.
+// Makes the tree that rays are traced through from a mesh, with the builder of its settings. A binary tree is built and
+// collapsed, or the wide tree is built directly.
 
-// Fills in the tree of `blas`, its quality and its box. In: the mesh and `config`, its builder named; optimisation is
-// noted there as it was done. Out: how long the steps took, in the report. Throws Cancelled, bad_alloc.
+// Fills in the tree of `blas`, its quality and its box. In: the mesh and `config`, with a specific builder; the
+// optimization passes done are stored in it. Out: the duration of each step, in the report. Throws Cancelled,
+// bad_alloc.
 void build_wide_tree(Blas& blas, MeshReport& report, ThreadPool& pool, CancelToken& cancel);
 
 }  // namespace perfect_bvh

@@ -1,6 +1,6 @@
-// The scene: meshes and their instances, edited freely, and committed into an immutable snapshot.
-// In: validated arrays. Out: reports and snapshots. A failed or cancelled commit leaves the edits pending, as they
-// were, and snapshots that were taken before stay valid.
+// The scene: meshes and their instances, edited freely, and committed to an immutable snapshot.
+// In: validated arrays. Out: reports and snapshots. A failed or cancelled commit leaves the edits pending and
+// unchanged. Snapshots taken before stay valid.
 #pragma once
 
 #include <atomic>
@@ -38,7 +38,7 @@ template <class T>
 struct Matrices {
   const T* entries;
   std::size_t count;
-  std::size_t row_count;  // of each; those after the third are not read
+  std::size_t row_count;  // of each; rows after the third are ignored
 
   [[nodiscard]] Affine operator[](std::size_t i) const noexcept {
     const T* m = entries + i * row_count * 4;
@@ -46,8 +46,8 @@ struct Matrices {
   }
 };
 
-// The lock of a scene's edits, held for the whole of a commit. A commit's callback that edits the same scene, or asks
-// for what edits change, would deadlock: it is refused instead.
+// The lock of a scene's edits, held during a whole commit. A commit's callback would deadlock if it edited the same
+// scene or read data that edits change: it gets an error instead.
 class EditMutex {
  public:
   // Throws EngineError if this thread holds it.
@@ -79,30 +79,30 @@ class Scene {
   template <class T>
   void update_mesh(std::int32_t mesh_id, std::span<const Vec3<T>> positions,
                    ThreadPool& pool = ThreadPool::shared());  // same topology
-  // Of curves or points, as many as there are. No radii: those that they have.
+  // Moves curves or points; the number of balls stays the same. If no radii are given, the radii stay.
   template <class T>
   void update_balls(std::int32_t mesh_id, PrimitiveKind kind, const BallsGiven<T>& balls,
                     ThreadPool& pool = ThreadPool::shared());
-  // Of curves that are divided into chains: moved where each has as many balls as before, otherwise replaced.
+  // Moves curves that are divided into chains, if each chain has as many balls as before; otherwise replaces them.
   template <class T>
   void set_chains(std::int32_t mesh_id, const BallsGiven<T>& balls, std::span<const std::int64_t> offsets,
                   ThreadPool& pool = ThreadPool::shared());
-  // Of the same kind of primitive. `function` opens messages.
+  // Replaces a mesh by one of the same primitive kind. `function` opens messages.
   void replace_mesh(std::int32_t mesh_id, Mesh mesh, const char* function = "replace_mesh");
-  // Of triangles: moves them within the shutter. Positions at each step, one step after another; the topology stays.
+  // Moves triangles within the shutter. Positions are given at each step, one step after another; the topology stays.
   template <class T>
   void set_mesh_motion(std::int32_t mesh_id, std::span<const Vec3<T>> positions, const StepTimes& times,
                        ThreadPool& pool = ThreadPool::shared());
-  // The same of curves or points; offsets: of chains, of each step's balls; empty of points and of those that have
-  // none.
+  // The same for curves or points. offsets: of the chains of each step's balls; empty for points and for curves without
+  // chains.
   template <class T>
   void set_round_motion(std::int32_t mesh_id, PrimitiveKind kind, const BallsGiven<T>& balls,
                         std::span<const std::int64_t> offsets, const StepTimes& times,
                         ThreadPool& pool = ThreadPool::shared());
-  void set_usage(std::int32_t mesh_id, Usage usage);                  // what its next builds are for
-  void remove_mesh(std::int32_t mesh_id);                             // InvalidArgument while instances use it
-  std::int32_t add_instances(std::span<const InstanceInput> inputs);  // the first new id; the others follow
-  // One a mesh id; orders: as many, or none.
+  void set_usage(std::int32_t mesh_id, Usage usage);                  // for its next builds
+  void remove_mesh(std::int32_t mesh_id);                             // throws InvalidArgument while instances use it
+  std::int32_t add_instances(std::span<const InstanceInput> inputs);  // returns the first new id; the others follow
+  // Adds one instance for each mesh id. orders: as many, or empty.
   template <class T>
   std::int32_t add_instances(std::span<const std::int32_t> mesh_ids, Matrices<T> matrices,
                              std::span<const std::uint32_t> masks, std::span<const std::int64_t> orders);
@@ -110,24 +110,25 @@ class Scene {
   template <class T>
   void set_transforms(std::span<const std::int32_t> ids, Matrices<T> matrices, ThreadPool& pool);
   // Moves instances within the shutter: a matrix for each at the first step, then at the second, and so on. Throws
-  // InvalidArgument for those that flatten space, of which none is to be told how it turns.
+  // InvalidArgument for matrices that flatten space, because they do not define a rotation.
   template <class T>
   void set_instance_motion(std::span<const std::int32_t> ids, Matrices<T> matrices, const StepTimes& times);
   void set_masks(std::span<const std::int32_t> ids, std::span<const std::uint32_t> masks);
   void remove_instances(std::span<const std::int32_t> ids);
 
-  // Builds what changed and makes a new snapshot. The callback of `cancel` must not use the scene (EngineError).
+  // Builds everything that changed and makes a new snapshot. The callback of `cancel` must not use the scene
+  // (EngineError).
   CommitReport commit(ThreadPool& pool, CancelToken& cancel, const CommitOptions& options = {});
 
-  // Queries refuse to run from now on, with this sentence, until the next commit.
+  // Makes queries fail with this sentence until the next commit.
   void mark_stale(std::string why);
   [[nodiscard]] bool is_current() const;
-  // The committed state. Throws StaleScene if edits are waiting or the scene was marked stale.
+  // Returns the committed state. Throws StaleScene if edits are pending or the scene was marked stale.
   [[nodiscard]] std::shared_ptr<const Snapshot> snapshot() const;
 
-  // Unlike any other scene's of this process.
+  // Unique in this process.
   [[nodiscard]] std::uint64_t id() const noexcept { return id_; }
-  // How many were cast at its snapshots so far, those of images and of what lights them included.
+  // Returns the rays cast at its snapshots, including those of images and their lights.
   [[nodiscard]] std::uint64_t rays_cast() const noexcept { return rays_cast_->load(std::memory_order_relaxed); }
   [[nodiscard]] std::size_t mesh_count() const;
   [[nodiscard]] std::size_t instance_count() const;
@@ -135,27 +136,27 @@ class Scene {
  private:
   struct MeshSlot : MeshState {
     std::uint32_t user_count = 0;           // instances
-    std::uint64_t cast_before = 0;          // rays at the scene, before the tree was there
-    double ray_share = 0;                   // of the scene's rays, those that meet its box ...
-    std::optional<std::uint64_t> share_of;  // ... after so many edits; empty: not yet known
+    std::uint64_t cast_before = 0;          // rays cast at the scene before the tree was built
+    double ray_share = 0;                   // the share of the scene's rays that hit its box ...
+    std::optional<std::uint64_t> share_of;  // ... after this number of edits; empty: unknown
   };
 
   [[nodiscard]] static std::uint64_t next_id() noexcept;
-  // input(i): the i-th InstanceInput.
+  // input(i) returns the i-th InstanceInput.
   template <class Input>
   std::int32_t append_instances(std::size_t count, const Input& input);
-  // map(i): the transform of ids[i].
+  // map(i) returns the transform of ids[i].
   template <class Map>
   void move_instances(std::span<const std::int32_t> ids, const Map& map, ThreadPool& pool);
   MeshSlot& find_mesh(std::int32_t mesh_id, const char* function);
   template <class T>
   void move(MeshSlot& slot, const BallsGiven<T>& balls, ThreadPool& pool, const char* function);
   void replace(MeshSlot& slot, Mesh mesh);
-  // The row of each instance. Where ids and rows both go up by one, as they mostly do, none is written down.
+  // The row of each instance. If ids and rows are both consecutive, as they usually are, no rows are stored.
   struct InstanceRows {
     std::size_t count = 0, first = 0;
     std::vector<std::size_t> rows;  // empty: first, first + 1, ...
-    bool is_ascending = true;       // so that none comes twice
+    bool is_ascending = true;       // so no row is repeated
     [[nodiscard]] std::size_t operator[](std::size_t i) const noexcept { return rows.empty() ? first + i : rows[i]; }
   };
   InstanceRows find_instances(std::span<const std::int32_t> ids, const char* function) const;
@@ -179,20 +180,20 @@ class Scene {
   void publish(std::shared_ptr<const Snapshot> snapshot, std::span<BlasResult> results, const RayForecast& rays,
                std::uint64_t stale_count) noexcept;
 
-  const std::uint64_t id_ = next_id();  // in this process
-  mutable EditMutex edit_mutex_;        // held by every edit and for the whole of a commit
+  const std::uint64_t id_ = next_id();  // unique in this process
+  mutable EditMutex edit_mutex_;        // held by every edit and during a whole commit
   std::map<std::int32_t, MeshSlot> meshes_;
   AlignedVector<Placement> instances_;  // by ascending id
   std::int32_t next_mesh_id_ = 0;
   std::int32_t next_instance_id_ = 0;
-  std::optional<double> told_rays_;  // by the last commit that expected any
+  std::optional<double> told_rays_;  // by the last commit that expected rays
   std::uint64_t cast_until_last_commit_ = 0;
-  std::uint64_t cast_until_shares_ = 0;  // until they were last found
+  std::uint64_t cast_until_shares_ = 0;  // until shares were last computed
   const std::shared_ptr<std::atomic<std::uint64_t>> rays_cast_ = std::make_shared<std::atomic<std::uint64_t>>(0);
 
   mutable std::mutex state_mutex_;            // held briefly; taken after edit_mutex_ if both are
-  std::uint64_t edit_count_ = 0;              // changes only while edit_mutex_ is held, too
-  std::shared_ptr<const Snapshot> snapshot_;  // null before the first commit, and after one of edits that failed
+  std::uint64_t edit_count_ = 0;              // changes only while edit_mutex_ is also held
+  std::shared_ptr<const Snapshot> snapshot_;  // null before the first commit, and after a commit that failed
   std::uint64_t generation_ = 0;              // of the last commit
   std::uint64_t committed_edit_count_ = 0;
   std::string stale_reason_;

@@ -1,5 +1,5 @@
-// An immutable two-level tree: what rays are traced through. Any number of threads may share one while the scene
-// it came from is edited and committed again.
+// An immutable two-level tree that rays are traced through. Any number of threads may share one while its scene is
+// edited and committed again.
 #pragma once
 
 #include <atomic>
@@ -24,31 +24,33 @@
 namespace perfect_bvh {
 
 struct Snapshot {
-  std::vector<std::shared_ptr<const Blas>> blases;           // keeps alive what the instances point to
-  std::vector<std::pair<std::int32_t, const Blas*>> meshes;  // by mesh id; baked copies are not among them
-  AlignedVector<Instance> instances;                         // in the order of their scene ids
+  std::vector<std::shared_ptr<const Blas>> blases;           // keeps the instances' trees alive
+  std::vector<std::pair<std::int32_t, const Blas*>> meshes;  // by mesh id; without baked copies
+  AlignedVector<Instance> instances;                         // by ascending scene id
   Bvh2 tlas;                                                 // over the instances' world boxes
-  WideBvh top_level;                                         // the same, as rays are traced through it
-  AlignedVector<InstanceView> instance_views;                // what kernels see of `instances`, row by row
+  WideBvh top_level;                                         // the wide tree of `tlas`, which rays are traced through
+  AlignedVector<InstanceView> instance_views;                // the kernels' views of `instances`, row by row
   std::vector<std::shared_ptr<const Turns>> turns;           // of instances that move within the shutter
-  AlignedVector<MotionView> motions;                         // of those and of instances of meshes that do
-  bool is_mostly_still = false;                              // of the instances' boxes more stand still, by surface
-  // If any does: the top level at evenly spaced times; none where it serves all of them, around all ways.
+  AlignedVector<MotionView> motions;                         // of those, and of instances of moving meshes
+  bool is_mostly_still = false;                              // most of the instances' boxes, by surface, do not move
+  // If anything moves: the top level at evenly spaced times. Empty if one top level, around all motion, serves all
+  // times.
   std::vector<WideBvh> top_steps;
-  std::vector<TreeStep> top_step_views;  // what kernels see of them, or of that one
+  std::vector<TreeStep> top_step_views;  // the kernels' views of them, or of the one
   SceneView view;                        // points into this snapshot
-  Aabb bounds;                           // around the meshes' own boxes, placed: whatever the trees
-  const char* top_level_builder = "";    // that made `tlas`
-  bool has_round_meshes = false;         // some mesh is of curves or points
-  bool tried_clustering = false;         // when it was built
-  TopLevelCost built_cost;               // of the top level then
+  Aabb bounds;                           // around the meshes' own boxes, placed; does not depend on trees
+  const char* top_level_builder = "";    // the builder of `tlas`
+  bool has_round_meshes = false;         // some mesh consists of curves or points
+  bool tried_clustering = false;         // when the top level was built
+  TopLevelCost built_cost;               // of the top level when it was built
   std::uint64_t generation = 0;
-  std::uint64_t scene_id = 0;  // which scene of the process
-  // By all who trace it, where the scene's owner wants to know; null otherwise. The scene's snapshots share one.
+  std::uint64_t scene_id = 0;  // identifies the scene in this process
+  // The rays cast by all users, if the scene's owner counts them; otherwise null. The scene's snapshots share one
+  // counter.
   std::shared_ptr<std::atomic<std::uint64_t>> rays_cast;
 };
 
-// Of the instances' motions and the top level's steps.
+// Returns the bytes of the instances' motions and the top level's steps.
 [[nodiscard]] inline std::size_t motion_byte_count(const Snapshot& snapshot) noexcept {
   std::size_t count = snapshot.motions.size() * sizeof(MotionView);
   for (const auto& turns : snapshot.turns) count += turns->byte_count();
@@ -56,22 +58,21 @@ struct Snapshot {
   return count;
 }
 
-// Of a batch that was traced.
+// Counts the rays of a batch that was traced.
 inline void count_rays(const Snapshot& snapshot, std::size_t count) noexcept {
   if (snapshot.rays_cast) snapshot.rays_cast->fetch_add(count, std::memory_order_relaxed);
 }
 
 // Trace view ----------------------------------------------------------------------------------------------------------
-// What kernels see of a snapshot.
+// The kernels' view of a snapshot.
 
-// The row of a placed instance. Its tree may be stored in a scale of its own; the world's comes in later.
+// Returns the row of a placed instance. Its tree may have its own scale; the world's scale is applied later.
 [[nodiscard]] InstanceView view_of(const Instance& instance, const Affine& world_to_object);
 
-// Fills in `view` and brings `instance_views` to the world's scale, after everything else of the
-// snapshot is in place.
+// Fills in `view` and converts `instance_views` to the world's scale. Everything else in the snapshot must be complete.
 void make_trace_view(Snapshot& snapshot, ThreadPool& pool, CancelToken& cancel);
 
-// Calls trace(view) for a snapshot's view. Asks `cancel` before and, every so many steps, within: its callback may cast
+// Calls trace(view) for a snapshot's view. Checks `cancel` before that, and regularly during it: its callback may cast
 // rays through the same snapshot. Throws Cancelled.
 template <class Trace>
 void with_view(const Snapshot& snapshot, CancelToken& cancel, Trace&& trace) {
@@ -83,12 +84,12 @@ void with_view(const Snapshot& snapshot, CancelToken& cancel, Trace&& trace) {
 }
 
 // Assemble ------------------------------------------------------------------------------------------------------------
-// From the meshes' trees to a snapshot that can be traced: every instance is placed, the tree over them built or
-// refitted, and both laid out for the kernels.
-// In: meshes, placements; the snapshot with the top level of the one before it, or without. Out: the snapshot, but for
-// its generation and scene, and how its top level was made.
+// Assembles a traceable snapshot from the meshes' trees: places every instance, builds or refits the tree over them,
+// and converts both to the kernels' layout.
+// In: meshes, placements; the snapshot, with or without the previous top level. Out: the snapshot, except its
+// generation and scene, and a report on its top level.
 
-// A mesh that instances show.
+// A mesh that has instances.
 struct PlacedMesh {
   std::shared_ptr<const Blas> blas;
   BuildConfig bake_config;  // of copies in world space
@@ -96,7 +97,7 @@ struct PlacedMesh {
 };
 using PlacedMeshes = std::map<std::int32_t, PlacedMesh>;  // by mesh id
 
-// expected_rays: see is_worth_keeping(). Throws Cancelled, bad_alloc; the snapshot is then of no use.
+// expected_rays: see is_worth_keeping(). Throws Cancelled, bad_alloc; the snapshot is then unusable.
 TopLevelReport assemble(Snapshot& snapshot, const PlacedMeshes& meshes, std::span<const Placement> placements,
                         std::optional<double> expected_rays, ThreadPool& pool, CancelToken& cancel);
 

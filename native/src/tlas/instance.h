@@ -1,5 +1,5 @@
-// One placed mesh: a BLAS seen through a transform (lecture, "Rigid motion"). The inverse, which rays are transformed
-// by, stands in the row's InstanceView; its world box in the top level's leaf.
+// One placed mesh: a BLAS seen through a transform (lecture, "Rigid motion"). The inverse, which transforms rays, is in
+// the row's InstanceView; its world box is in the top level's leaf.
 #pragma once
 
 #include <cstdint>
@@ -14,7 +14,7 @@
 
 namespace perfect_bvh {
 
-// An instance as it was asked for.
+// An instance as requested by the caller.
 struct Placement {
   std::int32_t id, mesh_id;
   Affine object_to_world;
@@ -27,44 +27,44 @@ struct Instance {
   std::int32_t id = -1;       // the scene's stable id
   std::int32_t mesh_id = -1;  // the scene's stable id
   std::uint32_t mask = 0xFFFFFFFFu;
-  bool mirrored = false;   // the transform turns the winding round
-  bool baked = false;      // blas is a copy in world space, for want of a usable inverse
+  bool mirrored = false;   // the transform reverses the winding
+  bool baked = false;      // blas is a copy in world space, because no inverse is usable
   std::int64_t order = 0;  // breaks ties between hits at equal t: the smaller order wins, then the smaller primitive
   const Blas* blas = nullptr;
-  Affine object_to_world;    // from the mesh's stored (recentred) frame; of one that moves, at the shutter's opening
-  std::uint32_t motion = 0;  // its row among the snapshot's motions, plus one; 0: neither it nor its mesh moves
-  const Turns* turns = nullptr;  // the snapshot's; null: it stays where it is
+  Affine object_to_world;  // from the mesh's stored (recentred) frame; for a moving instance, at the shutter's opening
+  std::uint32_t motion = 0;      // its row among the snapshot's motions, plus one; 0: neither it nor its mesh moves
+  const Turns* turns = nullptr;  // owned by the snapshot; null: the instance does not move
 };
 
-// From the mesh's stored frame, at a time.
+// Returns the transform from the mesh's stored frame, at a time.
 [[nodiscard]] Affine place_at(const Instance& instance, float time);
 [[nodiscard]] inline Moment moment_of(const Instance& instance, float time) noexcept {
   const Mesh& mesh = instance.blas->mesh;
   return mesh.moves() ? moment_at(mesh.times, time) : Moment{};
 }
-// As it stands at a time: one that does not turn. Its mesh still moves.
+// Returns the instance placed as at a time, without its own motion. Its mesh still moves.
 [[nodiscard]] Instance posed(const Instance& instance, float time);
 
-// Where it stands: what the row in the top level and the kernels' view are made of.
+// The placement of an instance, from which its top-level row and the kernels' view are made.
 struct Placing {
   Affine world_to_object;  // to the mesh's stored (recentred) frame
   Aabb world_bounds;       // rounded outward; empty if the mesh is
 };
 
-// Fills in the blas, transform and facing of `instance`, unbaked, for the mesh of `blas`, and `placing`. False if the
-// transform has no usable inverse (flattened by a zero scale: the inverse is not finite, or mapping there and back does
-// not return within float's error); the instance must then be baked. `is_worth_table`: bounds come from a table of the
-// mesh's support, which may have to be made, and not from its vertices.
+// Fills in the blas, transform and facing of `instance`, unbaked, for the mesh of `blas`, and `placing`. Returns false
+// if the transform has no usable inverse: the inverse of a transform flattened by a zero scale is not finite, or
+// mapping there and back has a larger error than float's. The instance must then be baked. `is_worth_table`: takes the
+// bounds from a table of the mesh's support, which may have to be made, and not from its vertices.
 [[nodiscard]] bool place_instance(Instance& instance, Placing& placing, const Blas& blas, const Affine& object_to_world,
                                   bool is_worth_table = false);
 
-// The world box of the mesh's own box, whatever its tree is; of a placed instance.
+// Returns the world box of a placed instance's mesh box, which does not depend on its tree.
 [[nodiscard]] inline Aabb mesh_bounds_of(const Instance& instance) noexcept {
   return transformed_box(instance.blas->box, instance.object_to_world);
 }
 
-// A copy of the mesh in world space, with its own tree and an identity transform: so a flattened object is still seen.
-// Curves and points are solids, of which nothing is left: their copy is empty.
+// Makes a copy of the mesh in world space, with its own tree and an identity transform, so that a flattened object is
+// still visible. Curves and points are solids, which vanish when flattened: their copy is empty.
 [[nodiscard]] std::shared_ptr<const Blas> bake_instance(Instance& instance, Placing& placing, const Blas& blas,
                                                         const Affine& object_to_world, const BuildConfig& config,
                                                         ThreadPool& pool, CancelToken& cancel);

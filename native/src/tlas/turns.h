@@ -1,5 +1,5 @@
-// How an instance moves within the shutter: its transforms at evenly spaced steps (math/turning.h says what is
-// between).
+// An instance's motion within the shutter: its transforms at evenly spaced steps (math/turning.h describes the
+// interpolation).
 #pragma once
 
 #include <vector>
@@ -13,12 +13,13 @@ namespace perfect_bvh {
 struct Turns {
   StepTimes times;
   std::vector<TurnStep> steps;  // two or more
-  // From each step to the next, and at the last: made by finish().
+  // From each step to the next, and at the last step. Made by finish().
   AlignedVector<TurnBack> backs;
 
-  // The next step's transform. False, and nothing added, if it flattens space: no rotation is to be found in it then.
+  // Adds the next step's transform. Returns false, and adds nothing, if it flattens space: it then has no unique
+  // rotation.
   [[nodiscard]] bool add(const Affine& transform);
-  // All steps are there.
+  // Call after all steps have been added.
   void finish();
   [[nodiscard]] Affine at(float time) const noexcept;
   [[nodiscard]] std::size_t byte_count() const noexcept {

@@ -10,13 +10,13 @@
 // the line and a point of the axis, w = w0 + s (w1 - w0), is |d x w| / |d|. With k = d x w0 and e = d x (w1 - w0), it
 // is least at s = -k.e / e.e, or at the end on that side. Both sides of the comparison stay multiplied by |d|.
 //
-// Rounding errors, divided by |d|. u = 2^-24; M = the sum of the largest component of o, w0 and w1, and the radius.
-// Components of w are off by 2 u M each, their products with d by 6.7 u M in all, so k and k + e by 12 u M. The least
-// distance between points moves no farther than the points do. s is off by less than 6 u |k| / |e|, its share of e by
-// less than 10 u M. The rest (e as rounded, the point at s, its square, the radius and |d|) is off by less than 16 u M.
-// The depth d.w is off by less than 10 u M, t's limits are narrowed (u M; limits far away cannot err), and a hit's t is
-// rounded: these errors are added to the limits. 64 u M bounds all of it. The line's slack covers the errors of double
-// arithmetic on the ray (when it is mapped and when it is tested: 16 of its u times all distances) and underflow
+// Rounding errors, divided by |d|. u = 2^-24; M = the sum of the largest component of o, that of w0 and w1, and the
+// radius. Components of w are off by 2 u M each, their products with d by 6.7 u M in all, so k and k + e by 12 u M. The
+// least distance between points moves no farther than the points do. s is off by less than 6 u |k| / |e|, its share of
+// e by less than 10 u M. The rest (e as rounded, the point at s, its square, the radius and |d|) is off by less than 16
+// u M. The depth d.w is off by less than 10 u M, t's limits are narrowed (u M; limits far away cannot err), and a hit's
+// t is rounded: these errors are added to the limits. 64 u M bounds all of it. The line's slack covers the errors of
+// double arithmetic on the ray (when it is mapped and when it is tested: 16 of its u times all distances) and underflow
 // (2^-60).
 
 constexpr float kRoundSlack = 0x1p-18f;
