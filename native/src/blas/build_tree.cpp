@@ -14,7 +14,7 @@
 namespace perfect_bvh {
 namespace {
 
-// Spatial splits know boxes alone; here they learn where a slice of a primitive lies.
+// Spatial splits only know boxes. This class gives them the box of a slice of a primitive.
 template <class Kind>
 class Clipper final : public PrimClipper {
  public:
@@ -41,7 +41,8 @@ class MeshLeafLimit final : public LeafLimit {
   const LeafRoom room_;
 };
 
-// Of every primitive; box_at(i): of one. To ask each of what kind it is would take a sixth more instructions.
+// Lists the boxes of all primitives; box_at(i) returns that of one. Checking the kind of each would take a sixth more
+// instructions.
 template <class BoxAt>
 void list_boxes(std::span<PrimRef> prims, ThreadPool& pool, CancelToken& cancel, const BoxAt& box_at) {
   for_chunks(pool, prims.size(), kItemsBetweenAsking, cancel, [&](std::size_t begin, std::size_t end) {
@@ -52,7 +53,7 @@ void list_boxes(std::span<PrimRef> prims, ThreadPool& pool, CancelToken& cancel,
   });
 }
 
-// Whether the leaf costs and limits are the defaults: explicit ones are kept.
+// Returns whether the leaf costs and limits are the defaults. Explicit ones are kept.
 bool leaves_are_free(const BuildConfig& config) noexcept {
   const BuildConfig usual;
   return config.traversal_cost == usual.traversal_cost && config.intersection_cost == usual.intersection_cost &&
@@ -94,7 +95,7 @@ void build_and_collapse(Blas& blas, MeshReport& report, ThreadPool& pool, Cancel
   Bvh2 tree = build_tree(blas.mesh, unoptimized, pool, cancel);
   report.build_milliseconds = watch.lap_milliseconds();
   if (blas.config.optimize_passes > 0) {
-    // From now on the settings are those that make this very tree again.
+    // Keep the settings that reproduce exactly this tree.
     blas.config.optimize_passes = optimize_bvh2(tree, blas.config.optimize_passes, pool, cancel).passes;
     report.optimize_milliseconds = watch.lap_milliseconds();
   }

@@ -19,25 +19,27 @@
 namespace perfect_bvh {
 namespace {
 
-// How many commits a tree is expected to serve: one of a still mesh serves a whole animation, or a single picture.
+// The number of commits that a tree is expected to serve. A static mesh's tree serves a whole animation, or a single
+// image.
 constexpr double kStaticCommits = 4;
 
-// References added where rays repay spatial splits, as a share of the triangles. Copies are made only where they lower
-// the cost: next to none of leaves and statues, a few of gear wheels, all of them of sticks and hair, whose trees then
-// take up to 3.5 times the bytes.
+// The references added if enough rays are expected for spatial splits to pay off, as a share of the triangles. Copies
+// are made only if they lower the cost: almost none for leaves and statues, a few for gear wheels, all of them for
+// sticks and hair, whose trees then take up to 3.5 times the bytes.
 constexpr float kAmpleBudget = 5.0f;
 
-// From the one that is built soonest to the one whose rays cost least.
+// From the fastest build to the cheapest rays.
 constexpr std::array kByQuality{BuilderKind::kFast, BuilderKind::kBinned, BuilderKind::kSpatial};
 
-// Those that will do for a mesh of this kind. A tree with spatial splits cannot be refitted, and takes long to build.
+// Returns the builders that suit a mesh with this usage. A tree with spatial splits cannot be refitted, and takes long
+// to build.
 std::span<const BuilderKind> builders_for(Usage usage) noexcept {
   const std::span<const BuilderKind> all(kByQuality);
   if (usage == Usage::kStatic) return all;
   return usage == Usage::kDeforming ? all.subspan(1, 1) : all.first(2);
 }
 
-// From `least` on; empty if that is not among them.
+// Returns the builders from `least` on; empty if that is not among them.
 std::span<const BuilderKind> builders_from(BuilderKind least, Usage usage) noexcept {
   const std::span<const BuilderKind> all = builders_for(usage);
   for (std::size_t i = 0; i < all.size(); ++i) {
@@ -104,14 +106,14 @@ double most_rays_of_tree(const MeshState& state, const CommitOptions& options) n
 }
 
 // Make blas -----------------------------------------------------------------------------------------------------------
-// From a mesh that is new or was edited to what rays are traced through. Where only positions changed
-// the tree is refitted and perhaps restructured (refit_blas()); where they came to rest in a tree that motion
-// degraded, that is kept or rebuilt (rest_blas()); otherwise, or where the governor wants another one, a tree is
-// built (build_tree.cpp).
+// Makes the tree that rays are traced through from a mesh that is new or was edited. If only positions changed, the
+// tree is refitted and perhaps restructured (refit_blas()). If they came to rest in a tree that motion degraded, the
+// tree is kept or rebuilt (rest_blas()). Otherwise, or if the governor decides so, a new tree is built
+// (build_tree.cpp).
 
 namespace {
 
-// Of a builder that was not asked for by name and is not the usual one.
+// Returns the reason for a builder that was not requested by name and is not the default.
 const char* why_so_built(BuilderKind asked, BuilderKind chosen, Usage usage) {
   if (asked != BuilderKind::kAuto || chosen == BuilderKind::kBinned) return "";
   if (chosen == BuilderKind::kSpatial) return "; the rays repay spatial splits";
@@ -134,13 +136,13 @@ void build_blas(Blas& blas, const ChangedMesh& changed, const CommitOptions& opt
   blas.config = choice.config;
   const Usage usage = usage_of(state.usage, state.has_deformed);
   report.reason += why_so_built(state.config.builder, blas.config.builder, usage);
-  blas.shape = new_tree_shape();  // first: stopped half-way, its memory must not pass for that of a refitted tree
+  blas.shape = new_tree_shape();  // first: if it is aborted, its memory must not pass for that of a refitted tree
   if (blas.mesh.moves()) {
     build_moving_tree(blas, report, pool, cancel);
   } else {
     build_wide_tree(blas, report, pool, cancel);
   }
-  const bool is_of_these = state.same_topology || is_resting(state);  // and not of primitives that were replaced
+  const bool is_of_these = state.same_topology || is_resting(state);  // not if the primitives were replaced
   const UpdateHistory last = state.has_deformed && is_of_these ? state.history : UpdateHistory{};
   const TraceWork work = measure_trace_work(blas.wide, blas.mesh, cancel);
   report.node_visits = work.node_visits, report.leaf_visits = work.leaf_visits;
@@ -183,35 +185,35 @@ BlasResult make_blas(const ChangedMesh& changed, const CommitOptions& options, T
 }
 
 // Refit blas ----------------------------------------------------------------------------------------------------------
-// A tree that follows its triangles. It is refitted; then the governor decides whether to keep that,
-// whether to restructure it by rotations or new parts, or to build another tree.
+// Refits a tree to its moved triangles. Then the governor decides whether to keep it, to restructure it by rotations or
+// new parts, or to build another tree.
 
 namespace {
 
-// A part is degraded where its root's children cover so much more than they did.
+// A part is degraded if its root's children cover this many times the area that they did.
 constexpr double kDegraded = 1.1;
 
-// Of a tree whose parts' costs are known.
+// Returns the work of a tree whose parts' costs are known.
 TraceWork work_of(const WideCosts& costs, const WideBvh& tree) {
   if (tree.is_empty) return {};
   const double leaves = costs.of_leaves(tree.root);
   return {(costs.of(tree.root) - leaves) / kWideNodeCost, leaves / kWideLeafCost};
 }
 
-// The parts of a refitted tree that its motion degraded, by their roots.
+// Returns the parts of a refitted tree that its motion degraded, by their roots.
 std::vector<std::uint32_t> degraded_parts(const Blas& blas, const WideCosts& costs, CancelToken& cancel) {
   auto parts = find_degraded_parts(blas.wide, costs, *blas.fresh_costs, kDegraded, cancel);
   if (parts.empty() && blas.wide.root < kBlockChild) parts.push_back(blas.wide.root);  // a little everywhere
   return parts;
 }
 
-// Why a tree cannot follow at all; empty if it can.
+// Returns why a tree cannot be refitted; empty if it can.
 std::string_view why_not_refitted(const Blas& before, Policy policy) {
   if (!is_refittable(before.wide)) return "positions changed, and a tree with spatial splits cannot be refitted";
   return policy == Policy::kRebuild ? "positions changed, and the policy is to rebuild always" : "";
 }
 
-// Makes the tree of `before` the tree of `blas`, whose triangles are where they are now.
+// Refits the tree of `before` to the present triangles of `blas`.
 WideCosts follow(Blas& blas, const Blas& before, MeshReport& report, ThreadPool& pool, CancelToken& cancel) {
   const Stopwatch watch;
   blas.fresh_costs = before.fresh_costs;
@@ -233,10 +235,10 @@ WideCosts follow(Blas& blas, const Blas& before, MeshReport& report, ThreadPool&
   return costs;
 }
 
-// Returns which share of the leaves now stands in other parts of the tree.
+// Returns the share of the leaves that are now in other parts of the tree.
 double restructure(Blas& blas, UpdateAction action, WideCosts& costs, ThreadPool& pool, CancelToken& cancel) {
   blas.refit_plan.order.reset();
-  blas.shape = new_tree_shape();  // first: stopped half-way, its memory must not pass for the old shape's
+  blas.shape = new_tree_shape();  // first: if it is aborted, its memory must not pass for the old shape's
   if (action == UpdateAction::kRotate) {
     static_cast<void>(rotate_wide(blas.wide, costs, pool, cancel));
     return 0;
@@ -249,7 +251,7 @@ double restructure(Blas& blas, UpdateAction action, WideCosts& costs, ThreadPool
   return share;
 }
 
-// What the governor wants to know beyond costs, where it can make a difference.
+// Measures further inputs of the governor's decision, if they can make a difference.
 void look_closer(UpdateQuestion& question, const Blas& before, const Blas& blas, const WideCosts& costs,
                  const Calibration& calibration, ThreadPool& pool, CancelToken& cancel) {
   const bool knows_rays = question.policy == Policy::kGoverned && question.rays;
@@ -273,7 +275,7 @@ bool refit_blas(Blas& blas, const ChangedMesh& changed, const CommitOptions& opt
   if (!report.reason.empty()) return false;
   WideCosts costs = follow(blas, before, report, pool, cancel);
 
-  const Stopwatch watch;  // of restructuring, and of finding out whether to
+  const Stopwatch watch;  // of restructuring, and of the decision for it
   const Usage usage = usage_of(changed.state->usage, true);
   UpdateQuestion question{.policy = options.policy,
                           .triangle_count = blas.mesh.primitive_count(),
@@ -307,7 +309,7 @@ bool refit_blas(Blas& blas, const ChangedMesh& changed, const CommitOptions& opt
 }
 
 // Rest blas -----------------------------------------------------------------------------------------------------------
-// Whether a mesh that moved once and rests now keeps the tree that its motion degraded.
+// Decides whether a mesh that moved earlier and now rests keeps the tree that its motion degraded.
 
 bool needs_decision(const MeshState& state, const CommitOptions& options) noexcept {
   if (!is_resting(state)) return true;

@@ -13,14 +13,14 @@
 namespace perfect_bvh {
 namespace {
 
-// Of all steps, which are not empty.
+// Returns the bounds of all steps, which are not empty.
 Aabb bounds_of(const Blas& blas) noexcept {
   Aabb box = blas.box;
   for (const auto& step : blas.later) box.grow(step->box);
   return box;
 }
 
-// The same primitives half-way between the first step and the last.
+// Returns the same primitives half-way between the first step and the last.
 std::shared_ptr<const Mesh> middle_of(const Mesh& mesh) {
   const std::uint32_t step = mesh.times.last / 2;
   if (mesh.times.last % 2 == 0) return mesh.later[step - 1];
@@ -95,7 +95,7 @@ void check_ball_count(std::size_t given, const Mesh& mesh, const char* function)
                         "; remove them and add the others");
 }
 
-// The radii that the caller would give to leave all as it is.
+// Returns the radii that the caller would pass to change nothing.
 template <class T>
 std::vector<T> given_radii(const Mesh& mesh) {
   std::vector<T> radii(given_ball_count(mesh), T{0});
@@ -107,7 +107,7 @@ std::vector<T> given_radii(const Mesh& mesh) {
 
 bool has_radius(const Ball& ball) noexcept { return ball.radius > 0; }
 
-// Whether a point that was left out has a radius now.
+// Returns whether a point that was omitted has a radius now.
 template <class T>
 bool gained_radius(const Mesh& mesh, const BallsGiven<T>& balls) noexcept {
   std::size_t kept = 0;
@@ -186,7 +186,7 @@ template MovedBalls move_balls(const Mesh&, const BallsGiven<double>&, const std
 
 namespace {
 
-// Vertices that a task copies: what it has just checked is still in a second level cache then.
+// The vertices that a task copies: after the check, they are still in a second level cache.
 
 void copy(std::span<const Vec3f> positions, Mesh& mesh, ThreadPool& pool, const char* function) {
   std::atomic<bool> all_good{true};
@@ -198,7 +198,7 @@ void copy(std::span<const Vec3f> positions, Mesh& mesh, ThreadPool& pool, const 
   if (!all_good) check_positions(positions, function);
 }
 
-// Around mesh.centre.
+// Positions are relative to mesh.centre.
 void copy(std::span<const Vec3d> positions, Mesh& mesh, ThreadPool& pool, const char* function) {
   check_positions(positions, function);
   parallel_for(pool, positions.size(), kGrain, [&](std::size_t begin, std::size_t end) {
@@ -214,7 +214,7 @@ std::shared_ptr<const Mesh> lend_mesh(Mesh mesh, const std::shared_ptr<SparePosi
     spare->give({std::move(done->positions), std::move(done->balls)});
     delete done;
   };
-  return std::shared_ptr<Mesh>(owned.release(), give_back);  // if it throws, it gives back first
+  return std::shared_ptr<Mesh>(owned.release(), give_back);  // if it throws, it calls the deleter first
 }
 
 template <class T>

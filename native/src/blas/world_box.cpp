@@ -12,11 +12,11 @@
 namespace perfect_bvh {
 namespace {
 
-// 0, 1 or 2 in each lane.
+// Returns 0, 1 or 2 in each lane.
 Int4 pick_axis(Int4 is_y, Int4 is_z) noexcept { return (is_z & Int4(2)) | ((is_y & (is_z ^ Int4(-1))) & Int4(1)); }
 
-// Finds the vertex or ball of a tree that is farthest along a direction. What the last search found is where the next
-// begins: in nearly the same direction hardly a box reaches further.
+// Finds the vertex or ball of a tree that is farthest along a direction. Each search starts with the result of the
+// last: if the directions are similar, almost no box reaches farther.
 class Search {
  public:
   Search(const WideBvh& tree, const Mesh& mesh) : tree_(tree), mesh_(mesh) {
@@ -55,7 +55,7 @@ class Search {
 
   using Eight = std::array<float, 8>;
 
-  // Of eight points; 16-byte aligned.
+  // For eight points; 16-byte aligned.
   [[nodiscard]] Eight along_direction(const float* x, const float* y, const float* z) const noexcept {
     alignas(16) Eight reaches;
     const Float4 dx(direction_.x), dy(direction_.y), dz(direction_.z);
@@ -65,7 +65,7 @@ class Search {
     return reaches;
   }
 
-  // The child that may reach farthest comes last, so that it is visited first.
+  // The child that may reach farthest is pushed last, so that it is visited first.
   void visit_node(const WideNode& node) {
     const float* const x = node.planes[direction_.x > 0 ? 1 : 0];
     const float* const y = node.planes[direction_.y > 0 ? 3 : 2];
@@ -127,7 +127,7 @@ SupportTable::SupportTable(const WideBvh& tree, const Mesh& mesh) : unit_(1.0 / 
   for (int axis = 0; axis < 3; ++axis) {
     for (int row = 0; row <= kCells; ++row) {
       for (int step = 0; step <= kCells; ++step) {
-        const int column = row % 2 == 0 ? step : kCells - step;  // to and fro: neighbours one after the other
+        const int column = row % 2 == 0 ? step : kCells - step;  // back and forth: the next direction is near
         Vec3f direction{0, 0, 0};
         direction[axis] = 1.0f;
         direction[(axis + 1) % 3] = place(row);
@@ -138,7 +138,7 @@ SupportTable::SupportTable(const WideBvh& tree, const Mesh& mesh) : unit_(1.0 / 
   }
 }
 
-// For a row of any size.
+// The row may have any size.
 RowRange SupportTable::along(Vec3d row) const noexcept {
   const double size[3] = {std::abs(row.x), std::abs(row.y), std::abs(row.z)};
   const int longer = size[1] > size[0] ? 1 : 0;
@@ -159,8 +159,8 @@ RowRange SupportTable::along(Vec3d row) const noexcept {
   return row[axis] > 0 ? RowRange{-backward, forward} : RowRange{-forward, backward};
 }
 
-// The three rows at once and without branches: where instances are turned at random, which face and which side it is
-// cannot be foretold. The lanes are the rows; the last one is idle.
+// Computes the three rows at once and without branches: if instances are turned at random, the face and the side cannot
+// be predicted. The lanes are the rows; the last one is unused.
 bool SupportTable::along_ordinary_rows(const Affine& map, RowRange* ranges) const noexcept {
   const auto lanes = [](Vec3d v, float idle) {
     return Float4(static_cast<float>(v.x), static_cast<float>(v.y), static_cast<float>(v.z), idle);
@@ -222,7 +222,7 @@ namespace {
 
 constexpr Vec3d row_of(const Affine& map, int axis) noexcept { return {map.x[axis], map.y[axis], map.z[axis]}; }
 
-// From `origin` on.
+// Ranges are offset by `origin`.
 RowRange range_along(Vec3d row, const Aabb& box, double origin = 0) noexcept {
   RowRange range{origin, origin};
   for_each_axis([&](auto i) {
@@ -233,7 +233,7 @@ RowRange range_along(Vec3d row, const Aabb& box, double origin = 0) noexcept {
   return range;
 }
 
-// Around the vertices under a map's linear part, in float: a nanosecond each.
+// Returns the box around the vertices under a map's linear part, in float: a nanosecond each.
 Box4 turned_box(const AlignedVector<Vec3f>& positions, const Affine& map) noexcept {
   const auto column = [](Vec3d v) {
     return Float4(static_cast<float>(v.x), static_cast<float>(v.y), static_cast<float>(v.z), 0.0f);
@@ -244,7 +244,7 @@ Box4 turned_box(const AlignedVector<Vec3f>& positions, const Affine& map) noexce
   return box;
 }
 
-// The same around balls: beyond its centre a ball reaches its radius times the length of a row.
+// The same for balls: a ball extends beyond its centre by its radius times the length of a row.
 Box4 turned_box(const AlignedVector<Ball>& balls, const Affine& map) noexcept {
   const auto column = [](Vec3d v) {
     return Float4(static_cast<float>(v.x), static_cast<float>(v.y), static_cast<float>(v.z), 0.0f);
@@ -260,7 +260,7 @@ Box4 turned_box(const AlignedVector<Ball>& balls, const Affine& map) noexcept {
   return box;
 }
 
-// Below it, float loses more of a row than the margin makes up for.
+// For smaller rows, float loses more than the margin covers.
 constexpr double kSmallestRow = 1e-30;
 
 }  // namespace
@@ -282,7 +282,7 @@ Aabb box_of_ranges(const RowRange (&ranges)[3], double reach, const Affine& map)
     const double margin = 0x1p-16 * reach * (std::abs(row.x) + std::abs(row.y) + std::abs(row.z));
     const double lower = map.translation[axis] + (ranges[axis].least - margin);
     const double upper = map.translation[axis] + (ranges[axis].greatest + margin);
-    // Half a unit of float is added whichever way the narrowing goes.
+    // Half a unit of float is added for either direction of rounding.
     box.lower[axis] = static_cast<float>(lower - (0x1p-23 * std::abs(lower) + 0x1p-140));
     box.upper[axis] = static_cast<float>(upper + (0x1p-23 * std::abs(upper) + 0x1p-140));
   });
@@ -304,7 +304,7 @@ Aabb transformed_bounds(const Mesh& mesh, const Aabb& box, const Affine& map) no
   RowRange ranges[3];
   for (int axis = 0; axis < 3; ++axis) {
     const Vec3d row = row_of(map, axis);
-    ranges[axis] = range_along(row, box);  // for vertices that no triangle has
+    ranges[axis] = range_along(row, box);  // vertices that no triangle uses do not count
     if (!(std::max({std::abs(row.x), std::abs(row.y), std::abs(row.z)}) > kSmallestRow)) continue;
     ranges[axis].least = std::max(ranges[axis].least, static_cast<double>(lower[axis]));
     ranges[axis].greatest = std::min(ranges[axis].greatest, static_cast<double>(upper[axis]));

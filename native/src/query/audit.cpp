@@ -22,7 +22,7 @@ struct BallAround {
   double reach;  // largest |coordinate| of its box, or of the instance's own origin
 };
 
-// From the vertices themselves: no tree, no stored box.
+// Computed from the vertices themselves: no tree, no stored box.
 Aabb box_of(const Mesh& mesh) {
   Aabb box;
   for (const Vec3f position : mesh.positions) box.grow(position);
@@ -44,7 +44,7 @@ BallAround place_box(const Aabb& box, const Affine& place) {
   return {(lower + upper) * 0.5, length(upper - lower) * 0.5, std::max({most.x, most.y, most.z})};
 }
 
-// Of what moves: so that no ray passes it by.
+// Used for moving instances, so that every ray is tested against them.
 BallAround whole_scene(const Aabb& bounds) {
   const double reach = reach_of(bounds);
   return {{0, 0, 0}, kNothing, reach};
@@ -72,7 +72,7 @@ class Audit {
     }
   }
 
-  // Every triangle of every instance, numbered through; of curves and points one stands for all.
+  // Every triangle of every instance, numbered consecutively. A mesh of curves or points counts as one.
   [[nodiscard]] std::size_t triangle_count() const { return first_triangle_.back(); }
 
   void test_triangles(std::size_t begin, std::size_t end) {
@@ -84,7 +84,7 @@ class Audit {
       begin = last;
     }
     const std::lock_guard lock(mutex_);
-    for (const Finding& finding : findings) {  // least and any: the same whatever the order
+    for (const Finding& finding : findings) {  // least and any: independent of the order
       AuditedRay& ray = rays_[finding.ray];
       if (finding.kind == Finding::kSure) ray.nearest_sure = std::min(ray.nearest_sure, finding.farthest_t);
       ray.is_ambiguous |= finding.kind == Finding::kUnsure;
@@ -101,7 +101,7 @@ class Audit {
   }
 
  private:
-  // Of what curves and points answer, only whether that could be.
+  // For hits of curves and points, only checks whether they are possible.
   [[nodiscard]] bool is_wrong(std::size_t row, float t, std::int32_t instance_id, std::int32_t primitive_id) const {
     const AuditedRay& ray = rays_[row];
     if (instance_id < 0) return ray.nearest_sure < kNothing;
@@ -127,7 +127,7 @@ class Audit {
     bool is_valid;
     bool is_ambiguous = false;
     bool nears_round = false;
-    double nearest_sure = kNothing;  // how far away the nearest surely hit triangle may be answered
+    double nearest_sure = kNothing;  // the largest t that may be answered for the nearest surely hit triangle
   };
   struct Finding {
     enum Kind : std::uint8_t { kSure, kUnsure, kRound };
@@ -136,8 +136,8 @@ class Audit {
     double farthest_t;
   };
 
-  // What rounding a ray to float, in the space of an instance, moves it by. More than kernels are off by, which decide
-  // in double wherever that matters: matrices may squeeze as much as they like.
+  // Returns how far rounding a ray to float, in the space of an instance, moves it. This exceeds the kernels' error,
+  // because they decide in double wherever that matters: matrices may squeeze by any factor.
   [[nodiscard]] double margin(const AuditedRay& ray, std::size_t row) const {
     return 4.0 * kFloatUlp * (balls_[row].reach + ray.line.reach);
   }
@@ -153,7 +153,7 @@ class Audit {
     return {placed.v0, placed.v1, placed.v2};
   }
 
-  // Every kRaysBetweenAsking rays: there may be any number of them to a triangle.
+  // Checks every kRaysBetweenAsking rays, as there may be any number of rays per triangle.
   void ask_at(std::size_t ray) const {
     if (ray % kRaysBetweenAsking == 0) cancel_.checkpoint();
   }
@@ -187,7 +187,7 @@ class Audit {
   }
 
   static void keep(std::size_t index, const AuditedRay& ray, const JudgedHit& hit, std::vector<Finding>& findings) {
-    constexpr double kLast = std::numeric_limits<float>::max();  // what no float holds is not answered
+    constexpr double kLast = std::numeric_limits<float>::max();  // values beyond float are never answered
     const double low = std::max(static_cast<double>(ray.ray.t_min), -kLast);
     const double high = std::min(static_cast<double>(ray.ray.t_max), kLast);
     if (hit.has_t && (hit.t + hit.bound < low || hit.t - hit.bound > high)) return;
@@ -199,7 +199,7 @@ class Audit {
   CancelToken& cancel_;
   const Cull cull_;
   std::vector<AuditedRay> rays_;
-  std::vector<BallAround> balls_;  // one an instance
+  std::vector<BallAround> balls_;  // one per instance
   std::vector<std::size_t> first_triangle_;
   std::mutex mutex_;
 };

@@ -1,6 +1,6 @@
-// Checks answers of closest-hit rays without any tree: every audited ray against every triangle of the scene, in
-// double precision (math/triangle.h). Cost: the audited rays times the instanced triangles.
-// In: rays, and what was answered. Out: for each ray, right or wrong, and whether rounding leaves it ambiguous.
+// Checks the answers of closest-hit rays without any tree: tests every audited ray against every triangle of the scene,
+// in double precision (math/triangle.h). Cost: the audited rays times the instanced triangles.
+// In: rays and their answers. Out: for each ray, right or wrong, and whether rounding makes it ambiguous.
 #pragma once
 
 #include <cstdint>
@@ -12,7 +12,7 @@
 
 namespace perfect_bvh {
 
-// One row a ray; instance id -1 is a miss.
+// One row per ray; instance id -1 is a miss.
 struct AuditedAnswers {
   const float* t = nullptr;
   const std::int32_t* instance_ids = nullptr;
@@ -20,14 +20,14 @@ struct AuditedAnswers {
 };
 
 // Bits of verdicts.
-// kWrong: a miss although some triangle in range is surely hit; or a hit that names a triangle which is surely missed,
-// masked, culled or does not exist, whose t differs from the judge's by more than its bound or is out of range, or
-// that lies behind a surely hit one by more than both bounds.
-// kAmbiguous: some triangle in range is neither surely hit nor surely missed: several answers would be right.
-// kNotJudged, alone: no triangle shows the answer wrong, but the ray comes near curves or points, which have no judge.
+// kWrong: a miss although a triangle in range is surely hit. Or a hit of a triangle that is surely missed, masked,
+// culled or does not exist. Or a hit whose t is out of range or differs from the judge's by more than its bound. Or a
+// hit behind a surely hit triangle by more than both bounds.
+// kAmbiguous: a triangle in range is neither surely hit nor surely missed, so several answers are right.
+// kNotJudged, alone: no triangle proves the answer wrong, but the ray comes near curves or points, which have no judge.
 inline constexpr std::uint8_t kWrong = 1, kAmbiguous = 2, kNotJudged = 4;
 
-// verdicts: one row a ray.
+// verdicts: one row per ray.
 void audit_answers(const Snapshot& snapshot, const RayColumns& rays, const AuditedAnswers& answers,
                    std::uint8_t* verdicts, ThreadPool& pool, int max_threads, CancelToken& cancel);
 

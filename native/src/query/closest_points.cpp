@@ -30,7 +30,7 @@ bool is_valid(const PointQuery& query) {
          is_in_shutter(query.time);
 }
 
-// Of a curve or point, which are solid: the query's own position if it is inside.
+// Returns the nearest point of a curve or point, which are solid: the query's own position if it is inside.
 Vec3d nearest_on_solid(const Instance& instance, const PointQuery& query, std::uint32_t primitive) {
   const Mesh& mesh = instance.blas->mesh;
   const Affine map = place_at(instance, query.time);

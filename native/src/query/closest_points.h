@@ -1,4 +1,4 @@
-// The nearest point of a scene to each of many points: columns in, columns out, over the thread pool.
+// Finds the nearest point of a scene to each of many points: columns in, columns out, on the thread pool.
 #pragma once
 
 #include <cstddef>
@@ -11,7 +11,7 @@
 
 namespace perfect_bvh {
 
-// Scalars have a stride of 0, arrays of 1.
+// The stride of a column is 0 for a scalar and 1 for an array.
 struct PointColumns {
   std::size_t count = 0;
   const Vec3d* points = nullptr;
@@ -22,20 +22,20 @@ struct PointColumns {
   std::size_t time_stride = 0;
 };
 
-// One row a point. Nothing found: distances infinite, ids -1, everything else zero.
+// One row per point. If nothing is found: distances infinite, ids -1, everything else zero.
 struct ClosestColumns {
-  double* points = nullptr;     // 3 a point, world space
+  double* points = nullptr;     // 3 per point, world space
   double* distances = nullptr;  // world units
   std::int32_t* instance_ids = nullptr;
   std::int32_t* mesh_ids = nullptr;
   std::int32_t* primitive_ids = nullptr;
-  float* uvs = nullptr;  // 2 a point; of a curve's segment u is along it, v 0
+  float* uvs = nullptr;  // 2 per point; for a curve's segment u is along it, v is 0
 };
 
-// Curves and points are solid: inside of one the distance is 0, and the nearest point is the point itself.
-// Of several primitives at exactly the same distance the smallest (order, id, primitive) is found. Returns how many
-// points were invalid: not finite, with a distance that is negative or NaN, or with no time of the shutter. max_threads
-// 0: all of the pool's.
+// Curves and points are solid: for a point inside, the distance is 0, and the nearest point is the point itself. Among
+// primitives at exactly the same distance, the smallest (order, id, primitive) is found. Returns the number of invalid
+// points: not finite, with a negative or NaN distance, or with a time outside the shutter. max_threads 0: all of the
+// pool's.
 std::size_t compute_closest_points(const Snapshot& snapshot, const PointColumns& points, const ClosestColumns& closest,
                                    ThreadPool& pool, int max_threads, CancelToken& cancel);
 

@@ -6,23 +6,23 @@
 #include "tlas/assemble.h"
 #include "wide/wide_bvh.h"
 
-// The kernels' own way from the world to an instance.
+// The kernels' own mapping from the world to an instance.
 #include "traverse/isa_scalar.h"
 #include "traverse/leaf_line_scalar.h"
 
 namespace perfect_bvh {
 namespace {
 
-// After the vectors and the ray's set-up.
+// Needs the vectors and the ray's set-up.
 #include "traverse/pace.inl"
 #include "traverse/ray_slot.inl"
 
 struct LocalDirection {
   double d[3];
-  bool is_mirrored;  // the instance turns the winding round
+  bool is_mirrored;  // the instance reverses the winding
 };
 
-// Scaled as bring_near() does it, by a power of two, so that no product with corners is too small for a double.
+// Scales by a power of two, as bring_near() does, so that no product with corners underflows a double.
 LocalDirection scaled(const ObjectRay& local, bool is_mirrored) noexcept {
   const double longest = largest_component(local.direction);
   const double factor = longest > 0.0 ? __builtin_scalbn(1.0, -__builtin_ilogb(longest)) : 1.0;
@@ -43,14 +43,14 @@ LocalDirection local_direction(const Snapshot& snapshot, std::uint32_t row, cons
   Slot slot;
   load_ray(slot.world, ray, scale);
   slot.is_mirrored = view.mirrored != 0;
-  static_cast<void>(map_to_moving(slot, scene, view, ray.time));  // the ray was mapped when it hit
+  static_cast<void>(map_to_moving(slot, scene, view, ray.time));  // the ray hit it, so it could be mapped
   return scaled(slot.local, slot.is_mirrored);
 }
 
 double exact_facing(const double direction[3], const float* const corners[3]) noexcept {
   const double origin[3] = {static_cast<double>(corners[0][0]), static_cast<double>(corners[0][1]),
                             static_cast<double>(corners[0][2])};
-  const ExactWeights weights = exact_weights(origin, direction, corners);  // seen from a corner: two of them are 0
+  const ExactWeights weights = exact_weights(origin, direction, corners);  // seen from a corner: two weights are 0
   return (weights.w[0] + weights.w[1]) + weights.w[2];
 }
 
@@ -67,7 +67,7 @@ bool shows_front(const Snapshot& snapshot, const Hit& hit, TriangleIndices corne
   const Vec3d edge1 = to_double(p1) - to_double(p0), edge2 = to_double(p2) - to_double(p0);
   const Vec3d normal = cross(edge1, edge2);
   double facing = -dot(normal, {d[0], d[1], d[2]});
-  // Edges are rounded by 2^-53 of themselves, the six products by four of it, and their sums: no more than 2^-49 of
+  // Edges are rounded by 2^-53 of their length, the six products by four times that, and their sums: at most 2^-49 of
   // this in all.
   const double size = largest_component(&edge1.x) * largest_component(&edge2.x);
   const double length = (std::abs(d[0]) + std::abs(d[1])) + std::abs(d[2]);

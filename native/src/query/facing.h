@@ -1,4 +1,4 @@
-// Which side of a triangle a ray met, as the kernels decide it when they cull.
+// Finds the side of a triangle that a ray hit, by the rule that the kernels cull by.
 #pragma once
 
 #include "tlas/assemble.h"
@@ -6,8 +6,8 @@
 
 namespace perfect_bvh {
 
-// True if the corners run counter-clockwise in world space as seen from the ray's origin. In the mesh's space, where
-// kernels decide it exactly (math/triangle.h): of a ray that hits the triangle it is what culling goes by.
+// Returns true if the corners run counter-clockwise in world space as seen from the ray's origin. Decided exactly in
+// the mesh's space, like the kernels' culling (math/triangle.h); the ray must hit the triangle.
 [[nodiscard]] bool shows_front(const Snapshot& snapshot, const Hit& hit, TriangleIndices corners,
                                const Ray& ray) noexcept;
 

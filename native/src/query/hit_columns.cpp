@@ -13,10 +13,10 @@
 namespace perfect_bvh {
 namespace {
 
-// Hits whose corners are fetched together: so many wait for memory at once.
+// Hits whose corners are prefetched together, so that their memory reads overlap.
 constexpr std::size_t kFetchedHits = 64;
 
-// Of rows side by side.
+// Consecutive rows.
 struct Rows {
   const Snapshot& snapshot;
   std::size_t first;
@@ -49,7 +49,7 @@ void store_identities(const HitColumns& out, const Rows& rows) {
   }
 }
 
-// Curves and points: over what their primitives' own hits wrote.
+// Overwrites the identities of curves and points, which were written by their internal primitives.
 void store_round_identities(const HitColumns& out, const Rows& rows) {
   for (std::size_t i = 0; i < rows.hits.size(); ++i) {
     const Hit& hit = rows.hits[i];
@@ -86,9 +86,9 @@ void store_no_geometry(const HitColumns& out, std::size_t row) {
   if (out.front_face) out.front_face[row] = 0;
 }
 
-// Places triangles as place_triangle does, but leaves out where an instance at rest stands: normals do not depend on
-// it, and edges that are short beside it would be rounded away. In fewer steps where an instance is only moved: most
-// stand as they were made.
+// Places triangles as place_triangle does, but omits the translation of instances at rest: normals do not depend on it,
+// and edges that are short compared with it would be rounded away. Takes a shortcut for instances that are only
+// translated, which most are.
 class Placer {
  public:
   [[nodiscard]] WorldTriangle place(const Instance& instance, TriangleIndices corners, const Ray& ray) noexcept {
@@ -121,8 +121,8 @@ struct Placers {
   }
 };
 
-// Of a hit whose t is below a float's normal numbers, from the point that it is at: of a direction longer than 2^100
-// the t says little of how far away that is.
+// Returns the distance of a hit whose t is below a float's normal numbers, from the hit point: if the direction is
+// longer than 2^100, such a t is too coarse.
 double distance_to_point(const Instance& instance, const Hit& hit, const Ray& ray, Placers& placers) noexcept {
   const Vec3d d = ray.direction;
   const double longest = largest_component(&d.x), factor = __builtin_scalbn(1.0, -__builtin_ilogb(longest));
@@ -145,20 +145,20 @@ void store_distances(double* column, const Rows& rows) {
       column[i] = kInfiniteDistance;
       continue;
     }
-    // Not length: the square of a tiny or huge direction is not a number that a double can hold.
+    // Not length(): the square of a tiny or huge direction is out of a double's range.
     const Vec3d d = rows.rays[i].direction;
     const double length = hypotenuse(d.x, d.y, d.z);
     column[i] = static_cast<double>(hit.t) * length;
     if (std::abs(hit.t) >= kLeastNormal) continue;
     const Instance& instance = rows.snapshot.instances[hit.instance_index];
     const double distance = distance_to_point(instance, hit, rows.rays[i], placers);
-    // Of a ray that begins at the surface the point may be further off than t.
+    // If a ray begins at the surface, the point may be less exact than t.
     if (!(std::abs(distance - column[i]) > kLeastFloat * length)) column[i] = distance;
   }
 }
 
-// The fields that need the triangle's corners, of at most kFetchedHits rows. Of triangles at random every corner is a
-// wait for memory; asked for beforehand, all of them are one.
+// Stores the fields that need the triangle's corners, for at most kFetchedHits rows. For random triangles, every corner
+// is a cache miss; with prefetching, the misses overlap.
 void store_geometries(const HitColumns& out, const Rows& rows, Placers& placers) {
   std::array<TriangleIndices, kFetchedHits> corners;
   const Instance* const instances = rows.snapshot.instances.data();

@@ -18,26 +18,26 @@
 namespace perfect_bvh {
 namespace {
 
-// After the vectors and the ray's set-up.
+// Needs the vectors and the ray's set-up.
 #include "traverse/pace.inl"
 #include "traverse/ray_slot.inl"
-// After the slot.
+// Needs the slot.
 #include "traverse/leaf_test.inl"
-// After the leaf test.
+// Needs the leaf test.
 #include "traverse/round_leaf.inl"
 
 constexpr double kNone = std::numeric_limits<double>::infinity();
 
-// What the walk knows of an entry of the ray's stack.
+// The walk's data for an entry of the ray's stack.
 struct Waiting {
   Aabb box;  // as stored
   std::uint32_t level = 0;
   float near = 0;  // where the ray enters it
 };
 
-// Of a tree that is being walked: where its boxes are, and whose it is.
+// The tree being walked: the space of its boxes, and its owner.
 struct Space {
-  Affine to_world;  // from the tree's own frame, whose origin stands at `centre` of the caller's
+  Affine to_world;  // from the tree's own frame, whose origin is at `centre` of the caller's
   Vec3d centre{0, 0, 0};
   double scale = 1;  // of the boxes as stored
   std::int32_t instance_id = -1, mesh_id = -1;
@@ -48,7 +48,7 @@ Space space_of(const Instance& instance, const Blas& blas) {
           instance.mesh_id};
 }
 
-// Takes the steps of stream_kernel.inl, one ray alone, and writes each of them down.
+// Takes the steps of stream_kernel.inl for one ray, and records each of them.
 class Walker {
  public:
   Walker(const Snapshot& snapshot, const SceneView& view, const Ray& ray, Cull cull)
@@ -82,12 +82,12 @@ class Walker {
   }
 
  private:
-  // Those any ray can need, and 8 more.
+  // As many as any ray may need, and 8 more.
   [[nodiscard]] std::size_t entries() const noexcept { return std::size_t{view_.stack_entries} + 8; }
   Slot& slot() noexcept { return memory_[0]; }
   std::uint32_t next() noexcept { return stack_of(slot())[slot().top]; }
 
-  // Its root stands on the stack, and no node around it knows where the ray enters it.
+  // Called when the root is on the stack; no node around it has recorded where the ray enters it.
   void begin_level() {
     level_limit_ = to_local_max(slot().time, last_t(ray_.t_max));
     Waiting& root = waiting_[slot().top];
@@ -119,7 +119,7 @@ class Walker {
     push(node, test.hit, children, top);
   }
 
-  // At the ray's time.
+  // Returns the node at the ray's time.
   [[nodiscard]] WideNode node_here() {
     const std::uint32_t row = next();
     const WideNode& node = slot().nodes[row];
@@ -127,7 +127,7 @@ class Walker {
     return node_between(node, slot().later_nodes[row], slot().moment);
   }
 
-  // In place of the node, the farthest first.
+  // Replaces the node by its children, the farthest first.
   void push(const WideNode& node, Mask8 hit, const std::array<Waiting, kWideWidth>& children, std::uint32_t top) {
     for (int i = 0; i < 8; ++i) {
       const std::uint32_t place = (node.order[i] >> slot().box.rows.order_shift) & 7;
@@ -172,7 +172,7 @@ class Walker {
     finish_leaf(is_new);
   }
 
-  // Curves or points; t is where the ray goes in, or if that is hidden out.
+  // Tests curves or points; t is where the ray enters, or where it leaves if the entry is hidden.
   void meet_leaf(const InstanceView& instance, const RoundLeaves& leaves, std::uint32_t row) {
     const Waiting here = waiting_[slot().top];
     note(WalkEvent::kEnterLeaf, here);
@@ -205,7 +205,7 @@ class Walker {
     drop_far();
   }
 
-  // As drop_far_entries() does.
+  // Like drop_far_entries().
   void drop_far() {
     std::uint32_t kept = slot().floor + 1;
     for (std::uint32_t i = kept; i <= slot().top; ++i) {
@@ -270,7 +270,7 @@ class Walker {
     for (const Vec3d& corner : {corners.v0, corners.v1, corners.v2}) append_vector(walk_.triangles, corner);
   }
 
-  // Of a curve's segment the centres of its balls, the first one's twice.
+  // Returns the corners; for a curve's segment, the centres of its balls, with the first repeated.
   [[nodiscard]] WorldTriangle corners_of(std::uint32_t primitive) {
     const Instance& instance = snapshot_.instances[slot().instance];
     const Mesh& mesh = instance.blas->mesh;
@@ -281,7 +281,7 @@ class Walker {
     return {place(ends.first.centre), place(ends.last.centre), place(ends.first.centre)};
   }
 
-  // What boxes and triangles have.
+  // Appends the columns common to boxes and triangles.
   void append(WalkEvent event, const Waiting& box, double t) {
     walk_.events.push_back(event);
     walk_.levels.push_back(static_cast<std::int32_t>(box.level));
@@ -304,10 +304,10 @@ class Walker {
   const SceneView& view_;
   const Ray& ray_;
   const Cull cull_;
-  std::vector<Waiting> waiting_;  // by place on the stack
+  std::vector<Waiting> waiting_;  // by position on the stack
   AlignedVector<Slot> memory_;    // the ray, and its stack behind it
   Space top_level_, space_;
-  float level_limit_ = 0;  // as if nothing had been hit
+  float level_limit_ = 0;  // without any hit
   RayWalk walk_;
 };
 

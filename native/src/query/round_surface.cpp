@@ -34,7 +34,7 @@ namespace {
 
 Vec3d vector_of(const double (&v)[3]) noexcept { return {v[0], v[1], v[2]}; }
 
-// By t; where float cannot tell the chord's ends apart, by what the query said.
+// Decides by t. If float cannot distinguish the chord's ends, uses the query's answer.
 bool enters_at(const Chord& chord, const Hit& hit) noexcept {
   if (static_cast<float>(chord.entry) == static_cast<float>(chord.exit)) return hit.v == 0.0f;
   const auto t = static_cast<double>(hit.t);
@@ -46,8 +46,8 @@ Vec3d axis_of(const RoundList& list, std::uint32_t primitive) noexcept {
   return vector_of(ends.last.centre) - vector_of(ends.first.centre);
 }
 
-// Which way the curve runs there: as differences between the balls before and after each end have it, that are divided
-// into equal steps.
+// Returns the curve's direction there. It interpolates between the ends; at each end it is the mean of the segments
+// before and after it.
 Vec3d tangent_at(const RoundList& list, std::uint32_t primitive, double u) noexcept {
   const Vec3d own = axis_of(list, primitive);
   const auto axis_beside = [&](Along way) {
@@ -58,8 +58,9 @@ Vec3d tangent_at(const RoundList& list, std::uint32_t primitive, double u) noexc
   return own + before + (after - before) * u;
 }
 
-// From where a ray enters a tube of this radius about the axis to where it is nearest to that, a little more; it passes
-// the axis at a share of the radius. No more than some radii, all but along the axis.
+// Returns the path from where a ray enters a tube of this radius about the axis to where it is nearest to the axis, or
+// slightly farther. The ray passes the axis at `share` of the radius. The path is limited to a few radii, for rays
+// almost along the axis.
 Vec3d half_way_through(const RoundRay& ray, Vec3d direction, Vec3d axis, double radius, double share) noexcept {
   constexpr double kLeastSine = 0x1p-5, kMore = 1.0 + 0x1p-20;
   const Vec3d across = cross(direction, axis);
@@ -69,10 +70,11 @@ Vec3d half_way_through(const RoundRay& ray, Vec3d direction, Vec3d axis, double 
   return direction * (half * kMore / std::sqrt(ray.squared_length));
 }
 
-// How far off a curve what leaves it starts, in parts of its largest coordinate: more than rounding can move it.
+// The distance off a curve at which secondary rays start, as a fraction of the largest coordinate: more than rounding
+// may move it.
 constexpr double kClear = 0x1p-40;
 
-// The chord of a neighbour, if it goes on where this one ends.
+// Extends the exit by a neighbour's chord, if the chord continues where this one ends.
 bool goes_on_in(const RoundRay& ray, const RoundList& list, std::uint32_t segment, double& exit) noexcept {
   const Chord chord = chord_of(ray, list, segment);
   if (!(chord.entry <= exit && chord.exit > exit)) return false;
@@ -120,7 +122,7 @@ RoundPoint RoundPlacer::place(const Instance& instance, const Hit& hit, const Ra
   }
   const Chord chord = chord_of_segment(local, ends.first, ends.last);
   const auto t = static_cast<double>(hit.t);
-  // Beside the edge of what is seen the map's own rounding decides whether there is a chord.
+  // Near the silhouette, the map's own rounding decides whether there is a chord.
   const bool has_chord = is_hit(chord);
   const bool is_entry = !has_chord || enters_at(chord, hit);
   const double exact_t = has_chord ? (is_entry ? chord.entry : chord.exit) : t;

@@ -15,7 +15,7 @@
 namespace perfect_bvh {
 namespace {
 
-// Origins or directions: numbers with a stride.
+// Origins or directions, with a stride.
 template <class T>
 struct Vectors {
   const T* numbers;
@@ -29,15 +29,15 @@ struct Vectors {
   }
 };
 
-// As is_valid says, in half of its steps: x - x is zero unless x is not finite.
+// Equals is_valid, in half of its steps: x - x is zero unless x is not finite.
 inline bool can_hit(Vec3d o, Vec3d d, float t_min, float t_max) noexcept {
   const Vec3d zeros = (o - o) + (d - d);
   const double length = std::abs(d.x) + std::abs(d.y) + std::abs(d.z);
   return (zeros.x + zeros.y + zeros.z == 0.0) & (length > 0.0) & (t_min <= t_max);
 }
 
-// What is so short beside the longest component is zero: products of three with it could be smaller than a double holds
-// (math/exact_edges.h), and answers would go by how they are rounded. No floats are.
+// Sets components to zero that are tiny compared with the longest one. Products of three such components could
+// underflow a double (math/exact_edges.h), and answers would depend on their rounding. No float is affected.
 Vec3d without_traces(Vec3d d) noexcept {
   const double least = 0x1p-300 * std::max({std::abs(d.x), std::abs(d.y), std::abs(d.z)});
   const auto kept = [least](double x) { return std::abs(x) < least ? std::copysign(0.0, x) : x; };
@@ -53,7 +53,7 @@ std::size_t load(const RayColumns& columns, Vectors<Origin> origins, Vectors<Dir
     const Vec3d origin = origins[row], given = directions[row];
     const Vec3d direction = std::is_same_v<Direction, double> ? without_traces(given) : given;
     const float t_min = columns.t_min[row * columns.t_min_stride], time = columns.times[row * columns.time_stride];
-    // No ray of no time hits anything: its range is none.
+    // A ray with an invalid time must hit nothing: it gets an empty range.
     constexpr float kNoRange = std::numeric_limits<float>::quiet_NaN();
     const float t_max = is_in_shutter(time) ? columns.t_max[row * columns.t_max_stride] : kNoRange;
     valid += static_cast<std::size_t>(can_hit(origin, direction, t_min, t_max));
@@ -137,7 +137,7 @@ struct Placed {
                      absolute(map.z) * std::abs(v.z))) {}
 
   Vec3d vector;
-  double size;  // the largest sum of its terms' sizes: what its rounding goes with
+  double size;  // the largest sum of its terms' magnitudes, to which its rounding is proportional
 };
 
 }  // namespace
@@ -192,9 +192,9 @@ Vec3d ray_position(const Instance& instance, TriangleIndices corners, const Hit&
   const Placed corner(place, p0);
   const Vec3d normal = cross(edge1.vector, edge2.vector), arm = corner.vector + (place.translation - ray.origin);
   const double slope = dot(normal, d), t = dot(normal, arm) / slope;
-  // With e = 2^-53: edges are off by 4 e of their terms' sizes, so that each component of the normal is off by at most
-  // 20 e times the product of both, the products by 5 e of their terms' sizes, and the corner by 4 e of its terms'. So
-  // t is off by at most 2^7 e of this, divided by the slope.
+  // With e = 2^-53: edges are off by 4 e of their terms' magnitudes, so each component of the normal is off by at most
+  // 20 e times the product of both. The products are off by 5 e of their terms' magnitudes, and the corner by 4 e of
+  // its terms'. So t is off by at most 2^7 e of this, divided by the slope.
   const double size = std::max(edge1.size, edge2.size);
   const double slopes = std::abs(normal.x * d.x) + std::abs(normal.y * d.y) + std::abs(normal.z * d.z);
   const double spread = edge1.size * edge2.size * (size + corner.size / 16) + std::abs(t) * slopes;
@@ -210,7 +210,7 @@ namespace {
 
 constexpr std::size_t kUsualHits = 4 * kBlockRays;
 
-// Calls take(row, hits) with all that each ray meets, unsorted and with repetitions. `room` grows to the most that one
+// Calls take(row, hits) with all hits of each ray, unsorted and with repetitions. `room` grows to the maximum that one
 // ray needs.
 template <class Take>
 void for_each_ray(const Snapshot& snapshot, std::span<const Ray> rays, Cull cull, AlignedVector<FoundHit>& room,
@@ -232,7 +232,7 @@ void for_each_ray(const Snapshot& snapshot, std::span<const Ray> rays, Cull cull
   }
 }
 
-// One ray may have millions of hits: `cancel` is asked while they are sorted and stored, too.
+// One ray may have millions of hits, so `cancel` is also checked while they are sorted and stored.
 constexpr std::size_t kHitsBetweenAsking = std::size_t{1} << 16;
 
 struct Nearer {
@@ -250,8 +250,8 @@ struct Nearer {
   }
 };
 
-// A triangle's t depends on ray and instance only, so its repetitions end up side by side; so do those of either end of
-// the ray's way through a curve or point, which v tells apart.
+// Sorts the hits and removes repetitions. A triangle's t depends only on ray and instance, so its repetitions become
+// adjacent. The same holds for each end of a chord through a curve or point; v distinguishes the ends.
 std::span<FoundHit> sort_once_each(std::span<FoundHit> hits, const Snapshot& snapshot, CancelToken& cancel) {
   std::size_t comparison_count = 0;
   std::sort(hits.begin(), hits.end(), Nearer{snapshot, cancel, comparison_count});

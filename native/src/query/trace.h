@@ -1,5 +1,5 @@
-// Memory that a thread keeps from block to block and from batch to batch: rays and hits of a large block are 0.7 MB,
-// which the system would hand out page by page each time.
+// Memory that a thread keeps from block to block and from batch to batch. Rays and hits of a large block take 0.7 MB,
+// which the system would otherwise allocate page by page each time.
 #pragma once
 
 #include <algorithm>
@@ -22,8 +22,8 @@
 
 namespace perfect_bvh {
 
-// The calling thread's T for as long as this stands. Code that is called meanwhile and wants one as well (a callback
-// that casts rays) finds an empty one.
+// The calling thread's T during the lifetime of this object. Nested code that wants one too (a callback that casts
+// rays) gets an empty one.
 template <class T>
 class KeptByThread {
  public:
@@ -43,7 +43,7 @@ class KeptByThread {
   T value_;
 };
 
-// The first `count` elements of an array that is kept, whatever they hold.
+// Returns the first `count` elements of a kept array, with undefined values.
 template <class T>
 [[nodiscard]] std::span<T> room_for(AlignedVector<T>& kept, std::size_t count) {
   if (kept.size() < count) kept.resize(count);
@@ -53,8 +53,8 @@ template <class T>
 // Ray columns ---------------------------------------------------------------------------------------------------------
 // The rays of a batch as columns that the caller owns, and the loop over them.
 
-// Float or double: exactly one of each pair of pointers is set. Strides count numbers: 3 from vector to vector of a
-// plain array, 0 for one vector that all rays share; of numbers 1, or 0 for one that all share.
+// Vectors are float or double: exactly one of each pair of pointers is set. Strides count numbers. For vectors: 3 for a
+// plain array, 0 for one vector that all rays share. For numbers: 1, or 0 for one that all share.
 struct RayColumns {
   std::size_t count = 0;
   const Vec3f* origins_float = nullptr;
@@ -68,10 +68,10 @@ struct RayColumns {
   std::ptrdiff_t origin_stride = 3, direction_stride = 3;
   std::size_t t_min_stride = 0, t_max_stride = 0, mask_stride = 0, time_stride = 0;
   Cull cull = Cull::kNone;
-  Strategy strategy = Strategy::kAuto;  // of closest-hit and any-hit queries; the others know one
+  Strategy strategy = Strategy::kAuto;  // of closest-hit and any-hit queries; others have only one strategy
 };
 
-// The rays of rows `first` on, one for each of `rays`; returns how many are invalid.
+// Loads the rays of rows `first` on, one for each of `rays`; returns the number of invalid ones.
 std::size_t load_rays(const RayColumns& columns, std::size_t first, std::span<Ray> rays) noexcept;
 
 [[nodiscard]] inline Ray load_ray(const RayColumns& columns, std::size_t row) noexcept {
@@ -80,21 +80,22 @@ std::size_t load_rays(const RayColumns& columns, std::size_t first, std::span<Ra
   return ray;
 }
 
-// Rays a task takes at a time: enough to repay the hand-over, few enough to stop soon and to share out evenly.
+// Rays per task: enough to outweigh its overhead, few enough to stop soon and to divide evenly.
 inline constexpr std::size_t kTaskRays = 4096;
-// Rays loaded at a time: enough to keep many under way to the end, few enough for the second level cache.
+// Rays loaded at a time: enough to keep many in flight to the end, few enough for the second level cache.
 inline constexpr std::size_t kBlockRays = 1024;
-// Where coherent rays are looked for, large batches are traced as many rays at a time as make good packets, several
-// rows of an image, and leave room for the tree in the second level cache: they and their hits are 84 bytes each. With
-// 8,192 coherent rays are as fast as with twice as many, and rays at random some hundredths faster. By the number of
-// rays alone, so that all answers are.
+// Rays per block of large batches, in which coherent rays are searched. A block has enough rays for good packets, that
+// is several rows of an image, and leaves room for the tree in the second level cache: a ray and its hit take 84 bytes.
+// With 8,192, coherent rays are as fast as with twice as many, and random rays a few percent faster. The size depends
+// only on the number of rays, so that all answers do.
 inline constexpr std::size_t kLargeBlockRays = 8192;
 static_assert(kLargeBlockRays <= kReorderedRays);
 [[nodiscard]] inline std::size_t large_block_rays(std::size_t count) noexcept {
   return std::clamp(count / 16 / kPacketRays * kPacketRays, kBlockRays, kLargeBlockRays);
 }
 
-// Of a batch in blocks: whole blocks, and few enough that every thread has some tasks, also of a small batch.
+// Returns the rays per task of a batch in blocks: whole blocks, and few enough that every thread gets some tasks, even
+// of a small batch.
 [[nodiscard]] inline std::size_t fair_task_rays(std::size_t count, std::size_t block_rays,
                                                 std::size_t threads) noexcept {
   const std::size_t most = std::max<std::size_t>(kTaskRays / block_rays, 1);
@@ -114,8 +115,8 @@ void for_each_task(std::size_t count, ThreadPool& pool, int max_threads, CancelT
   parallel_for(pool, count, task_rays, task, max_threads, [&] { cancel.checkpoint(); });
 }
 
-// Calls block(rays, first row) for every block of `block_rays` loaded rays, over the pool; returns how many rays were
-// invalid.
+// Calls block(rays, first row) for every block of `block_rays` loaded rays, over the pool; returns the number of
+// invalid rays.
 template <class Block>
 std::size_t for_each_block(const RayColumns& columns, ThreadPool& pool, int max_threads, CancelToken& cancel,
                            Block&& block, std::size_t block_rays = kBlockRays) {
@@ -137,8 +138,8 @@ std::size_t for_each_block(const RayColumns& columns, ThreadPool& pool, int max_
 }
 
 // Ray batch -----------------------------------------------------------------------------------------------------------
-// Millions of rays at once: arrays in, arrays out, over the thread pool.
-// In: columns that the caller owns. Out: the columns that were asked for, one row a ray, always.
+// Traces millions of rays at once: arrays in, arrays out, over the thread pool.
+// In: columns that the caller owns. Out: the requested columns, always one row per ray.
 
 struct BatchSummary {
   std::size_t invalid_count = 0;  // see is_valid
@@ -148,17 +149,17 @@ struct BatchSummary {
 // max_threads 0: all of the pool's.
 BatchSummary cast_rays(const Snapshot& snapshot, const RayColumns& rays, const HitColumns& hits, ThreadPool& pool,
                        int max_threads, CancelToken& cancel);
-// Returns how many rays were invalid.
+// Returns the number of invalid rays.
 std::size_t test_occlusions(const Snapshot& snapshot, const RayColumns& rays, std::uint8_t* occluded, ThreadPool& pool,
                             int max_threads, CancelToken& cancel);
 
 // Trace ---------------------------------------------------------------------------------------------------------------
-// Tracing a batch of rays through a snapshot on the calling thread. Callers split large batches over threads; the
-// answers depend on neither the split nor the order of the rays.
-// In: rays in world space. Out: one row a ray, always; invalid rays are misses.
+// Traces a batch of rays through a snapshot on the calling thread. Callers divide large batches among threads; the
+// answers depend neither on the division nor on the order of the rays.
+// In: rays in world space. Out: always one row per ray; invalid rays are misses.
 
-// `counts` is empty, or has a row a ray. Both return how many rays went in packets.
-// `cancel` is asked every so many steps (see Interruption). Throws Cancelled.
+// `counts` is empty, or has a row per ray. Both return the number of rays traced in packets. They check `cancel`
+// regularly (see Interruption). Throws Cancelled.
 std::size_t trace_closest(const Snapshot& snapshot, CancelToken& cancel, std::span<const Ray> rays, std::span<Hit> hits,
                           Cull cull = Cull::kNone, std::span<RayCounts> counts = {},
                           Strategy strategy = Strategy::kAuto);
@@ -185,15 +186,15 @@ inline std::size_t trace_occluded(const Snapshot& snapshot, std::span<const Ray>
 struct WorldTriangle {
   Vec3d v0, v1, v2;
 
-  // Following the world winding (so not turned towards the ray), as long as twice the area.
+  // Follows the world winding (it is not turned towards the ray); its length is twice the area.
   [[nodiscard]] Vec3d scaled_normal() const noexcept { return cross(v1 - v0, v2 - v0); }
-  // The place that the hit's u and v name.
+  // Returns the point with the hit's u and v.
   [[nodiscard]] Vec3d at(const Hit& hit) const noexcept {
     const auto u = static_cast<double>(hit.u), v = static_cast<double>(hit.v);
     return v0 * (1.0 - u - v) + v1 * u + v2 * v;
   }
 };
-// time: of an instance that moves within the shutter.
+// time: for an instance that moves within the shutter.
 [[nodiscard]] WorldTriangle place_moving_triangle(const Instance& instance, TriangleIndices corners,
                                                   float time) noexcept;
 [[nodiscard]] inline WorldTriangle place_triangle(const Instance& instance, TriangleIndices corners,
@@ -205,25 +206,25 @@ struct WorldTriangle {
   return {place(corners.x), place(corners.y), place(corners.z)};
 }
 [[nodiscard]] WorldTriangle world_triangle(const Snapshot& snapshot, const Hit& hit, float time = 0.0f) noexcept;
-// The point on the triangle, from u and v.
+// Returns the point on the triangle, from u and v.
 [[nodiscard]] Vec3d hit_position(const Snapshot& snapshot, const Hit& hit, float time = 0.0f) noexcept;
-// Where the ray meets the plane of the triangle that it hits, in double: on a plane of kilometres u and v, which are
-// floats, are millimetres beside it. From u and v where the plane says no more: for triangles that are seen edge-on, or
-// some million times as long as wide, or as far away as they are long.
+// Returns where the ray hits the triangle's plane, in double: on a plane of kilometres, u and v, which are floats, are
+// off by millimetres. Uses u and v if the plane is less exact: for triangles that are seen edge-on, or some million
+// times as long as wide, or as far away as they are long.
 [[nodiscard]] Vec3d ray_position(const Instance& instance, TriangleIndices corners, const Hit& hit,
                                  const Ray& ray) noexcept;
 
 // Intersections -------------------------------------------------------------------------------------------------------
-// Everything that each ray of a batch meets: how often, and what.
-// A triangle is reported once a ray, in however many leaves it stands. Rows of a ray are sorted by t, then (order, id,
-// primitive): the first is what cast_rays() answers.
+// Finds all hits of each ray of a batch, or counts them.
+// A triangle is reported once per ray, even if it is in several leaves. Rows of a ray are sorted by t, then (order, id,
+// primitive): the first is the answer of cast_rays().
 
-// One count a ray. Returns how many rays were invalid (see is_valid). max_threads 0: all of the pool's.
+// Writes one count per ray. Returns the number of invalid rays (see is_valid). max_threads 0: all of the pool's.
 std::size_t count_intersections(const Snapshot& snapshot, const RayColumns& rays, std::int32_t* counts,
                                 ThreadPool& pool, int max_threads, CancelToken& cancel);
 
-// Ray i's hits go to rows splits[i] to splits[i + 1], the nearest of them if there is no room for all; there must not
-// be room for more than there are. Returns as above.
+// Writes ray i's hits to rows splits[i] to splits[i + 1]. If there is no room for all, writes the nearest; there must
+// not be more room than hits. Returns as above.
 std::size_t list_intersections(const Snapshot& snapshot, const RayColumns& rays, std::span<const std::int64_t> splits,
                                const HitColumns& hits, ThreadPool& pool, int max_threads, CancelToken& cancel);
 

@@ -16,14 +16,15 @@
 namespace perfect_bvh {
 namespace {
 
-// A child as its parent knows it.
+// A child in its parent's view.
 struct Entry {
   std::uint32_t child;
   Aabb box;
   float overlap;
 };
 
-// The area that a child shares with each of the others, together; more than its own where several cover it.
+// Returns the sum of the areas that a child shares with each of the others; it exceeds the child's own area if several
+// cover it.
 double shared_area(const WideNode& node, std::uint32_t lane) noexcept {
   const Aabb own = child_box(node, lane);
   double sum = 0;
@@ -43,16 +44,16 @@ void add_children(const WideNode& node, std::vector<Entry>& entries) {
   }
 }
 
-// What stands below a child: a part of the list of all primitives, and the costs of all, times the root's area.
+// The contents below a child: a range of the list of all primitives, and the sum of costs, times the root's area.
 struct Subtree {
   std::int64_t begin = 0, end = 0;
   double cost = 0;
 };
 
-// Goes through a whole tree, depth first, so that what stands below a child is one part of the list.
+// Visits a whole tree depth first, so that the contents below a child are one range of the list.
 class SubtreeLister {
  public:
-  // instances: of a top level, else empty.
+  // instances: those of a top level, else empty.
   SubtreeLister(const WideBvh& tree, std::span<const Instance> instances)
       : tree_(tree), instances_(instances), nodes_(tree.nodes.size()) {
     leaves_.resize(instances.empty() ? tree.leaf_count() : instances.size());
@@ -66,7 +67,7 @@ class SubtreeLister {
       const WideNode& node = tree_.nodes[way.row];
       while (way.lane < kWideWidth && node.child[way.lane] == kNoChild) ++way.lane;
       if (way.lane < kWideWidth) {
-        const std::uint32_t lane = way.lane++;  // first: `way` moves when another is begun
+        const std::uint32_t lane = way.lane++;  // first: `way` moves when another is pushed
         open(node.child[lane], half_area(child_box(node, lane)));
       } else {
         close();
@@ -128,16 +129,16 @@ class SubtreeLister {
   const std::span<const Instance> instances_;
   std::vector<Subtree> nodes_, leaves_;  // by row
   std::vector<std::int32_t> primitives_;
-  std::vector<Way> ways_;  // from the root to where it is
+  std::vector<Way> ways_;  // from the root to the present node
 };
 
-// Goes down a tree, a level at a time.
+// Goes down a tree level by level.
 class BoxLister {
  public:
   BoxLister(const WideBvh& tree, const Aabb& bounds, Vec3d centre, std::span<const Instance> instances = {})
       : tree_(tree), bounds_(bounds), centre_(centre), root_area_(half_area(bounds)), subtrees_(tree, instances) {}
 
-  // built_sah: 0 for a tree that is as it was built.
+  // built_sah: 0 for a tree that was not refitted.
   TreeBoxes list(LevelRange levels, double built_sah, CancelToken& cancel) {
     if (tree_.is_empty) return {};
     subtrees_.list(root_area_, cancel);
@@ -178,7 +179,7 @@ class BoxLister {
     boxes_.ranges.insert(boxes_.ranges.end(), {below.begin, below.end});
   }
 
-  // A tree without area is hit by no random ray; its triangles stand in, as for any ray that does meet it.
+  // No random ray hits a tree without area. Its number of triangles is used instead, as for any ray that does hit it.
   [[nodiscard]] double share_of(std::uint32_t child, double cost) const noexcept {
     if (root_area_ > 0) return cost / root_area_;
     const Subtree& below = subtrees_.of(child);
@@ -230,7 +231,7 @@ double tree_sah(const Snapshot& snapshot, std::int32_t mesh_id, CancelToken& can
 
 namespace {
 
-// Enough for the standard deviation to be known to half a per cent.
+// Enough to know the standard deviation to half a percent.
 constexpr std::uint32_t kLineCount = 16384;
 
 void add(PrimitiveCounts& counts, const Mesh& mesh) {
@@ -289,15 +290,15 @@ TreeStatistics describe_top_level(const Snapshot& snapshot) {
   return row;
 }
 
-// Builders are deterministic: built again, a tree is the one that it was.
+// Builders are deterministic: a rebuilt tree equals the old one.
 void add_details(TreeStatistics& row, const Blas& blas, ThreadPool& pool, CancelToken& cancel) {
-  if (blas.quality.node_count == 0 && !blas.wide.is_empty) {  // there is no binary tree to tell of
+  if (blas.quality.node_count == 0 && !blas.wide.is_empty) {  // there is no binary tree to measure
     cancel.advance(2 * blas.mesh.primitive_count());
     return;
   }
   const Bvh2 tree = blas.mesh.primitive_count() > 0 ? build_tree(blas.mesh, blas.config, pool, cancel) : Bvh2{};
   if (blas.mesh.is_round()) {
-    cancel.advance(blas.mesh.primitive_count());  // it is a measure of triangles' surfaces
+    cancel.advance(blas.mesh.primitive_count());  // EPO measures the surfaces of triangles only
   } else {
     row.epo = measure_epo(tree, blas.mesh.positions, blas.mesh.triangles, pool, cancel);
   }

@@ -33,9 +33,9 @@ double RayShares::of(std::size_t row) const noexcept {
 }
 
 // Commit --------------------------------------------------------------------------------------------------------------
-// Scene::commit: from edits to a new snapshot. Everything new is made aside and swapped in at the end; only the last
-// snapshot's memory is used again, where no query holds it or can ask for it. So an exception anywhere leaves the edits
-// pending, and without edits the last snapshot.
+// Scene::commit: makes a new snapshot from edits. Everything new is made separately and swapped in at the end. Only the
+// last snapshot's memory is reused, if no query holds it or can request it. So an exception anywhere leaves the edits
+// pending and, if there are no edits, the last snapshot.
 
 namespace {
 
@@ -56,7 +56,7 @@ std::vector<BlasResult> Scene::make_blases(std::span<const ChangedMesh> changed,
     if (!is_resting(state)) triangle_count += state.edited->primitive_count();
     if (is_resting(state) && !state.has_deformed) triangle_count += state.blas->mesh.primitive_count();
   }
-  cancel.expect(2 * triangle_count);  // first for a binary tree, then for a wide one
+  cancel.expect(2 * triangle_count);  // for a binary tree, then for a wide one
   std::vector<BlasResult> results(changed.size());
   for_chunks(pool, changed.size(), 1, cancel, [&](std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end; ++i) results[i] = make_blas(changed[i], options, pool, cancel);
@@ -75,14 +75,14 @@ PlacedMeshes Scene::meshes_to_place(std::span<const BlasResult> results) const {
   return meshes;
 }
 
-// What the next snapshot begins as: the last one with its arrays, which are the largest part of a scene of many
-// instances, or, where another owner holds that, a copy of its trees. While edits are pending it cannot be asked for;
-// where a tree is only replaced by a better one it can, and stays.
+// Returns the start of the next snapshot: the last one with its arrays, which are the largest part of a scene of many
+// instances, or a copy of its trees if another owner holds it. While edits are pending, nobody can request the last
+// snapshot. If a tree is only replaced by a better one, it can still be requested, and stays.
 std::shared_ptr<Snapshot> Scene::take_last_snapshot() {
   const std::lock_guard lock(state_mutex_);
   const bool may_be_asked_for = edit_count_ == committed_edit_count_ && stale_reason_.empty();
   if (!may_be_asked_for && snapshot_.use_count() == 1) {
-    // Others may have just let go of it: a copy that comes and goes is ordered after all that they read.
+    // Another owner may have just released it: making and dropping a copy synchronizes with all its reads.
     std::shared_ptr<const Snapshot>(snapshot_).reset();
     return std::const_pointer_cast<Snapshot>(std::exchange(snapshot_, nullptr));
   }
@@ -126,7 +126,7 @@ CommitReport Scene::commit(ThreadPool& pool, CancelToken& cancel, const CommitOp
   if (!snapshot_ || edit_count_ != committed_edit_count_ || made > 0) {
     snapshot = assemble_snapshot(results, rays, report.top_level, pool, cancel);
   } else {
-    snapshot = snapshot_;  // what is committed is what there is
+    snapshot = snapshot_;  // nothing changed since the last commit
     report.top_level.reason = "nothing was edited";
   }
   report.baked_count = snapshot->blases.size() - snapshot->meshes.size();
@@ -142,11 +142,11 @@ CommitReport Scene::commit(ThreadPool& pool, CancelToken& cancel, const CommitOp
   return report;
 }
 
-// Nothing here throws: a commit that came so far happens as a whole.
+// Nothing here throws: from here on, a commit takes effect as a whole.
 void Scene::publish(std::shared_ptr<const Snapshot> snapshot, std::span<BlasResult> results, const RayForecast& rays,
                     std::uint64_t stale_count) noexcept {
   for (auto& [mesh_id, slot] : meshes_) {
-    if (slot.edited) continue;  // it still moves
+    if (slot.edited) continue;  // it is still moving
     if (slot.spare) static_cast<void>(slot.spare->take());
     if (slot.spare_positions) static_cast<void>(slot.spare_positions->take());
   }
@@ -166,7 +166,7 @@ void Scene::publish(std::shared_ptr<const Snapshot> snapshot, std::span<BlasResu
   snapshot_ = std::move(snapshot);
   generation_ = snapshot_->generation;
   committed_edit_count_ = edit_count_;
-  if (stale_count == stale_count_) stale_reason_.clear();  // marked meanwhile: what was committed is already old
+  if (stale_count == stale_count_) stale_reason_.clear();  // if marked since, the snapshot is already stale
 }
 
 }  // namespace perfect_bvh

@@ -69,7 +69,7 @@ void Scene::set_mesh_motion(std::int32_t mesh_id, std::span<const Vec3<T>> posit
   if (!slot.spare_positions) slot.spare_positions = std::make_shared<SparePositions>();
   auto moved = move_in_steps(before, positions, times, slot.spare_positions, pool, kName);
   slot.same_topology = slot.edited ? slot.same_topology : true;
-  slot.has_deformed = true;  // also if it is new: its tree will be refitted to each step
+  slot.has_deformed = true;  // even if it is new: its tree will be refitted to each step
   slot.edited = std::move(moved);
   mark_edited();
 }
@@ -78,7 +78,7 @@ template void Scene::set_mesh_motion(std::int32_t, std::span<const Vec3d>, const
 
 namespace {
 
-// Of what is given one step after another.
+// Returns the balls of one step; the input has one step after another.
 template <class T>
 BallsGiven<T> balls_of_step(const BallsGiven<T>& balls, std::size_t step, std::size_t step_count) {
   const std::size_t count = balls.centres.size() / step_count, radius_count = balls.radii.size() / step_count;
@@ -105,7 +105,7 @@ void Scene::set_round_motion(std::int32_t mesh_id, PrimitiveKind kind, const Bal
                                                                                function, slot.held().cyclic_curves())),
                                       false}
                          : move_balls(slot.held(), first, slot.spare_positions, pool, function);
-  const auto mesh = std::const_pointer_cast<Mesh>(moved.mesh);  // just made: nobody else has it
+  const auto mesh = std::const_pointer_cast<Mesh>(moved.mesh);  // just made, not shared yet
   mesh->times = times;
   for (std::size_t step = 1; step < step_count; ++step) {
     mesh->later.push_back(balls_at_step(*mesh, balls_of_step(balls, step, step_count), pool, function));
@@ -174,7 +174,7 @@ void Scene::replace_mesh(std::int32_t mesh_id, Mesh mesh, const char* function) 
 
 void Scene::set_usage(std::int32_t mesh_id, Usage usage) {
   const std::lock_guard lock(edit_mutex_);
-  find_mesh(mesh_id, "set_usage").usage = usage;  // no answer changes by it: nothing is stale
+  find_mesh(mesh_id, "set_usage").usage = usage;  // answers do not depend on it: nothing becomes stale
 }
 
 void Scene::remove_mesh(std::int32_t mesh_id) {
@@ -189,7 +189,7 @@ void Scene::remove_mesh(std::int32_t mesh_id) {
 }
 
 // Changed meshes ------------------------------------------------------------------------------------------------------
-// Which meshes a commit has anything to decide about, and how many rays each may expect.
+// Finds the meshes for which a commit has a decision to make, and the number of rays that each may expect.
 
 namespace {
 
@@ -204,13 +204,13 @@ Aabb bounds_of(const Mesh& mesh, CancelToken& cancel) {
   return box;
 }
 
-// Trees at rest are asked about again after so many rays an instance: finding an instance's share takes about a third
-// of a ray's time (85 ns), and each frame that moves one is an edit.
+// Trees at rest are checked again after this many rays per instance. Finding an instance's share takes about a third of
+// a ray's time (85 ns), and each frame that moves an instance is an edit.
 constexpr double kRaysOfAShare = 4;
 
 }  // namespace
 
-// At once, and not when the commit succeeds: whoever repeats one that was stopped need not tell it again.
+// Stored at once, not when the commit succeeds, so that the caller need not repeat it after an aborted commit.
 RayForecast Scene::forecast_rays(const CommitOptions& options) {
   const std::uint64_t cast_in_all = rays_cast();
   RayForecast rays{options.expected_rays, static_cast<double>(cast_in_all - cast_until_last_commit_), cast_in_all};
@@ -219,20 +219,21 @@ RayForecast Scene::forecast_rays(const CommitOptions& options) {
   return rays;
 }
 
-// Of the scene's rays, by the time that its tree is expected to be replaced.
+// Returns the rays of the scene until its tree is expected to be replaced.
 double Scene::most_served_rays(const MeshSlot& slot, const RayForecast& rays) const noexcept {
   return static_cast<double>(rays.cast_in_all - slot.cast_before) + rays_to_come(slot.usage, rays.likely());
 }
 
-// served: most rays that its tree may have to serve. Air is measured where it matters, once.
+// served: the most rays that its tree may have to serve. The empty-space ratio is measured once, when it matters.
 bool Scene::may_be_replaced(MeshSlot& slot, double served, const CommitOptions& options, CancelToken& cancel) {
   if (!(served > most_rays_of_tree(slot, options))) return false;
   if (!slot.air) slot.air = measure_air(slot.blas->mesh, cancel);
   return served > most_rays_of_tree(slot, options);
 }
 
-// Shares are what takes long, with many instances. They stay while nothing is edited, and a mesh whose tree is the best
-// for more rays than there are needs none; nor does one at rest before rays pay for the asking.
+// Shares take long to compute if there are many instances. They stay valid while nothing is edited. No share is needed
+// for a mesh whose tree is the best for more rays than there are, nor for a mesh at rest before there are enough rays
+// to pay off the check.
 std::vector<ChangedMesh> Scene::find_changed(const CommitOptions& options, const RayForecast& rays,
                                              CancelToken& cancel) {
   std::vector<ChangedMesh> changed;
@@ -242,7 +243,7 @@ std::vector<ChangedMesh> Scene::find_changed(const CommitOptions& options, const
   const bool pays = rays_of_shares >= kRaysOfAShare * static_cast<double>(instances_.size());
   for (auto& [mesh_id, slot] : meshes_) {
     const bool is_known = slot.share_of == edit_count_;
-    // No box has more surface than the scene's.
+    // No box has more surface area than the scene's.
     const double most = (is_known ? slot.ray_share : slot.user_count) * most_served_rays(slot, rays);
     const bool is_asked_about = rays.likely() > 0 && (is_known || pays);
     if (!needs_decision(slot, options) && !(is_asked_about && may_be_replaced(slot, most, options, cancel))) continue;

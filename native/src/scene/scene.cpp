@@ -22,11 +22,11 @@ void check_same_length(std::size_t ids, std::size_t values, const char* function
                         std::to_string(values));
 }
 
-// Beyond this, products with positions (which stay below 1e18, too) would leave the range of float.
+// Beyond this, products with positions (which are below 1e18, too) would leave the range of float.
 constexpr double kLargestEntry = 1e18;
 
 bool are_consecutive(std::span<const std::int32_t> ids) noexcept {
-  std::uint32_t wrong = 0;  // without a branch: many at once
+  std::uint32_t wrong = 0;  // no branch: several at once
   const auto first = static_cast<std::uint32_t>(ids.front());
   for (std::size_t i = 0; i < ids.size(); ++i) {
     wrong |= static_cast<std::uint32_t>(ids[i]) ^ (first + static_cast<std::uint32_t>(i));
@@ -35,7 +35,7 @@ bool are_consecutive(std::span<const std::int32_t> ids) noexcept {
 }
 
 bool is_sound(const Affine& transform) {
-  bool sound = true;  // NaN is not
+  bool sound = true;  // false for NaN
   for (const Vec3d v : {transform.x, transform.y, transform.z, transform.translation}) {
     for_each_axis([&](auto axis) { sound &= std::abs(v[axis]) <= kLargestEntry; });
   }
@@ -60,7 +60,7 @@ void place_still(Placement& slot, const Affine& object_to_world) {
   if (slot.turns) slot.turns.reset();
 }
 
-// The motion of the i-th of `count` instances.
+// Makes the motion of the i-th of `count` instances.
 template <class T>
 std::shared_ptr<const Turns> make_turns(Matrices<T> matrices, std::size_t i, std::size_t count,
                                         const StepTimes& times) {
@@ -101,11 +101,11 @@ Scene::InstanceRows Scene::find_instances(std::span<const std::int32_t> ids, con
   found.count = ids.size();
   if (ids.empty()) return found;
   found.first = row_of(ids.front());
-  // Rows are ordered by id: where ids are consecutive and the last one is so many rows away, so are all between.
+  // Rows are ordered by id. If the ids are consecutive and the last one is as many rows away, all rows between match.
   const std::size_t last = found.first + ids.size() - 1;
   if (are_consecutive(ids) && last < instances_.size() && instances_[last].id == ids.back()) return found;
   found.rows.resize(ids.size());
-  std::size_t next = found.first;  // ids mostly come in the order of the rows
+  std::size_t next = found.first;  // ids are usually in the order of the rows
   for (std::size_t i = 0; i < ids.size(); ++i) {
     if (next == instances_.size() || instances_[next].id != ids[i]) next = row_of(ids[i]);
     found.is_ascending &= i == 0 || next > found.rows[i - 1];
@@ -123,7 +123,7 @@ template <class Input>
 std::int32_t Scene::append_instances(std::size_t count, const Input& input) {
   const std::lock_guard lock(edit_mutex_);
   MeshSlot* slot = nullptr;
-  std::int32_t mesh_id = 0;  // of the slot: neighbours mostly show the same mesh
+  std::int32_t mesh_id = 0;  // of the slot: neighbours usually have the same mesh
   const auto find = [&](std::int32_t id) {
     if (slot == nullptr || id != mesh_id) slot = &find_mesh(id, "add_instances"), mesh_id = id;
     return slot;
@@ -183,7 +183,7 @@ void Scene::move_instances(std::span<const std::int32_t> ids, const Map& map, Th
     while (row < end && row < earliest && !first_wrong.compare_exchange_weak(earliest, row)) continue;
   });
   if (first_wrong < rows.count) check_transform(map(first_wrong), first_wrong, "set_transforms");
-  const std::size_t grain = rows.is_ascending ? kGrain : rows.count;  // the last one holds
+  const std::size_t grain = rows.is_ascending ? kGrain : rows.count;  // the last duplicate wins
   parallel_for(pool, rows.count, grain, [&](std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end; ++i) place_still(instances_[rows[i]], map(i));
   });
@@ -215,7 +215,7 @@ void Scene::set_instance_motion(std::span<const std::int32_t> ids, Matrices<T> m
   const std::lock_guard lock(edit_mutex_);
   const auto rows = find_instances(ids, kName);
   for (std::size_t i = 0; i < rows.count; ++i) {
-    instances_[rows[i]].object_to_world = turns[i]->at(kShutterOpens);  // which may be between two steps
+    instances_[rows[i]].object_to_world = turns[i]->at(kShutterOpens);  // may be between two steps
     instances_[rows[i]].turns = std::move(turns[i]);
   }
   mark_edited();
@@ -236,7 +236,7 @@ void Scene::remove_instances(std::span<const std::int32_t> ids) {
   const auto rows = find_instances(ids, "remove_instances");
   for (std::size_t i = 0; i < rows.count; ++i) {
     Placement& slot = instances_[rows[i]];
-    if (slot.id == -1) continue;  // named twice
+    if (slot.id == -1) continue;  // given twice
     --meshes_.at(slot.mesh_id).user_count;
     slot.id = -1;
   }

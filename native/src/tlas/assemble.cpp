@@ -13,10 +13,10 @@
 namespace perfect_bvh {
 namespace {
 
-constexpr std::size_t kGrain = 1024;  // instances that a task places
+constexpr std::size_t kGrain = 1024;  // instances placed by one task
 
-// A table of a mesh's support takes 50 us to 2 ms to make, as long as going through this many vertices. Without one,
-// each instance goes through all that the mesh has.
+// A table of a mesh's support takes 50 us to 2 ms to make, as long as going through this many vertices. Without a
+// table, each instance goes through all vertices of the mesh.
 constexpr std::size_t kManyVertices = std::size_t{1} << 17;
 constexpr std::uint32_t kManyUsers = 64;
 
@@ -24,14 +24,14 @@ bool is_worth_table(const PlacedMesh& mesh) noexcept {
   return mesh.user_count >= kManyUsers || mesh.user_count * mesh.blas->mesh.vertex_count() > kManyVertices;
 }
 
-// Copies of instances without a usable inverse, made on any thread.
+// The copies of instances without a usable inverse, made on any thread.
 class BakedCopies {
  public:
   void add(std::size_t row, std::shared_ptr<const Blas> blas) {
     const std::lock_guard lock(mutex_);
     copies_.emplace_back(row, std::move(blas));
   }
-  // In the order of the rows.
+  // Appends them in the order of the rows.
   void move_to(std::vector<std::shared_ptr<const Blas>>& blases) {
     std::sort(copies_.begin(), copies_.end(), [](const auto& a, const auto& b) { return a.first < b.first; });
     for (auto& [row, blas] : copies_) blases.push_back(std::move(blas));
@@ -42,7 +42,7 @@ class BakedCopies {
   std::vector<std::pair<std::size_t, std::shared_ptr<const Blas>>> copies_;
 };
 
-// Keeps what instances refer to.
+// Keeps the turns of the instances alive.
 void hold_turns(Snapshot& snapshot, std::span<const Placement> placements, CancelToken& cancel) {
   snapshot.turns.clear();
   for_steps(placements.size(), cancel, [&](std::size_t begin, std::size_t end) {
@@ -52,7 +52,7 @@ void hold_turns(Snapshot& snapshot, std::span<const Placement> placements, Cance
   });
 }
 
-// Instances that stayed who they are and only moved: their trees get new boxes.
+// Refits the trees if the instances are the same and only moved.
 bool try_refit(Snapshot& snapshot, std::span<const PrimRef> boxes, std::optional<double> expected_rays,
                TopLevelReport& report, ThreadPool& pool, CancelToken& cancel) {
   if (snapshot.tlas.empty()) {
@@ -99,8 +99,8 @@ void build(Snapshot& snapshot, AlignedVector<PrimRef>& boxes, std::optional<doub
   report.collapse_milliseconds = watch.milliseconds();
 }
 
-// Makes room for as many instances; those that the last snapshot had stay as they are, to be written anew. In steps:
-// what an instance begins as is written as well.
+// Makes room for `count` instances. Those of the last snapshot stay, to be overwritten. Done in steps, because
+// initializing instances takes time too.
 void make_rows(Snapshot& snapshot, std::size_t count, CancelToken& cancel) {
   auto& instances = snapshot.instances;
   instances.reserve(count);
@@ -111,7 +111,7 @@ void make_rows(Snapshot& snapshot, std::size_t count, CancelToken& cancel) {
   snapshot.instance_views.resize(count);
 }
 
-// The result has a row for each instance, empty where its mesh is.
+// Returns a box for each instance, empty if its mesh is empty.
 AlignedVector<PrimRef> place_instances(Snapshot& snapshot, const PlacedMeshes& meshes,
                                        std::span<const Placement> placements, ThreadPool& pool, CancelToken& cancel) {
   make_rows(snapshot, placements.size(), cancel);
@@ -122,7 +122,7 @@ AlignedVector<PrimRef> place_instances(Snapshot& snapshot, const PlacedMeshes& m
   const auto place = [&](std::size_t begin, std::size_t end) {
     auto found = meshes.end();
     bool has_table = false;
-    std::size_t vertex_count = 0;  // gone through since it was asked
+    std::size_t vertex_count = 0;  // visited since the last check
     Aabb part;
     for (std::size_t i = begin; i < end; ++i) {
       const Placement& slot = placements[i];
@@ -138,7 +138,7 @@ AlignedVector<PrimRef> place_instances(Snapshot& snapshot, const PlacedMeshes& m
       Instance& instance = snapshot.instances[i];
       instance.id = slot.id, instance.mesh_id = slot.mesh_id, instance.mask = slot.mask, instance.order = slot.order;
       Placing placing;
-      // One that turns has a map at each of its steps, and is not seen while it is flattened between two.
+      // A turning instance has a map at each of its steps. It is invisible at moments at which it is flat.
       if (!place_instance(instance, placing, blas, slot.object_to_world, has_table) && slot.turns == nullptr) {
         const BuildConfig& config = found->second.bake_config;
         baked.add(i, bake_instance(instance, placing, blas, slot.object_to_world, config, pool, cancel));
@@ -157,7 +157,7 @@ AlignedVector<PrimRef> place_instances(Snapshot& snapshot, const PlacedMeshes& m
   return boxes;
 }
 
-// The top level at the times of the shutter; none where it serves as it is.
+// Makes the top level at the times of the shutter; none if the whole one serves all times.
 void add_top_steps(Snapshot& snapshot, const StepBoxes& boxes, ThreadPool& pool, CancelToken& cancel) {
   if (boxes.empty()) return;
   const std::size_t middle = boxes.size() / 2;
@@ -198,11 +198,11 @@ TopLevelReport assemble(Snapshot& snapshot, const PlacedMeshes& meshes, std::spa
 
 namespace {
 
-// A visit takes one entry off the stack and puts at most 8 on it.
+// A visit pops one entry and pushes at most 8.
 constexpr std::uint32_t entries_for(std::uint32_t depth) { return 7 * depth + 1; }
-constexpr std::uint32_t kMarks = 2;  // the end of the ray, and the way back from an instance
+constexpr std::uint32_t kMarks = 2;  // the end of the ray, and the return from an instance
 
-// The scale is a power of two, so that nothing is rounded.
+// The scale is a power of two, so nothing is rounded.
 void bring_to_scale(AlignedVector<InstanceView>& views, double world_scale, ThreadPool& pool, CancelToken& cancel) {
   if (world_scale == 1.0) return;
   constexpr std::size_t kScaleGrain = 4096;
@@ -216,7 +216,7 @@ void bring_to_scale(AlignedVector<InstanceView>& views, double world_scale, Thre
   for_chunks(pool, views.size(), kScaleGrain, cancel, divide);
 }
 
-// Makes room in the view for rays to go through a tree.
+// Extends the view's limits for rays that go through a tree.
 void admit_tree(SceneView& view, const WideBvh& top_level, const WideBvh& tree) {
   view.stack_entries = std::max(view.stack_entries, entries_for(top_level.depth) + entries_for(tree.depth) + kMarks);
   view.repeats_triangles = view.repeats_triangles || tree.repeats_triangles;
@@ -232,7 +232,7 @@ InstanceView view_of(const Instance& instance, const Affine& world_to_object) {
   const double scale = static_cast<double>(tree.scale);
   const Vec3d columns[4] = {world_to_object.x, world_to_object.y, world_to_object.z, world_to_object.translation};
   for (int column = 0; column < 4; ++column) {
-    // No minus zero: kernels take an identity for no map at all (LoneInstance).
+    // No minus zero: kernels skip an identity map (LoneInstance).
     for_each_axis([&](auto row) { view.world_to_local[column][row] = columns[column][row] * scale + 0.0; });
     view.world_to_local[column][3] = 0;
   }

@@ -12,7 +12,7 @@
 namespace perfect_bvh {
 namespace {
 
-// The map from the frame in which a mesh is stored.
+// Returns the map from the frame in which a mesh is stored.
 Affine from_stored(const Affine& object_to_world, Vec3d centre) {
   Affine map = object_to_world;
   map.translation = object_to_world.point(centre);
@@ -21,7 +21,7 @@ Affine from_stored(const Affine& object_to_world, Vec3d centre) {
 
 double largest_component(Vec3d v) { return std::max({std::abs(v.x), std::abs(v.y), std::abs(v.z)}); }
 
-// Maps a unit box's corner there and back: what returns differs by the rounding of the two maps.
+// Maps a unit box's corner there and back; the result differs by the rounding of the two maps.
 bool round_trip_holds(const Affine& forth, const Affine& back) {
   if (!back.is_finite()) return false;
   constexpr double kTolerance = 0x1p-24;
@@ -31,11 +31,11 @@ bool round_trip_holds(const Affine& forth, const Affine& back) {
     Vec3d error = back.vector(columns[axis]);
     error[axis] -= 1.0;
     holds &= largest_component(error) <= kTolerance;
-    // An axis that is squeezed below what float can tell apart from nothing is as good as flat.
+    // An axis so small that float cannot distinguish it from zero counts as flat.
     holds &= largest_component(columns[axis]) > 0;
   });
   if (!holds) return false;
-  // Narrowed to float the inverse must still be finite.
+  // The inverse must still be finite when narrowed to float.
   constexpr double kLargestFloat = 3.4028234e38;
   return largest_component(back.x) < kLargestFloat && largest_component(back.y) < kLargestFloat &&
          largest_component(back.z) < kLargestFloat;
@@ -57,7 +57,7 @@ bool place_instance(Instance& instance, Placing& placing, const Blas& blas, cons
   instance.object_to_world = map;
   instance.mirrored = map.determinant() < 0;
   instance.motion = 0, instance.turns = nullptr;
-  instance.baked = false;  // the row may be the last snapshot's, where it was
+  instance.baked = false;  // the row may be reused from a snapshot where it was baked
   placing.world_to_object = inverse(map);
   placing.world_bounds = bounds_of(blas, map, is_worth_table);
   return round_trip_holds(map, placing.world_to_object);
@@ -65,7 +65,8 @@ bool place_instance(Instance& instance, Placing& placing, const Blas& blas, cons
 
 namespace {
 
-// In world space, at all steps of one that moves. What has no thickness left is no solid: of balls nothing remains.
+// Returns the mesh in world space, at all steps if it moves. Without thickness there is no solid: of balls nothing
+// remains.
 std::shared_ptr<Mesh> flattened(const Mesh& mesh, const Affine& to_world, CancelToken& cancel) {
   auto copy = std::make_shared<Mesh>();
   const Vec3d centre = to_world.point({0, 0, 0});

@@ -10,7 +10,7 @@
 namespace perfect_bvh {
 namespace {
 
-constexpr int kMostParts = 64;  // of an interval, in which boxes are taken
+constexpr int kMostParts = 64;  // of an interval, at whose borders boxes are computed
 
 Vec3d corner(const Aabb& box, int i) noexcept {
   return to_double(
@@ -112,7 +112,7 @@ std::uint32_t MovingBounds::wanted_intervals() const {
   return static_cast<std::uint32_t>(std::clamp(std::ceil(std::max(turns, steps)), 1.0, double{kMostTopSteps}));
 }
 
-// Both boxes by as much on each side as it takes.
+// Widens both boxes by the same amount on each side, as far as needed.
 void MovingBounds::widen(double begin, double end, Box& first, Box& last) const {
   std::vector<double> times{begin};
   for (const double time : corners_) {
@@ -154,7 +154,7 @@ void MovingBounds::fill(std::span<Aabb> boxes) const {
   }
   double most = 0;
   for (const Box& box : wide) most = std::max({most, largest(box.lower), largest(box.upper)});
-  const double rounding = 0x1p-20 * most;  // of times and of boxes as they are interpolated in float
+  const double rounding = 0x1p-20 * most;  // of times and of boxes when they are interpolated in float
   for (std::size_t i = 0; i < boxes.size(); ++i) {
     for (int axis = 0; axis < 3; ++axis) {
       boxes[i].lower[axis] = round_down(wide[i].lower[axis] - rounding);
@@ -167,7 +167,7 @@ void MovingBounds::fill(std::span<Aabb> boxes) const {
 
 namespace {
 
-constexpr std::size_t kGrain = 64;  // instances that a task bounds
+constexpr std::size_t kGrain = 64;  // instances bounded by one task
 
 MotionView view_of_motion(const Instance& instance) {
   MotionView view;
@@ -182,7 +182,7 @@ MotionView view_of_motion(const Instance& instance) {
   return view;
 }
 
-// The rows of instances that move, as they are told to.
+// Lists the rows of instances that move.
 std::vector<std::uint32_t> list_moving(Snapshot& snapshot, CancelToken& cancel) {
   std::vector<std::uint32_t> rows;
   for_steps(snapshot.instances.size(), cancel, [&](std::size_t begin, std::size_t end) {
@@ -212,7 +212,7 @@ std::uint32_t interval_count(const Snapshot& snapshot, std::span<const std::uint
   return most;
 }
 
-// Of the boxes of all ways; where the larger part of a scene stands still, packets of rays pay.
+// Compares the boxes around the whole motion. If the larger part of a scene does not move, packets of rays pay off.
 bool are_mostly_still(const Snapshot& snapshot, std::span<const PrimRef> boxes, CancelToken& cancel) {
   double still = 0, moving = 0;
   for_steps(boxes.size(), cancel, [&](std::size_t begin, std::size_t end) {

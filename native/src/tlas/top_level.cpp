@@ -19,11 +19,11 @@
 namespace perfect_bvh {
 namespace {
 
-// The upper part of a tree, cut off above subtrees of which the largest box is as small as may be.
+// The upper part of a tree, cut above subtrees so that their largest box is as small as possible.
 struct Cut {
   AlignedVector<PrimRef> boxes;  // of the subtrees
   std::vector<TreePart> parts;   // the subtrees
-  Bvh2 top;                      // what stands above them: leaf i refers to subtree i
+  Bvh2 top;                      // the nodes above them: leaf i refers to subtree i
 };
 
 class Cutter {
@@ -83,7 +83,7 @@ class Cutter {
   std::vector<Candidate> closed_;
 };
 
-// What two trees over the same leaves differ by in cost.
+// Returns the part of the cost in which trees over the same leaves differ.
 double inner_area(const Bvh2& tree) {
   double sum = 0;
   for (std::size_t i = 0; i < tree.nodes.size(); ++i) {
@@ -105,7 +105,7 @@ std::uint32_t levels_below(const Bvh2& tree, std::uint32_t root, Steps& steps) {
   return deepest;
 }
 
-// Calls visit(ref, area) for each box whose area is no more than a limit.
+// Calls visit(ref, area) for each box whose area is at most a limit.
 template <class Visit>
 void for_boxes_below(double limit, std::span<const PrimRef> prims, CancelToken& cancel, const Visit& visit) {
   for_steps(prims.size(), cancel, [&](std::size_t begin, std::size_t end) {
@@ -116,28 +116,28 @@ void for_boxes_below(double limit, std::span<const PrimRef> prims, CancelToken& 
   });
 }
 
-// Around the boxes that are not much larger than most.
+// Returns the box around the boxes that are not much larger than most.
 Box4 span_of_usual(std::span<const PrimRef> prims, CancelToken& cancel) {
   constexpr double kMuchLarger = 8.0;
   const auto mean_below = [&](double limit) {
     double sum = 0, count = 0;
     for_boxes_below(limit, prims, cancel, [&](const PrimRef&, double area) { sum += area, count += 1; });
-    return count > 0 ? sum / count : limit;  // the mean of equal ones may be rounded to less than all of them
+    return count > 0 ? sum / count : limit;  // the mean of equal areas may be rounded to less than all of them
   };
-  // Of those that are no larger than the mean, so that the large ones do not raise what they are compared with.
+  // Averages only boxes up to the mean, so that large ones do not raise the reference value.
   const double usual = mean_below(mean_below(std::numeric_limits<double>::infinity()));
   Box4 box = Box4::empty();
   for_boxes_below(kMuchLarger * usual, prims, cancel, [&](const PrimRef& ref, double) { box.grow(Box4::load(&ref)); });
   return box;
 }
 
-// Planes through centroids cannot take a large instance away from the small ones that stand on a part of it: every node
-// from the root down to its leaf is as large as it. Clustering wins at most what such nodes are larger than all the
-// small ones together; a wide node holds seven of them. Measured with 20 to 10,000 boxes: where small ones stand
-// everywhere, whatever their sizes, clustering hardly saves a visit: it is tried only for very many rays.
+// Planes through centroids cannot separate a large instance from the small ones that are on a part of it: every node
+// from the root down to its leaf is as large as the instance. Clustering gains at most the difference in area between
+// such nodes and all small ones together; a wide node holds seven of them. Measured with 20 to 10,000 boxes: if small
+// instances are everywhere, of any sizes, clustering saves almost no visits. It is then tried only for very many rays.
 bool is_worth_clustering(const Bvh2& tree, std::span<const PrimRef> prims, std::uint32_t most_clusters, double rays,
                          CancelToken& cancel) {
-  constexpr std::size_t kMany = 256;  // times as many instances as clusters: trying takes no longer than finding out
+  constexpr std::size_t kMany = 256;  // times as many instances as clusters: trying takes no longer than this test
   constexpr double kLeastShare = 0.02;
   if (prims.size() > kMany * most_clusters) return true;
   const auto nodes = static_cast<double>(std::bit_width(prims.size())) / (kWideWidth - 1);
@@ -147,7 +147,7 @@ bool is_worth_clustering(const Bvh2& tree, std::span<const PrimRef> prims, std::
   return rays * kVisitNanoseconds * nodes * share > kJoinNanoseconds * clusters;
 }
 
-// True, and the tree exchanged, if clustering its upper part makes it cheaper.
+// Clusters the upper part of the tree. Returns true, with the tree replaced, if that makes it cheaper.
 bool cluster_top(Bvh2& tree, std::uint32_t most_clusters, CancelToken& cancel) {
   const Cut cut = Cutter(tree).cut(most_clusters);
   const Bvh2 clustered = build_agglomerative(cut.top, 0, cut.boxes, cancel);
@@ -160,11 +160,12 @@ bool cluster_top(Bvh2& tree, std::uint32_t most_clusters, CancelToken& cancel) {
   return true;
 }
 
-// Where rays are few for so many instances, they lose less on a tree along a curve than a better one takes to build.
+// Builds the tree. If there are few rays per instance, they lose less on a tree along a curve than a better one takes
+// to build.
 Bvh2 build_tree(std::span<const PrimRef> prims, double rays, const char*& builder, ThreadPool& pool,
                 CancelToken& cancel) {
-  // For each instance. Measured with 1,000 to 100,000 boxes: to build in a half to a third of the time, for 5 percent
-  // more visits (20 in rooms), breaks even at 5 to 25 rays an instance.
+  // Rays per instance. Measured with 1,000 to 100,000 boxes: building in a half to a third of the time, for 5 percent
+  // more visits (20 in rooms), breaks even at 5 to 25 rays per instance.
   constexpr double kFewRays = 5.0;
   BuildConfig config;
   config.builder = rays < kFewRays * static_cast<double>(prims.size()) ? BuilderKind::kFast : BuilderKind::kBinned;
@@ -193,11 +194,11 @@ TopLevel build_top_level(std::span<const PrimRef> prims, ThreadPool& pool, Cance
 
 namespace {
 
-constexpr std::size_t kGrain = 512;  // nodes that a task works on
+constexpr std::size_t kGrain = 512;  // nodes processed by one task
 
 bool is_instance(std::uint32_t child) noexcept { return child >= kInstanceChild; }
 
-// Of its taken lanes; the others' boxes are inverted, so that they add nothing.
+// Returns the bounds of the used lanes; the other boxes are inverted, so they add nothing.
 Aabb bounds_of_children(const WideNode& node) noexcept {
   Aabb box;
   for (int axis = 0; axis < 3; ++axis) {
@@ -221,7 +222,7 @@ void enclose_nodes_below(const WideBvh& wide, WideNode& node) noexcept {
   }
 }
 
-// The lanes of nodes stay empty.
+// The lanes of child nodes stay empty.
 void place_instances(WideNode& node, std::span<const PrimRef> boxes, Float4 scale) noexcept {
   std::array<Box4, kWideWidth> placed;
   const Float4 zero(0.0f);  // -0 + 0 is +0
@@ -273,7 +274,7 @@ TopLevelCost measure_cost(const WideBvh& wide, ThreadPool& pool, CancelToken& ca
   if (wide.nodes.empty()) return {};
   const double whole = half_area(bounds_of_children(wide.nodes[wide.root]));
   if (!(whole > 0)) return {};
-  // By parts whose borders do not depend on the threads: sums of floating point numbers do on their order.
+  // Summed in chunks that do not depend on the threads, because floating-point sums depend on their order.
   std::vector<TopLevelCost> parts((wide.nodes.size() + kGrain - 1) / kGrain);
   for_chunks(pool, wide.nodes.size(), kGrain, cancel, [&](std::size_t begin, std::size_t end) {
     parts[begin / kGrain] = areas_of(std::span(wide.nodes).subspan(begin, end - begin));
@@ -292,7 +293,7 @@ bool is_over(const Bvh2& tree, std::span<const PrimRef> boxes, CancelToken& canc
     for (std::size_t i = begin; i < end; ++i) filled += is_filled(boxes[i]) ? 1 : 0;
   });
   if (filled != tree.prim_indices.size()) return false;
-  // Where no row is empty, no box has to be looked up.
+  // If no row is empty, no box has to be read.
   bool all_there = true;
   for_steps(tree.prim_indices.size(), cancel, [&](std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end && all_there; ++i) {
@@ -303,8 +304,8 @@ bool is_over(const Bvh2& tree, std::span<const PrimRef> boxes, CancelToken& canc
   return all_there;
 }
 
-// No node stands before its parent: the rows are gone through from the last to the first. Only the instances' own boxes
-// have to be fetched from everywhere, and that is shared out.
+// No node is before its parent, so the rows are visited from the last to the first. Only reading the instances' boxes,
+// which are scattered in memory, is divided among threads.
 void refit_boxes(WideBvh& wide, std::span<const PrimRef> boxes, ThreadPool& pool, CancelToken& cancel) {
   const Aabb bounds = bounds_of(boxes, cancel);
   wide.scale = tree_scale(bounds);
@@ -321,7 +322,7 @@ WideBvh refitted_at_step(const WideBvh& wide, std::span<const PrimRef> boxes, Th
 
 bool serves_all_times(const WideBvh& wide, const WideBvh& step, ThreadPool& pool, CancelToken& cancel) {
   if (wide.nodes.empty()) return false;
-  // In visits of a node that stands still, by the instructions that they take.
+  // In visits of a node that does not move, by instruction count.
   constexpr double kMovingNode = 1.6, kInstance = 10.0;
   const auto cost = [&](const WideBvh& tree, double node) {
     const TopLevelCost visits = measure_cost(tree, pool, cancel);

@@ -16,14 +16,14 @@ double largest_entry(const Affine& map) noexcept {
   return most;
 }
 
-// The transpose of the inverse.
+// Returns the transpose of the inverse.
 Affine cofactor_inverse(const Affine& map) noexcept {
   const double scale = 1.0 / map.determinant();
   return {cross(map.y, map.z) * scale, cross(map.z, map.x) * scale, cross(map.x, map.y) * scale, {}};
 }
 
-// The rotation, or reflection, nearest to a map: the mean of it and the transpose of its inverse, again and again
-// (Higham 1986, "Computing the polar decomposition").
+// Finds the rotation, or reflection, nearest to a map: repeatedly takes the mean of the map and the transpose of its
+// inverse (Higham 1986, "Computing the polar decomposition").
 bool nearest_rotation(Affine& map) noexcept {
   constexpr int kMostRounds = 128;
   for (int round = 0; round < kMostRounds; ++round) {
@@ -37,7 +37,7 @@ bool nearest_rotation(Affine& map) noexcept {
   return false;
 }
 
-// By the largest of its four parts, so that none is divided by nearly nothing (Shepperd 1978).
+// Starts from the largest of the four components, to avoid a division by nearly zero (Shepperd 1978).
 void to_quaternion(const Affine& turn, double q[4]) noexcept {
   const double trace = turn.x.x + turn.y.y + turn.z.z;
   const double sizes[4] = {trace, turn.x.x, turn.y.y, turn.z.z};
@@ -61,7 +61,7 @@ void to_quaternion(const Affine& turn, double q[4]) noexcept {
   for (int i = 0; i < 4; ++i) q[i] /= size;
 }
 
-// How far it is from one quaternion to the next, which is turned round if its opposite is nearer.
+// Measures the angle between two quaternions. The second is negated if its opposite is nearer.
 void measure_turn(TurnStep& from, TurnStep& to) noexcept {
   double* const b = to.rotation;
   const double* const a = from.rotation;
@@ -73,11 +73,12 @@ void measure_turn(TurnStep& from, TurnStep& to) noexcept {
   double square = 0;
   for (int i = 0; i < 4; ++i) square += (b[i] - cosine * a[i]) * (b[i] - cosine * a[i]);
   from.angle = arc_tangent(std::sqrt(square), cosine);
-  constexpr double kSmall = 0x1p-13;  // the straight line is then off by less than a double's rounding
+  constexpr double kSmall = 0x1p-13;  // the straight line then differs by less than a double's rounding
   from.over_sine = from.angle < kSmall ? 0.0 : 1.0 / sine_of_quarter(from.angle);
 }
 
-// The transform's step, after the one before it, which is null for the first. False if it flattens space.
+// Decomposes the transform into a step. `before` is the previous step, null for the first. Returns false if it flattens
+// space.
 bool take_apart(const Affine& transform, TurnStep& step, TurnStep* before) noexcept {
   const double size = largest_entry(transform);
   if (!(size > 0)) return false;
@@ -106,7 +107,7 @@ Affine transposed(const Affine& map) noexcept {
   return {{map.x.x, map.y.x, map.z.x}, {map.x.y, map.y.y, map.z.y}, {map.x.z, map.y.z, map.z.z}, {}};
 }
 
-// The axis about which one quaternion goes on to the other in its own frame; zero where it does not turn.
+// Returns the axis, in its own frame, about which one quaternion turns to the other; zero if it does not turn.
 Vec3d axis_between(const double a[4], const double b[4]) noexcept {
   const Vec3d from{a[1], a[2], a[3]}, to{b[1], b[2], b[3]};
   const Vec3d part = to * a[0] - from * b[0] - cross(from, to);
@@ -120,11 +121,11 @@ void write_map(const Affine& map, double* columns) noexcept {
   }
 }
 
-// `to` is the step itself for the last one.
+// `to` equals `from` for the last step.
 TurnBack make_back(const TurnStep& from, const TurnStep& to) noexcept {
   TurnBack back{};
   const Affine stretch = stretch_of(from), unstretch = inverse(stretch);
-  // Worse ones are left to be inverted in double for each ray, where growth is no longer small.
+  // Worse ones are inverted in double for each ray; their growth would not be small.
   constexpr double kMostCondition = 0x1p20;
   if (!unstretch.is_finite() || !(largest_entry(unstretch) * largest_entry(stretch) <= kMostCondition)) return back;
   Affine growth = product(inverse(stretch_of(to)), stretch);
@@ -136,7 +137,7 @@ TurnBack make_back(const TurnStep& from, const TurnStep& to) noexcept {
   const double* const c = turned.columns;
   const Affine unturn = transposed({{c[0], c[1], c[2]}, {c[3], c[4], c[5]}, {c[6], c[7], c[8]}, {}});
   const Vec3d k = axis_between(from.rotation, to.rotation);
-  const Affine across{{0, -k.z, k.y}, {k.z, 0, -k.x}, {-k.y, k.x, 0}, {}};  // K's transpose: the way back
+  const Affine across{{0, -k.z, k.y}, {k.z, 0, -k.x}, {-k.y, k.x, 0}, {}};  // K's transpose: the inverse rotation
   write_map(product(unstretch, unturn), back.maps);
   write_map(product(unstretch, product(across, unturn)), back.maps + 9);
   write_map(product(unstretch, product(across, product(across, unturn))), back.maps + 18);
