@@ -33,16 +33,16 @@ struct Aabb {
   }
 };
 
-// Half the surface area of a box of this size, in double: where many are added up, neither large nor many small boxes
-// lose their share.
+// Returns half the surface area of a box of this size, in double: in sums of many areas, neither large nor many small
+// boxes lose their share.
 [[nodiscard]] constexpr double half_area(Vec3d size) noexcept {
   return size.x * size.y + size.y * size.z + size.z * size.x;
 }
-// Not of an empty box.
+// The box must not be empty.
 [[nodiscard]] constexpr double half_area(const Aabb& box) noexcept {
   return half_area(to_double(box.upper) - to_double(box.lower));
 }
-// Of what lies in both boxes; 0 if they do not meet.
+// Returns half the surface area of the intersection of both boxes; 0 if they do not overlap.
 [[nodiscard]] constexpr double shared_half_area(const Aabb& a, const Aabb& b) noexcept {
   const Aabb shared{max(a.lower, b.lower), min(a.upper, b.upper)};
   return shared.is_empty() ? 0.0 : half_area(shared);
@@ -58,7 +58,7 @@ struct Affine {
 
   [[nodiscard]] constexpr Vec3d vector(Vec3d v) const noexcept { return x * v.x + y * v.y + z * v.z; }
   [[nodiscard]] constexpr Vec3d point(Vec3d p) const noexcept { return vector(p) + translation; }
-  // The transpose of the linear part applied to v: with the inverse map this transforms normals.
+  // Applies the transpose of the linear part to v. The inverse map's transpose transforms normals.
   [[nodiscard]] constexpr Vec3d transposed_vector(Vec3d v) const noexcept { return {dot(x, v), dot(y, v), dot(z, v)}; }
   [[nodiscard]] constexpr double determinant() const noexcept { return dot(x, cross(y, z)); }
   [[nodiscard]] bool is_finite() const noexcept {
@@ -70,7 +70,7 @@ struct Affine {
   }
 };
 
-// The inverse; its entries are not finite where the map flattens space.
+// Returns the inverse. Its entries are not finite if the map flattens space.
 [[nodiscard]] constexpr Affine inverse(const Affine& map) noexcept {
   const double scale = 1.0 / map.determinant();
   const Vec3d row0 = cross(map.y, map.z) * scale;
@@ -81,7 +81,7 @@ struct Affine {
   return result;
 }
 
-// Rounds outward: the float box always contains the double one.
+// Rounds outward, so that the float box always contains the double one.
 [[nodiscard]] inline float round_down(double value) noexcept {
   const auto rounded = static_cast<float>(value);
   return static_cast<double>(rounded) > value ? std::nextafter(rounded, -Aabb::kInfinity) : rounded;

@@ -1,19 +1,19 @@
-// Which ends of a segment's chord are the curve's surface, and which lie inside of the segment before or after it. A
-// curve is the union of its segments, of which consecutive ones overlap (math/round_segment.h): without this a ray
-// would meet surfaces inside of the curve at every joint.
+// Decides which ends of a segment's chord are on the curve's surface, and which are inside the segment before or after
+// it. A curve is the union of its segments, and consecutive segments overlap (math/round_segment.h). Without this test,
+// a ray would hit surfaces inside the curve at every joint.
 //
-// An end is hidden if a neighbour's chord holds it; of two ends at the same t, that of the segment with the smaller
-// number is shown. Only neighbours hide: where a curve crosses itself, or is bent so tightly that other segments
-// overlap, their surfaces are met inside of each other, as those of two curves are.
+// An end is hidden if a neighbour's chord contains it. Of two ends at the same t, that of the segment with the smaller
+// number is visible. Only neighbours hide ends: if a curve crosses itself, or bends so tightly that other segments
+// overlap, their surfaces are hit inside each other, as for two curves.
 //
-// So what is first entered along a ray is always shown, and what is left last: of the ends with the least t none is
-// hidden but by one with the same t and a smaller number. And where no segments but neighbours overlap, the shown ends
-// are those of the chords' union: in and out by turns.
+// So the first entry along a ray is always visible, and so is the last exit: an end with the least t is only hidden by
+// one with the same t and a smaller number. If only neighbours overlap, the visible ends are those of the chords'
+// union: entries and exits alternate.
 //
-// A cyclic curve's last segment and its first one are neighbours; the first one still has the smaller number. Where a
-// segment's two balls are equal at the ray's moment, those on both sides of it are neighbours too.
+// A cyclic curve's last segment and its first one are neighbours; the first one still has the smaller number. If a
+// segment's two balls are equal at the ray's moment, the segments on both sides of it are neighbours too.
 //
-// Ribbons have no inside, and are shown where no neighbour's axis is nearer to the line (math/round_segment.h).
+// Ribbons have no inside. They are visible where no neighbour's axis is nearer to the line (math/round_segment.h).
 #pragma once
 
 #include "math/round_segment.h"
@@ -25,7 +25,8 @@ struct ShownEnds {
   bool entry, exit;
 };
 
-// `other`: of a neighbour, kNoChord if there is none, or the ray misses it; `is_before`: it has the smaller number.
+// `other`: the chord of a neighbour, kNoChord if there is none or the ray misses it. `is_before`: the neighbour has the
+// smaller number.
 static inline ShownEnds shown_beside(const Chord& chord, const Chord& other, bool is_before) noexcept {
   const bool enters_first = other.entry < chord.entry || (other.entry == chord.entry && is_before);
   const bool leaves_last = other.exit > chord.exit || (other.exit == chord.exit && is_before);
@@ -36,16 +37,16 @@ static inline ShownEnds shown_beside(const Chord& chord, const Chord& other, boo
 struct RoundList {
   const Ball* balls = nullptr;
   const SegmentCode* segments = nullptr;  // null: the primitives are the balls
-  float scale = 1.0f;                     // what the balls are brought to: the tree's
+  float scale = 1.0f;                     // the scale of the result: the tree's
   CurveShape shape = CurveShape::kRound;
-  // Of what moves within the shutter: the balls of the next step, and the moment; null where all are as they are.
+  // For motion within the shutter: the balls of the next step, and the moment. Null if nothing is interpolated.
   const Ball* later = nullptr;
   Moment moment{};
-  const ClosedCurve* closed = nullptr;  // by number; no segment is in two
+  const ClosedCurve* closed = nullptr;  // by number; no segment is in two of them
   std::size_t closed_count = 0;
 };
 
-// One of the list's balls, at its moment: as a kernel's box has it there.
+// Returns one of the list's balls at its moment, as a kernel's box contains it then.
 static inline RoundBall ball_at(const RoundList& list, std::uint32_t number) noexcept {
   const Ball& from = list.balls[number];
   if (list.later == nullptr) return round_ball(from, list.scale);
@@ -57,7 +58,7 @@ static inline RoundBall ball_at(const RoundList& list, std::uint32_t number) noe
   return round_ball(ball, list.scale);
 }
 
-// A primitive's two balls; a point's are one.
+// A primitive's two balls; those of a point are the same.
 struct RoundEnds {
   RoundBall first, last;
 };
@@ -95,15 +96,15 @@ static inline bool is_one_ball(const RoundEnds& ends) noexcept {
   return a.centre[0] == b.centre[0] && a.centre[1] == b.centre[1] && a.centre[2] == b.centre[2] && a.radius == b.radius;
 }
 
-// What may hide a segment on one side of it, beginning with the one beside it: the next one after `other`, which is the
-// last one unless it is but a ball.
+// Returns the next segment after `other` that may hide a segment on this side. kNoSegment if `other` is the last one,
+// because it is more than a ball.
 static inline std::uint32_t beyond(const RoundList& list, std::uint32_t segment, std::uint32_t other,
                                    Along way) noexcept {
   const std::uint32_t next = is_one_ball(ends_of(list, other)) ? beside(list, other, way) : kNoSegment;
   return next == segment ? kNoSegment : next;
 }
 
-// The next segment along its curve that is more than a ball; kNoSegment if there is none but itself.
+// Returns the next segment along its curve that is more than a ball; kNoSegment if there is no other.
 static inline std::uint32_t neighbour_of(const RoundList& list, std::uint32_t segment, Along way) noexcept {
   std::uint32_t other = beside(list, segment, way);
   while (other != kNoSegment && is_one_ball(ends_of(list, other))) other = beyond(list, segment, other, way);
@@ -119,7 +120,8 @@ static inline Chord chord_of(const RoundRay& ray, const RoundList& list, std::ui
   return chord_of_segment(ray, ends.first, ends.last);
 }
 
-// A segment's neighbour: the ball that they share, and the way from its centre to that of the neighbour's other ball.
+// A segment's neighbour: the ball that they share, and the vector from its centre to that of the neighbour's other
+// ball.
 struct Neighbour {
   RoundBall joint;
   double axis[3];
@@ -131,9 +133,9 @@ struct Neighbour {
   }
 };
 
-// True if the neighbour's hull holds neither end of a chord, by far more than any rounding moves it (2^-39 of the ray's
-// distance): they lie further behind the joint than its larger ball reaches, as they do but near to joints. What is
-// squared is at least the sum of radius and margin.
+// Returns true if the neighbour's hull surely contains neither end of a chord: both are farther behind the joint than
+// its larger ball reaches, as usual except near joints. The margin is far more than any rounding (2^-39 of the ray's
+// distance). The squared limit is at least the square of radius plus margin.
 static inline bool is_behind(const RoundRay& ray, const Chord& chord, const Neighbour& neighbour) noexcept {
   double from_joint[3], point[3];
   for (int i = 0; i < 3; ++i) from_joint[i] = ray.origin[i] - neighbour.joint.centre[i];
@@ -147,7 +149,7 @@ static inline bool is_behind(const RoundRay& ray, const Chord& chord, const Neig
   return is_point_behind(chord.entry) && is_point_behind(chord.exit);
 }
 
-// Of a ribbon's segment and those beside it.
+// Compares a ribbon's segment with the adjacent ones.
 static inline bool is_nearest(const RoundRay& ray, const RoundList& list, std::uint32_t primitive) noexcept {
   const auto squared = [&](std::uint32_t number) {
     const RoundEnds ends = ends_of(list, number);
@@ -164,7 +166,7 @@ static inline bool is_nearest(const RoundRay& ray, const RoundList& list, std::u
   return true;
 }
 
-// Which ends of its chord a ray meets.
+// Returns which ends of its chord a ray hits.
 static inline ShownEnds shown_ends(const RoundRay& ray, const RoundList& list, std::uint32_t primitive,
                                    const Chord& chord) noexcept {
   if (list.segments == nullptr) return {true, true};
@@ -184,7 +186,7 @@ static inline ShownEnds shown_ends(const RoundRay& ray, const RoundList& list, s
   return shows;
 }
 
-// How far along its segment a ray meets it, at an end of its chord.
+// Returns the position along the segment, as a share of its length, where a ray hits it at an end of its chord.
 static inline double share_of(const RoundRay& ray, const RoundList& list, std::uint32_t primitive, double t) noexcept {
   if (list.segments == nullptr) return 0.0;
   const RoundEnds ends = ends_of(list, primitive);

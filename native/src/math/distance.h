@@ -1,7 +1,7 @@
-// The point of a triangle nearest to the origin, four triangles at a time, in double.
-// Three candidates on the edges and one inside, each a point of the triangle; the nearest wins. So what comes out is
-// never less than the true distance, and where a needle's normal is no more than noise its edges still answer.
-// The operations are fixed, so that a triangle has one distance whatever its lane and instruction set.
+// Finds the point of a triangle nearest to the origin, four triangles at a time, in double.
+// There are three candidates on the edges and one inside, each a point of the triangle; the nearest wins. So the result
+// is never less than the true distance, and if a needle's normal is only noise, its edges still give an answer.
+// The operations are fixed, so that a triangle has the same distance in every lane and on every instruction set.
 #pragma once
 
 #include "math/curve_joint.h"
@@ -26,7 +26,7 @@ PERFECT_BVH_LANES Vectors4 moved(const Vectors4& from, const Vectors4& along, co
   return {from.x + along.x * share, from.y + along.y * share, from.z + along.z * share};
 }
 
-// The point is (1 - u - v) a + u b + v c, `squared` its squared distance.
+// The point is (1 - u - v) a + u b + v c; `squared` is its squared distance.
 struct NearestOnTriangles {
   Double4 squared, u, v;
 
@@ -39,7 +39,8 @@ struct NearestOnTriangles {
   }
 };
 
-// Where on the edge from `from` along `edge` the origin is nearest, 0 to 1; 0 on an edge without length.
+// Returns the position, 0 to 1, on the edge from `from` along `edge` that is nearest to the origin; 0 for an edge
+// without length.
 PERFECT_BVH_LANES Double4 nearest_share(const Vectors4& from, const Vectors4& edge) noexcept {
   const Double4 none = {0.0, 0.0, 0.0, 0.0}, whole = {1.0, 1.0, 1.0, 1.0};
   const Double4 share = -dot4(from, edge) / dot4(edge, edge);
@@ -47,7 +48,7 @@ PERFECT_BVH_LANES Double4 nearest_share(const Vectors4& from, const Vectors4& ed
   return positive < whole ? positive : whole;
 }
 
-// At the far end it is that corner itself, so that triangles which share it have one distance.
+// The far end is that corner itself, so that triangles that share it have the same distance.
 PERFECT_BVH_LANES Double4 edge_distance(const Vectors4& from, const Vectors4& to, const Vectors4& edge,
                                         const Double4& share) noexcept {
   const Vectors4 point = moved(from, edge, share);
@@ -74,29 +75,31 @@ PERFECT_BVH_LANES NearestOnTriangles nearest_to_origin(const Vectors4& a, const 
 }
 
 // Round distance ------------------------------------------------------------------------------------------------------
-// The point of a curve's segment, or of a point, that is nearest to a point, as distances are after a linear map M.
-// Solid: of a point inside, it is that point itself, at no distance. Scalar, in double precision.
+// Finds the point of a curve's segment, or of a point, that is nearest to a query point, by distances after a linear
+// map M. The primitives are solid: if the query is inside, it is the nearest point, at distance 0. Scalar, in double
+// precision.
 //
 // M turns balls into ellipsoids. The hull is the union of the balls of centre c(s) and radius r(s), s from 0 to 1
-// (math/round_segment.h), and the distance from a point q to the ball of s is a convex function of s.
+// (math/round_segment.h). The distance from a point q to the ball of s is a convex function of s.
 //
-// One ball: y, from its centre, makes |M (c + y) - q| least with |y| <= r. Either the y that makes it 0 is no longer
-// than r: q is inside. Or |y| = r, and (M'M + l I) y = M'(q - M c) for one l > 0. That l is where 1/|y(l)| - 1/r is 0:
-// a function that Newton's method approaches from below (More and Sorensen 1983, on trust regions). It begins at the
-// lower bound |M'(q - M c)| / r - |M'M|, which is l itself if M only turns, moves and scales.
+// One ball: y, relative to its centre, minimizes |M (c + y) - q| with |y| <= r. Either the y that makes it 0 is not
+// longer than r: then q is inside. Or |y| = r, and (M'M + l I) y = M'(q - M c) for one l > 0. That l is the root of
+// 1/|y(l)| - 1/r, which Newton's method approaches from below (More and Sorensen 1983, on trust regions). It begins at
+// the lower bound |M'(q - M c)| / r - |M'M|, which equals l if M only rotates, moves and scales.
 //
-// All balls: as s grows the distance sinks as long as y.a / |y| + d > 0, a and d being what c and r grow by. Where M is
-// a similarity y leads from the axis straight to q, and the s where this is 0 is known; otherwise it is enclosed.
+// All balls: with growing s, the distance decreases while y.a / |y| + d > 0, where a and d are the growth of c and r.
+// If M is a similarity, y points from the axis straight to q, and the root s is known. Otherwise the root is enclosed
+// by iteration.
 
-// A linear map and what is made of it.
+// A linear map and values derived from it.
 struct RoundPlace {
   double columns[3][3];
   double gram[3][3];  // M'M
-  double bound;       // of its norm
-  bool is_similar;    // all but exactly
+  double bound;       // a bound of its norm
+  bool is_similar;    // up to rounding
 };
 
-// Of columns x, y, z.
+// Makes it from columns x, y, z.
 static inline RoundPlace round_place(const double columns[9]) noexcept {
   RoundPlace place;
   for (int i = 0; i < 9; ++i) place.columns[i / 3][i % 3] = columns[i];
@@ -128,13 +131,13 @@ static inline void apply_transposed(const RoundPlace& place, const double v[3], 
 }
 
 struct NearestOnRound {
-  double squared;   // of the distance
+  double squared;   // the squared distance
   double u;         // along the segment
   double point[3];  // before the map
   bool is_inside;
 };
 
-// A symmetric matrix, with so much added to its diagonal, as L L'; false if it is not positive definite.
+// Factors a symmetric matrix, plus `added` on its diagonal, into L L'; returns false if it is not positive definite.
 static inline bool factor(const double (&matrix)[3][3], double added, double (&l)[3][3]) noexcept {
   for (int i = 0; i < 3; ++i) {
     for (int k = 0; k <= i; ++k) {
@@ -146,7 +149,7 @@ static inline bool factor(const double (&matrix)[3][3], double added, double (&l
   }
   return true;
 }
-// L x = b.
+// Solves L x = b.
 static inline void solve_lower(const double (&l)[3][3], const double b[3], double x[3]) noexcept {
   for (int i = 0; i < 3; ++i) {
     x[i] = b[i];
@@ -154,7 +157,7 @@ static inline void solve_lower(const double (&l)[3][3], const double b[3], doubl
     x[i] /= l[i][i];
   }
 }
-// L' x = b.
+// Solves L' x = b.
 static inline void solve_upper(const double (&l)[3][3], const double b[3], double x[3]) noexcept {
   for (int i = 2; i >= 0; --i) {
     x[i] = b[i];
@@ -163,17 +166,18 @@ static inline void solve_upper(const double (&l)[3][3], const double b[3], doubl
   }
 }
 
-// Of a ball: the y above, `way` along it of length 1; false if q is inside. `pull`: M'(q - M c).
+// Finds the y above for one ball, and its direction `way` of length 1. Returns false if q is inside. `pull`: M'(q - M
+// c).
 static inline bool nearest_in_ball(const RoundPlace& place, const double pull[3], double radius, double y[3],
                                    double way[3]) noexcept {
   const double force = __builtin_sqrt(dot_of(pull, pull));
   for (int i = 0; i < 3; ++i) y[i] = 0.0, way[i] = force > 0.0 ? pull[i] / force : 0.0;
   if (!(radius > 0.0)) return force > 0.0;
   double added = larger(force / radius - place.bound, 0.0);
-  constexpr int kMostSteps = 50;  // some 6 are taken; each is nearer
+  constexpr int kMostSteps = 50;  // about 6 are needed; each is nearer
   for (int step = 0; step < kMostSteps; ++step) {
     double lower[3][3], half[3];
-    if (!factor(place.gram, added, lower)) {  // M all but flattens space
+    if (!factor(place.gram, added, lower)) {  // M almost flattens space
       added = larger(2.0 * added, 0x1p-50 * place.bound);
       if (!(added > 0.0)) return false;
       continue;
@@ -191,7 +195,7 @@ static inline bool nearest_in_ball(const RoundPlace& place, const double pull[3]
   return true;
 }
 
-// Nearest in the ball of s. True if q is inside.
+// Finds the nearest point in the ball of s. Returns true if q is inside.
 static inline bool nearest_at(const RoundPlace& place, const RoundBall& first, const RoundCone& cone,
                               const double query[3], double s, NearestOnRound& nearest, double way[3]) noexcept {
   double centre[3], mapped[3], away[3], pull[3], y[3];
@@ -210,7 +214,7 @@ static inline bool nearest_at(const RoundPlace& place, const RoundBall& first, c
   return false;
 }
 
-// Of a similarity.
+// M must be a similarity.
 static inline double nearest_share_of(const RoundPlace& place, const RoundBall& first, const RoundCone& cone,
                                       const double query[3]) noexcept {
   double mapped[3], away[3], from[3], across[3];
@@ -224,15 +228,15 @@ static inline double nearest_share_of(const RoundPlace& place, const RoundBall& 
   return (dot_of(from, cone.axis) + __builtin_sqrt(dot_of(across, across)) * slope) / length;
 }
 
-// query: where the point is after the map, from where the map takes the origin.
+// query: the mapped query point, relative to the mapped origin.
 static inline NearestOnRound nearest_on_round(const RoundPlace& place, const RoundEnds& ends,
                                               const double query[3]) noexcept {
   const RoundCone cone = cone_of(ends.first, ends.last);
   NearestOnRound nearest;
   double way[3];
-  // How the distance changes with s: it sinks where this is positive.
+  // The negative rate of change of the distance with s: the distance decreases where this is positive.
   const auto rise = [&] { return dot_of(way, cone.axis) + cone.widening; };
-  if (!(cone.squared > 0.0)) {  // one ball holds the other
+  if (!(cone.squared > 0.0)) {  // one ball contains the other
     nearest_at(place, ends.first, cone, query, cone.widening > 0.0 ? 1.0 : 0.0, nearest, way);
     return nearest;
   }
@@ -248,7 +252,7 @@ static inline NearestOnRound nearest_on_round(const RoundPlace& place, const Rou
   if (nearest_at(place, ends.first, cone, query, high, nearest, way)) return nearest;
   double at_high = rise();
   if (!(at_high < 0.0)) return nearest;
-  // The Illinois method (an end that stays twice counts half), each fourth time in the middle.
+  // The Illinois method (an end that stays twice counts half), with a bisection every fourth step.
   constexpr int kMostSteps = 200;
   bool was_low = false, was_high = false;
   for (int step = 0; step < kMostSteps && high - low > 0x1p-50; ++step) {

@@ -6,10 +6,10 @@ namespace perfect_bvh {
 namespace {
 
 constexpr double kPi = std::numbers::pi, kInfinity = std::numeric_limits<double>::infinity();
-// So few bits that its multiples are exact, and the rest of log 2.
+// High part with few enough bits that its multiples are exact, and the rest of log 2.
 constexpr double kLog2High = 0x1.62e42ffp-1, kLog2Low = -0x1.718432a1b0e26p-35;
 
-// 1, 1/3, 1/5, ...; every second one negative if `alternating`.
+// 1, 1/3, 1/5, ...; every second one is negative if `alternating`.
 template <std::size_t N>
 constexpr std::array<double, N> reciprocals(bool alternating) noexcept {
   std::array<double, N> made{};
@@ -47,7 +47,7 @@ double arc_tangent(double y, double x) noexcept {
   if (rise == 0.0 && run == 0.0) return 0.0;
   const double ratio = std::min(rise, run) / std::max(rise, run);
   if (!(ratio >= 0.0 && ratio <= 1.0)) return std::numeric_limits<double>::quiet_NaN();
-  // About the nearest eighth the series is short: atan a = atan b + atan((a - b) / (1 + a b)).
+  // The series converges fast around the nearest eighth: atan a = atan b + atan((a - b) / (1 + a b)).
   const double eighths = std::floor(ratio * 8.0 + 0.5), nearest = eighths / 8.0;
   const double rest = (ratio - nearest) / (1.0 + ratio * nearest);
   static constexpr auto kSeries = reciprocals<8>(true);

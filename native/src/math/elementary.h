@@ -1,6 +1,6 @@
-// Elementary functions of sums, products, quotients and square roots alone, whose bits are therefore the same on every
-// system. C libraries round the last digit each in their own way, and where a path takes another turn for it an image
-// differs by more than a digit. Angles in radians; within four units in the last place of a double, unless said.
+// Elementary functions made only of sums, products, quotients and square roots, so their bits are the same on every
+// system. C libraries round the last digit differently, and if a path branches on it, an image differs by more than a
+// digit. Angles are in radians. Errors are within four units in the last place of a double, unless noted.
 #pragma once
 
 #include <array>
@@ -43,11 +43,11 @@ template <std::size_t N>
   return made;
 }
 
-// By series of so many terms: 6 are enough for a float, 9 for a double. From |angle| = 1e5 on a turn is the double that
-// is nearest to 2 pi: as if the angle were off by up to 4e-17 |angle|.
+// Uses series of this many terms: 6 are enough for a float, 9 for a double. From |angle| = 1e5 on, a turn is the double
+// nearest to 2 pi, which acts like an error of the angle of up to 4e-17 |angle|.
 template <std::size_t Terms>
 [[nodiscard]] inline SineCosine<double> sine_cosine(double angle) noexcept {
-  // So few bits that its multiples are exact, and the rest of pi / 2.
+  // High part with few enough bits that its multiples are exact, and the rest of pi / 2.
   constexpr double kHalfPiHigh = 0x1.921fb544p+0, kHalfPiLow = 0x1.0b4611a626331p-34;
   static constexpr auto kSine = alternating_factorials<Terms>(3), kCosine = alternating_factorials<Terms>(2);
   if (!(std::abs(angle) < 1e5)) angle = std::fmod(angle, 2.0 * std::numbers::pi);
@@ -63,7 +63,7 @@ template <std::size_t Terms>
 
 }  // namespace series
 
-// The nearest floats, but for one in some thousands.
+// Returns the nearest floats, except for one in some thousands.
 [[nodiscard]] inline SineCosine<float> sine_cosine(float angle) noexcept {
   const auto [sine, cosine] = series::sine_cosine<6>(static_cast<double>(angle));
   return {static_cast<float>(sine), static_cast<float>(cosine)};
@@ -79,16 +79,16 @@ template <class T>
   return sine_cosine(angle).cosine;
 }
 
-// Of the point (x, y), from -pi to pi; 0 for (0, 0), NaN where both are infinite.
+// Returns the angle of the point (x, y), from -pi to pi; 0 for (0, 0), NaN if both are infinite.
 [[nodiscard]] double arc_tangent(double y, double x) noexcept;
-// From -pi / 2 to pi / 2; x from -1 to 1.
+// Returns -pi / 2 to pi / 2; x from -1 to 1.
 [[nodiscard]] double arc_sine(double x) noexcept;
 [[nodiscard]] double exponential(double x) noexcept;
 [[nodiscard]] double logarithm(double x) noexcept;
 [[nodiscard]] double logarithm2(double x) noexcept;
-// base >= 0. The nearest float, but for one in some thousands, where |exponent| is below a thousand.
+// base >= 0. Returns the nearest float, except for one in some thousands, if |exponent| is below a thousand.
 [[nodiscard]] float power(float base, float exponent) noexcept;
-// The square root of x^2 + y^2 + z^2, none of which a double need hold.
+// Returns the square root of x^2 + y^2 + z^2. The squares may be out of a double's range.
 [[nodiscard]] double hypotenuse(double x, double y, double z = 0.0) noexcept;
 
 }  // namespace perfect_bvh

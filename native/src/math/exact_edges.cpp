@@ -16,7 +16,7 @@ Pair two_sum(double a, double b) noexcept {
   return {high, (a - of_a) + (b - of_b)};
 }
 
-// Dekker's product: high + low == a * b. Without a fused operation, which some C libraries round twice.
+// Dekker's product: high + low == a * b. Does not use a fused operation, which some C libraries round twice.
 Pair two_product(double a, double b) noexcept {
   constexpr double kSplitter = 0x1p27 + 1.0;
   const auto split = [](double x) {
@@ -29,7 +29,7 @@ Pair two_product(double a, double b) noexcept {
   return {product, x.low * y.low - error};
 }
 
-// A sum without rounding, as doubles of increasing size that do not overlap.
+// An exact sum, as doubles of increasing size that do not overlap.
 class Expansion {
  public:
   void add(double term) noexcept {
@@ -49,7 +49,7 @@ class Expansion {
     for (const double term : {low.low, low.high, high.low, high.high}) add(term);
   }
 
-  // The sum, rounded: its sign is that of the largest term.
+  // Returns the rounded sum, whose sign is that of the largest term.
   [[nodiscard]] double value() const noexcept {
     double sum = 0.0;
     for (int i = 0; i < count_; ++i) sum += terms_[i];

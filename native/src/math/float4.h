@@ -1,5 +1,5 @@
 // Four floats at once: SSE2, which every x86-64 has, or plain loops elsewhere with the same results.
-// The fourth lane of a box corner holds another field (see PrimRef, Bvh2Node): it may hold any bits.
+// The fourth lane of a box corner holds another field (see PrimRef, Bvh2Node), so it may have any bits.
 #pragma once
 
 #include <cstdint>
@@ -33,11 +33,11 @@ struct Float4 {
   friend Float4 operator-(Float4 a, Float4 b) noexcept { return _mm_sub_ps(a.v, b.v); }
   friend Float4 operator*(Float4 a, Float4 b) noexcept { return _mm_mul_ps(a.v, b.v); }
   friend Float4 operator/(Float4 a, Float4 b) noexcept { return _mm_div_ps(a.v, b.v); }
-  // Lane by lane a < b ? a : b (a > b ? a : b): b where either is NaN, b of two zeros.
+  // Lane by lane a < b ? a : b (a > b ? a : b): b if either is NaN, b of two zeros.
   friend Float4 min(Float4 a, Float4 b) noexcept { return _mm_min_ps(a.v, b.v); }
   friend Float4 max(Float4 a, Float4 b) noexcept { return _mm_max_ps(a.v, b.v); }
 
-  // The first three lanes, and 0.
+  // Returns the first three lanes, and 0.
   [[nodiscard]] Float4 xyz0() const noexcept { return _mm_and_ps(v, _mm_castsi128_ps(_mm_setr_epi32(-1, -1, -1, 0))); }
   [[nodiscard]] float x() const noexcept { return _mm_cvtss_f32(v); }
   [[nodiscard]] Float4 yzxw() const noexcept { return _mm_shuffle_ps(v, v, _MM_SHUFFLE(3, 0, 2, 1)); }
@@ -71,16 +71,16 @@ struct Int4 {
 
 // -1 in the lanes where a < b, 0 in the others.
 [[nodiscard]] inline Int4 less(Float4 a, Float4 b) noexcept { return _mm_castps_si128(_mm_cmplt_ps(a.v, b.v)); }
-// Bit i: lane i of both is the same.
+// Returns bit i set if lane i of both is the same.
 [[nodiscard]] inline std::uint32_t equal_lanes(Int4 a, Int4 b) noexcept {
   return static_cast<std::uint32_t>(_mm_movemask_ps(_mm_castsi128_ps(_mm_cmpeq_epi32(a.v, b.v))));
 }
 [[nodiscard]] inline Int4 bits_of(Float4 a) noexcept { return _mm_castps_si128(a.v); }
 [[nodiscard]] inline Float4 from_bits(Int4 a) noexcept { return _mm_castsi128_ps(a.v); }
-// Rows become columns.
+// Swaps rows and columns.
 inline void transpose(Float4& a, Float4& b, Float4& c, Float4& d) noexcept { _MM_TRANSPOSE4_PS(a.v, b.v, c.v, d.v); }
 
-// Three floats at any address, and 0.
+// Loads three floats from any address, and 0.
 [[nodiscard]] inline Float4 load_xyz(const void* p) noexcept {
   const __m128 xy = _mm_castsi128_ps(_mm_loadl_epi64(static_cast<const __m128i*>(p)));
   return _mm_movelh_ps(xy, _mm_load_ss(static_cast<const float*>(p) + 2));
@@ -199,7 +199,7 @@ struct Int4 {
 }
 [[nodiscard]] inline Int4 bits_of(Float4 a) noexcept { return Int4::load(a.v); }
 [[nodiscard]] inline Float4 from_bits(Int4 a) noexcept { return Float4::load(a.v); }
-// Rows become columns.
+// Swaps rows and columns.
 inline void transpose(Float4& a, Float4& b, Float4& c, Float4& d) noexcept {
   const Float4 rows[4] = {a, b, c, d};
   for (int i = 0; i < 4; ++i)
@@ -226,12 +226,13 @@ inline void transpose(Float4& a, Float4& b, Float4& c, Float4& d) noexcept {
 
 #endif
 
-// Floats whose lowest bits are replaced by a number: the smallest of several non-negative ones also tells which it was.
+// Replaces the lowest bits of floats by a number. The smallest of several non-negative ones then also identifies
+// itself.
 [[nodiscard]] inline Float4 tagged(Float4 value, Int4 mask, Int4 tag) noexcept {
   return from_bits((bits_of(value) & (mask ^ Int4(-1))) | tag);
 }
 
-// A box whose corners fill a register each.
+// A box with one register for each corner.
 struct Box4 {
   Float4 lower;
   Float4 upper;
@@ -241,8 +242,8 @@ struct Box4 {
   [[nodiscard]] static Box4 load(const void* corners) noexcept {
     return {Float4::load(corners), Float4::load(static_cast<const float*>(corners) + 4)};
   }
-  // The fourth lane is 0: with two primitives' numbers in it, arithmetic would meet denormals, which can be 100 times
-  // slower.
+  // The fourth lane is 0: if it held the difference of two primitives' numbers, arithmetic would have denormals, which
+  // can be 100 times slower.
   [[nodiscard]] Float4 extent() const noexcept { return (upper - lower).xyz0(); }
   void grow(const Box4& box) noexcept { lower = min(box.lower, lower), upper = max(box.upper, upper); }
   void grow(Float4 point) noexcept { lower = min(point, lower), upper = max(point, upper); }

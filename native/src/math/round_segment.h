@@ -1,4 +1,4 @@
-// What curves and points are made of: a point is a ball, and a curve's segment the convex hull of two.
+// The elements of curves and points: a point is a ball, and a curve's segment is the convex hull of two balls.
 #pragma once
 
 #include <cstdint>
@@ -15,9 +15,9 @@ struct alignas(16) Ball {
 };
 static_assert(sizeof(Ball) == 16);
 
-// Contains the ball. With u = 2^-24 a sum s of two floats is within u |s| of the exact one, and exact if it is
-// subnormal. s 2^-23 is at least the distance from s to the float beside it, and s shifted by that is rounded no
-// nearer than that float.
+// Returns a box that contains the ball. With u = 2^-24 a sum s of two floats is within u |s| of the exact one, and
+// exact if it is subnormal. s 2^-23 is at least the distance from s to the next float, and s shifted by that is rounded
+// to that float or beyond.
 [[nodiscard]] static inline Aabb box_of(const Ball& ball) noexcept {
   Aabb box;
   for (int axis = 0; axis < 3; ++axis) {
@@ -28,55 +28,55 @@ static_assert(sizeof(Ball) == 16);
   return box;
 }
 
-// A curve's segment: the number of its first ball, the other being the next one, and whether the same curve has another
-// segment after it, with the next number, or before it.
+// A curve's segment: the number of its first ball (the second ball is the next one), and whether the same curve has
+// another segment after it, with the next number, or before it.
 using SegmentCode = std::uint32_t;
 inline constexpr SegmentCode kSegmentBall = 0x3FFFFFFFu, kSegmentAfter = 0x40000000u, kSegmentBefore = 0x80000000u;
 
-// A cyclic curve's first and last segment, which are each other's neighbours.
+// A cyclic curve's first and last segment, which are neighbours.
 struct ClosedCurve {
   std::uint32_t first, last;
 };
 
-// What curves are to rays: the hull of their balls, or flat and always turned to the ray (math/round_segment.h).
+// The shape of curves for rays: the hull of their balls, or flat and always turned to the ray (math/round_segment.h).
 enum class CurveShape : std::uint8_t { kRound, kRibbon };
 
 // Round segment -------------------------------------------------------------------------------------------------------
-// Where a line passes through a segment of a curve: the convex hull of two balls. Scalar, in double precision, and the
-// only judge: kernels find out with float which segments it is asked about.
+// Intersects a line with a segment of a curve: the convex hull of two balls. Scalar, in double precision. Only this
+// decides: kernels use float to select the segments that it tests.
 //
 // The hull is bounded by parts of its balls and, between the circles where a cone touches both, by that cone. It is
-// convex, so what a line has of it, its chord, goes from the first to the last of the points where the line passes
-// through one of the balls or that part of the cone. A ball's chord is a function of the line and that ball alone, and
-// is always part of the hull's, as it is computed: two segments that share a ball overlap in at least its chord, and no
-// line passes between them.
+// convex, so the part of a line inside it, its chord, goes from the first to the last of the points where the line
+// passes through one of the balls or that part of the cone. A ball's chord is a function of only the line and that
+// ball, and the computed chord of the hull always contains it. So two segments that share a ball overlap in at least
+// its chord, and no line passes between them.
 //
-// The cone. With a = c1 - c0, d = r1 - r0 and H = a.a - d d (positive, or one ball holds the other: then the hull is
-// that ball), the point c(s) = c0 + s a of the axis is the centre of a ball of radius r(s) = r0 + s d, which touches
-// the cone in a circle; s is linear along any line: s = ((p - c0).a + r0 d) / H for a point p of the cone. p is on the
-// cone if |(p - c0) x a|^2 = H r(s)^2, and on the part that bounds the hull if s is from 0 to 1.
+// The cone. With a = c1 - c0, d = r1 - r0 and H = a.a - d d (positive, unless one ball contains the other: then the
+// hull is that ball), the point c(s) = c0 + s a of the axis is the centre of a ball of radius r(s) = r0 + s d, which
+// touches the cone in a circle. s is linear along any line: s = ((p - c0).a + r0 d) / H for a point p of the cone. p is
+// on the cone if |(p - c0) x a|^2 = H r(s)^2, and on the part that bounds the hull if s is from 0 to 1.
 //
-// How exact it is; u = 2^-53, D the distance from the ray's origin to the balls, R the larger radius. Quadratic
-// equations are not set up at the origin but where the line is nearest to the ball's centre, or to the axis between its
-// ends: there none of their terms is much larger than R^2 (times H), so rounding them moves the surface by a few u R.
-// Cross products and the discriminant have their products' errors recovered. What remains is to have moved the line
-// there: a few u D. So, off the surface by less than 1e-4 R for D as far as 1e11 R. Near a tip (a ball of radius 0)
-// rounding the terms can move the cone by 2^-24 R, where r(s) is as small as that.
+// Precision; u = 2^-53, D the distance from the ray's origin to the balls, R the larger radius. Quadratic equations are
+// not set up at the origin, but where the line is nearest to the ball's centre, or to the axis between its ends. None
+// of their terms is much larger than R^2 (times H) there, so rounding them moves the surface by a few u R. The
+// products' errors are recovered in cross products and the discriminant. The remaining error is that of moving the
+// origin there: a few u D. So hits are off the surface by less than 1e-4 R for D up to 1e11 R. Near a tip (a ball of
+// radius 0), rounding the terms can move the cone by 2^-24 R, where r(s) is as small as that.
 //
-// No case is told apart by how small something is:
-// - The line runs along the axis (e = 0, or rounding's rest of it): a cylinder's quadratic has no roots, or roots far
-//   away whose s is out of range; the balls have the ends of the chord.
-// - A ball holds the other, or both are one: H is not positive; the balls have it all. Where rounding makes H positive,
-//   or a positive one 0, the part of the cone that bounds the hull is within u R of the larger ball.
-// - A tip: its ball's chord is empty, or of no length where the line passes through the centre as computed.
-// - The line touches: it may be found to hit or to miss if the hull's surface is within a few u (D + R) of it.
+// No case is distinguished by how small a value is:
+// - The line runs along the axis (e = 0, or only its rounding error): a cylinder's quadratic has no roots, or roots far
+//   away whose s is out of range. The balls have the ends of the chord.
+// - A ball contains the other, or both are equal: H is not positive, and the balls have the whole chord. If rounding
+//   makes H positive, or a positive H 0, the part of the cone that bounds the hull is within u R of the larger ball.
+// - A tip: its ball's chord is empty, or has no length if the line passes through the computed centre.
+// - A tangent line: it may hit or miss if the hull's surface is within a few u (D + R) of it.
 
 struct RoundRay {
   double origin[3], direction[3];
   double squared_length;  // of the direction
 };
 
-// In line: GCC calls it otherwise, a dozen times for each segment that is judged.
+// Inlined: GCC would call it, a dozen times for each tested segment.
 __attribute__((always_inline)) static inline double dot_of(const double a[3], const double b[3]) noexcept {
   return fused(a[2], b[2], fused(a[1], b[1], a[0] * b[0]));
 }
@@ -100,15 +100,15 @@ static inline RoundBall round_ball(const Ball& ball, float scale) noexcept {
           static_cast<double>(ball.radius * scale)};
 }
 
-// From where to where a line is inside, as t of the ray, negative ones included. If it is nowhere: entry is plus
-// infinity, exit minus infinity.
+// The part of a line inside a primitive, as t of the ray, which may be negative. If the line misses it, entry is plus
+// infinity and exit is minus infinity.
 struct Chord {
   double entry, exit;
 };
 static constexpr Chord kNoChord = {__builtin_inf(), -__builtin_inf()};
 static inline bool is_hit(const Chord& chord) noexcept { return chord.entry <= chord.exit; }
 
-// Where a line is nearest to a ball's centre, and that point from there.
+// The point of a line nearest to a ball's centre: its t, and the point relative to the centre.
 struct NearestToCentre {
   double t;
   double point[3];
@@ -148,8 +148,8 @@ static inline void cross_of(const double a[3], const double b[3], double out[3])
 struct RoundCone {
   double axis[3];    // a
   double widening;   // d
-  double squared;    // H: of a tangent's length between the circles where it touches; not positive: there is no cone
-  double at_centre;  // r0 d: s H is so much at c0
+  double squared;    // H: squared length of a tangent between the circles where it touches; no cone unless positive
+  double at_centre;  // r0 d: s H at c0
 };
 
 static inline RoundCone cone_of(const RoundBall& first, const RoundBall& last) noexcept {
@@ -161,18 +161,19 @@ static inline RoundCone cone_of(const RoundBall& first, const RoundBall& last) n
   return cone;
 }
 
-// How far beyond the point nearest to the first centre a line comes nearest to the axis, or to that end of it between
-// s = 0 and 1 that it comes nearest to. s runs from s_here, by s_rate in t.
+// Returns the distance in t from the point nearest to the first centre to where the line is nearest to the axis between
+// s = 0 and 1. If it is nearest to an end, that end counts. s starts at s_here, and grows by s_rate in t.
 static inline double nearest_to_axis(const double from_axis[3], const double away[3], double s_here,
                                      double s_rate) noexcept {
   const double nearest = -dot_of(from_axis, away) / dot_of(away, away);
   if (s_rate == 0.0) return nearest;  // across the axis
   const double at_first = -s_here / s_rate, at_last = (1.0 - s_here) / s_rate;
   const double least = smaller(at_first, at_last), most = larger(at_first, at_last);
-  return nearest > least ? smaller(nearest, most) : least;  // least, too, along the axis, where `nearest` is NaN
+  return nearest > least ? smaller(nearest, most) : least;  // also along the axis, where `nearest` is NaN
 }
 
-// Of the points where the line passes through the part of the cone that bounds the hull. `nearest`: to the first ball.
+// Returns the points where the line passes through the part of the cone that bounds the hull. `nearest`: to the first
+// ball.
 static inline Chord chord_of_cone(const RoundRay& ray, const RoundBall& first, const RoundCone& cone,
                                   const NearestToCentre& nearest) noexcept {
   double away[3], from_axis[3], point[3];
@@ -184,7 +185,7 @@ static inline Chord chord_of_cone(const RoundRay& ray, const RoundBall& first, c
   for (int i = 0; i < 3; ++i) point[i] = fused(beyond, ray.direction[i], nearest.point[i]);
   cross_of(point, cone.axis, from_axis);
   const double s_here = (dot_of(point, cone.axis) + cone.at_centre) / cone.squared;
-  // a t^2 + 2 b t + c = 0, t from here.
+  // a t^2 + 2 b t + c = 0, with t relative to this point.
   const double radius = fused(s_here, cone.widening, first.radius), radius_rate = s_rate * cone.widening;
   const double a = dot_of(away, away) - cone.squared * (radius_rate * radius_rate);
   const double b = dot_of(from_axis, away) - cone.squared * (radius * radius_rate);
@@ -192,7 +193,7 @@ static inline Chord chord_of_cone(const RoundRay& ray, const RoundBall& first, c
   const double discriminant = product_difference(b, b, a, c);
   if (!(discriminant >= 0.0)) return kNoChord;
   const double sum = -(b + __builtin_copysign(__builtin_sqrt(discriminant), b));
-  const double roots[2] = {sum / a, c / sum};  // not finite where there is none: then s is out of range or NaN
+  const double roots[2] = {sum / a, c / sum};  // not finite if there is none: then s is out of range or NaN
   Chord chord = kNoChord;
   for (const double root : roots) {
     const double s = fused(root, s_rate, s_here);
@@ -210,8 +211,8 @@ static inline Chord chord_of_segment(const RoundRay& ray, const RoundBall& first
   return cone.squared > 0.0 ? united(balls, chord_of_cone(ray, first, cone, nearest)) : balls;
 }
 
-// Where on the axis a point of a segment's surface belongs: the share of the ball that touches the hull there, 0 of the
-// first, 1 of the last. `point`: from the first centre.
+// Returns the position on the axis for a point of a segment's surface: the share s of the ball that touches the hull
+// there, 0 for the first ball, 1 for the last. `point`: relative to the first centre.
 static inline double share_at(const RoundCone& cone, const double point[3]) noexcept {
   if (!(cone.squared > 0.0)) return cone.widening > 0.0 ? 1.0 : 0.0;
   const double s = (dot_of(point, cone.axis) + cone.at_centre) / cone.squared;
@@ -220,11 +221,12 @@ static inline double share_at(const RoundCone& cone, const double point[3]) noex
 
 // A point of a segment's surface.
 struct RoundSurface {
-  double u;          // along the segment: of the ball that touches the hull there, 0 the first, 1 the last
+  double u;          // along the segment: the s of the ball that touches the hull there
   double normal[3];  // outward, of length 1; 0 at a tip
 };
 
-// A ray's point, from a ball's centre. By way of the point nearest to it, so that it is as exact from far away.
+// Returns a ray's point relative to a ball's centre. Computed from the point nearest to it, to be exact from far away
+// too.
 static inline void point_from(const RoundRay& ray, const RoundBall& ball, double t, double point[3]) noexcept {
   const NearestToCentre nearest = nearest_to_centre(ray, ball);
   for (int i = 0; i < 3; ++i) point[i] = fused(t - nearest.t, ray.direction[i], nearest.point[i]);
@@ -236,7 +238,7 @@ static inline double share_at(const RoundRay& ray, const RoundBall& first, const
   return share_at(cone_of(first, last), point);
 }
 
-// At t of the ray, an end of its chord.
+// Returns the surface at t of the ray, an end of its chord.
 static inline RoundSurface surface_at(const RoundRay& ray, const RoundBall& first, const RoundBall& last,
                                       double t) noexcept {
   const RoundCone cone = cone_of(first, last);
@@ -252,34 +254,34 @@ static inline RoundSurface surface_at(const RoundRay& ray, const RoundBall& firs
 }
 
 // Ribbon segment ------------------------------------------------------------------------------------------------------
-// Where a line meets a segment of a flat curve: a ribbon that faces every ray. Scalar, in double precision, and the
-// only judge, as math/round_segment.h is of round curves.
+// Intersects a line with a segment of a flat curve: a ribbon that faces every ray. Scalar, in double precision. Only
+// this decides, like math/round_segment.h for round curves.
 //
-// The ribbon. Of all points of a curve's axis, take that which the line comes nearest to: c(s) = c0 + s (c1 - c0), on
-// one of the segments. The line meets the ribbon if it passes c(s) no farther than the radius r(s) = r0 + s (r1 - r0),
-// and does so where it is nearest to c(s). So the ribbon is the strip through the axis, turned to the ray, as wide as
-// the curve; on the outer side of a bend a sector of a disc fills the wedge between two segments, and on the inner side
-// they meet in a mitre. At the curve's own ends it is cut off straight: there is no ribbon where the line would come
-// nearer to the axis if that were longer.
+// The ribbon. Let c(s) = c0 + s (c1 - c0), on one of the segments, be the point of a curve's axis nearest to the line.
+// The line hits the ribbon if its distance from c(s) is at most the radius r(s) = r0 + s (r1 - r0), and the hit is
+// where it is nearest to c(s). So the ribbon is a strip along the axis, turned to the ray, as wide as the curve. On the
+// outer side of a bend, a sector of a disc fills the wedge between two segments; on the inner side they meet in a
+// mitre. The curve's ends are cut off straight: there is no ribbon where the line would be nearer to the axis if that
+// were longer.
 //
-// A segment looks no farther than its neighbours: its part of the axis is the nearest if the line passes neither of the
-// two nearer, nor as near to the one with the smaller number. So where a curve crosses itself, or is bent so tightly
-// that other segments overlap, each is met. And no line passes between two segments: each distance is computed in one
-// way, whoever asks, and one of them is the least.
+// A segment is only compared with its neighbours. Its part of the axis is the nearest if neither neighbour is nearer to
+// the line, and the one with the smaller number is not equally near. So where a curve crosses itself, or bends so
+// tightly that other segments overlap, each is hit. And no line passes between two segments: each distance is always
+// computed in the same way, and one of them is the least.
 //
-// How exact it is; u = 2^-53, D the distance from the ray's origin to the balls. The line is taken relative to both
-// centres, where it is nearest to each: these two vectors across the line are off by a few u D, and all that follows by
-// a few u of their own length. So the answer is that of balls which are moved by a few u D. A line all but along the
-// axis sees the axis as short as such a move: s, and with it t and the radius, may then be those of any place on it.
-// t is never off by more than the segment's own depth, nor is the ray's point at t outside of the ball of s.
+// Precision; u = 2^-53, D the distance from the ray's origin to the balls. The line is taken relative to both centres,
+// where it is nearest to each. These two vectors across the line are off by a few u D, and everything derived from them
+// by a few u of their length. So the answer is that for balls moved by a few u D. A line almost along the axis sees the
+// axis as short as such a move; s, and with it t and the radius, may then be those of any point on it. t is never off
+// by more than the segment's own depth, and the ray's point at t is never outside the ball of s.
 
-// Where a line comes nearest to an axis.
+// The point of an axis nearest to a line.
 struct RibbonPlace {
   double t;
   double u;                   // along the segment, 0 to 1
   double away[3];             // from the axis to the line
-  double squared;             // of the distance
-  bool is_before, is_beyond;  // the nearest point of the axis, were it longer, would be before its first end, or beyond
+  double squared;             // the squared distance
+  bool is_before, is_beyond;  // if the axis were longer, the nearest point would be before its first end, or beyond
 };
 
 static inline RibbonPlace place_on_ribbon(const RoundRay& ray, const RoundBall& first, const RoundBall& last) noexcept {
@@ -290,7 +292,7 @@ static inline RibbonPlace place_on_ribbon(const RoundRay& ray, const RoundBall& 
   RibbonPlace place;
   place.is_before = along < 0.0;
   place.is_beyond = along > length;
-  // A line along the axis is as near to all of it: it meets the end that comes first.
+  // A line along the axis is equally near to all of it: it hits the end that comes first.
   const double end = at_last.t < at_first.t ? 1.0 : 0.0;
   const double inside = length > 0.0 ? smaller(along / length, 1.0) : end;
   place.u = place.is_before ? 0.0 : place.is_beyond ? 1.0 : inside;
@@ -307,7 +309,7 @@ static inline double radius_at(const RoundBall& first, const RoundBall& last, do
   return u == 1.0 ? last.radius : fused(u, last.radius - first.radius, first.radius);
 }
 
-// A chord of no length, if no neighbour is nearer.
+// Returns a chord of no length if no neighbour is nearer.
 static inline Chord chord_of_ribbon(const RoundRay& ray, const RoundBall& first, const RoundBall& last,
                                     SegmentCode code) noexcept {
   const RibbonPlace place = place_on_ribbon(ray, first, last);
@@ -318,8 +320,8 @@ static inline Chord chord_of_ribbon(const RoundRay& ray, const RoundBall& first,
   return {place.t, place.t};
 }
 
-// Which way a ribbon shows itself to face: round, as if it were the curve's surface. `tangent`: along the curve;
-// `side`: from the axis towards where the line passes, at so large a `share` of the radius. All in one space.
+// Computes a ribbon's shading normal: round, as if the ribbon were the curve's surface. `tangent`: along the curve.
+// `side`: from the axis towards the line, at `share` of the radius. All are in the same space.
 static inline void ribbon_normal(const double direction[3], const double tangent[3], const double side[3], double share,
                                  double normal[3]) noexcept {
   double across[3], out[3];

@@ -32,12 +32,12 @@ struct Short8 {
   friend Short8 max(Short8 a, Short8 b) noexcept { return _mm_max_epi16(a.v, b.v); }
   friend Short8 operator|(Short8 a, Short8 b) noexcept { return _mm_or_si128(a.v, b.v); }
   friend Short8 operator<<(Short8 a, int bits) noexcept { return _mm_slli_epi16(a.v, bits); }
-  // The upper 16 bits of the products of unsigned lanes.
+  // Returns the upper 16 bits of the products of unsigned lanes.
   friend Short8 multiply_high(Short8 a, Short8 b) noexcept { return _mm_mulhi_epu16(a.v, b.v); }
 
-  // Lanes 4..7 in place of 0..3, and zeros in place of 4..7.
+  // Moves lanes 4..7 to 0..3, and sets 4..7 to zero.
   [[nodiscard]] Short8 upper_half() const noexcept { return _mm_srli_si128(v, 8); }
-  // A lane as an unsigned number.
+  // Returns a lane as an unsigned number.
   template <int Lane>
   [[nodiscard]] std::uint32_t lane() const noexcept {
     return static_cast<std::uint32_t>(_mm_extract_epi16(v, Lane));
@@ -48,34 +48,34 @@ struct Short8 {
   }
 };
 
-// The eight numbers rounded to the nearest integers; they must fit.
+// Rounds eight numbers to the nearest integers, which must fit.
 [[nodiscard]] inline Short8 round_to_short(Float4 first, Float4 second) noexcept {
   return _mm_packs_epi32(_mm_cvtps_epi32(first.v), _mm_cvtps_epi32(second.v));
 }
 
-// xy + yz + zx of the first three lanes, each at most 2^14 in size.
+// Returns xy + yz + zx of the first three lanes, each at most 2^14 in magnitude.
 [[nodiscard]] inline std::uint32_t sum_of_products(Short8 a) noexcept {
   const __m128i xyz = _mm_and_si128(a.v, _mm_setr_epi16(-1, -1, -1, 0, 0, 0, 0, 0));
   const __m128i sums = _mm_madd_epi16(xyz, _mm_shufflelo_epi16(a.v, _MM_SHUFFLE(3, 0, 2, 1)));  // xy + yz, zx
   return static_cast<std::uint32_t>(_mm_cvtsi128_si32(_mm_add_epi32(sums, _mm_srli_si128(sums, 4))));
 }
-// Lanes 0..3, not negative.
+// Converts lanes 0..3, which must not be negative.
 [[nodiscard]] inline Float4 lanes_to_float(Short8 a) noexcept {
   return _mm_cvtepi32_ps(_mm_unpacklo_epi16(a.v, _mm_setzero_si128()));
 }
-// The eight bytes of a number, the lowest in lane 0.
+// Unpacks the eight bytes of a number, the lowest to lane 0.
 [[nodiscard]] inline Short8 bytes_to_lanes(std::uint64_t bytes) noexcept {
   return _mm_unpacklo_epi8(_mm_cvtsi64_si128(static_cast<long long>(bytes)), _mm_setzero_si128());
 }
-// Lanes 0..3 and lanes 4..7 as unsigned numbers.
+// Return lanes 0..3 and lanes 4..7 as unsigned numbers.
 [[nodiscard]] inline Int4 lower_lanes(Short8 a) noexcept { return _mm_unpacklo_epi16(a.v, _mm_setzero_si128()); }
 [[nodiscard]] inline Int4 upper_lanes(Short8 a) noexcept { return _mm_unpackhi_epi16(a.v, _mm_setzero_si128()); }
-// Lanes 0..3 from 0..65535, as unsigned numbers; the others are 0.
+// Packs lanes 0..3, from 0..65535, as unsigned numbers; the other lanes are 0.
 [[nodiscard]] inline Short8 to_unsigned_lanes(Int4 a) noexcept {
-  const __m128i signed_lanes = _mm_srai_epi32(_mm_slli_epi32(a.v, 16), 16);  // what packing must not saturate
+  const __m128i signed_lanes = _mm_srai_epi32(_mm_slli_epi32(a.v, 16), 16);  // so that packing does not saturate
   return _mm_packs_epi32(signed_lanes, _mm_setzero_si128());
 }
-// The same of three at once; the fourth lane is 0.
+// Does sum_of_products() for three at once; the fourth lane is 0.
 [[nodiscard]] inline Int4 sums_of_products(Short8 a, Short8 b, Short8 c) noexcept {
   const __m128i mask = _mm_setr_epi16(-1, -1, -1, 0, 0, 0, 0, 0);
   const auto products = [mask](Short8 s) {  // xy + yz, zx

@@ -1,12 +1,12 @@
 // Sorting eight values without branches: a network of 19 comparisons (Knuth, TAOCP 3, 5.3.4).
-// In: values, and what puts two of them into order, lane by lane where they are vectors. Out: the same, ascending.
+// In: values, and a function that orders two of them (lane by lane for vectors). Out: the values in ascending order.
 #pragma once
 
 #include <array>
 
 namespace perfect_bvh {
 
-// `order(a, b)` leaves the smaller in a.
+// `order(a, b)` puts the smaller into a.
 template <class Value, class Order>
 void sort_eight(std::array<Value, 8>& v, const Order& order) noexcept {
   order(v[0], v[1]), order(v[2], v[3]), order(v[4], v[5]), order(v[6], v[7]);

@@ -1,22 +1,22 @@
-// The watertight ray/triangle test, scalar reference: kernels compute the same bits, eight triangles at a time.
-// The triangle is sheared so that the ray becomes the z axis through the origin (Woop, Benthin, Wald 2013). Which side
-// of an edge the origin lies on is a difference of two products of coordinates that both triangles at the edge compute
-// alike; it is formed with the products' rounding errors recovered (Kahan's product difference), so that its sign is
-// right, and zero only if it is zero. So no ray passes between two triangles that share an edge, or through a vertex
-// of a closed mesh.
+// The watertight ray/triangle test, scalar reference. Kernels compute the same bits, eight triangles at a time.
+// The triangle is sheared so that the ray becomes the z axis through the origin (Woop, Benthin, Wald 2013). The side of
+// an edge that the origin is on is a difference of two products of coordinates, which both triangles at the edge
+// compute alike. The products' rounding errors are recovered (Kahan's product difference), so the sign is right, and
+// the result is zero only if it is exactly zero. So no ray passes between two triangles that share an edge, or through
+// a vertex of a closed mesh.
 //
-// It is done in float, which decides wherever the origin is farther from every edge than rounding moves a corner.
-// Beside an edge it is done once more in double, from the ray before it was narrowed, by the same rule; and where
-// double cannot tell either, exactly (math/exact_edges.h). So in all a ray hits a triangle if and only if, in exact
-// arithmetic of the ray in the mesh's space and the triangle's corners, its line meets the closed triangle: edges and
-// vertices count, rays within the triangle's plane do not. The corners are those that the tree stores: of meshes that
-// reach beyond 2^20 what is below 2^-126 of the reach is rounded (tree_scale() in wide/wide_bvh.h), of others
-// nothing.
+// The test in float decides if the origin is farther from every edge than rounding moves a corner. Near an edge it is
+// repeated in double, from the ray before it was narrowed, by the same rule. If double cannot decide either, it is done
+// exactly (math/exact_edges.h). As a result, a ray hits a triangle if and only if, in exact arithmetic on the ray in
+// the mesh's space and the triangle's corners, its line meets the closed triangle. Edges and vertices count; rays in
+// the triangle's plane do not. The corners are those that the tree stores. Meshes that reach beyond 2^20 lose detail
+// below 2^-126 of the reach (tree_scale() in wide/wide_bvh.h); others lose nothing.
 //
-// t is the float nearest to where the ray meets the triangle's plane, in double: the corners' depths in float,
-// weighted, would be off by a few roundings of the corners' distance, which on a ground of kilometres is centimetres.
-// Beside an edge it comes from the depths in double, weighted, and exactly where these do not tell it to a float: the
-// plane of a triangle that is seen almost edge-on, which then is all beside an edge, could be anywhere. Why no box
+// t is the float nearest to where the ray meets the triangle's plane, in double. The weighted depths of the corners in
+// float would be off by a few roundings of the corners' distance, which is centimetres on a ground of kilometres. Near
+// an edge, t comes from the weighted depths in double, or from exact arithmetic if these are not precise to a float:
+// the plane of a triangle that is seen almost edge-on, where every point is near an edge, could be anywhere. For why no
+// box loses a hit, see math/slab.h.
 // loses a hit: math/slab.h.
 #pragma once
 
@@ -34,10 +34,10 @@ struct TriangleRay {
   float origin[3];  // along the axes x, y and z of the sheared frame
   float shear_x, shear_y;
   float direction_z;
-  float depth_slack;     // how far t may be from every depth of the triangle's
-  float edge_slack;      // how far from an edge float is sure of its side, in the sheared frame
-  std::uint8_t axes[3];  // which axes of the mesh are x, y and z: z is the direction's longest, x the one after it
-  bool runs_down;        // direction_z < 0: then a triangle of positive weights shows its back, otherwise its front
+  float depth_slack;     // how far t may be from all depths of the triangle
+  float edge_slack;      // distance from an edge at which float is sure of the side, in the sheared frame
+  std::uint8_t axes[3];  // the mesh's axes for x, y and z: z is the direction's longest, x the one after it
+  bool runs_down;        // direction_z < 0: a triangle of positive weights then shows its back, otherwise its front
 };
 
 static inline void set_triangle_ray(TriangleRay& ray, const float origin[3], const float direction[3], int longest,
@@ -56,7 +56,7 @@ static inline void set_triangle_ray(TriangleRay& ray, const float origin[3], con
   ray.runs_down = direction[longest] < 0.0f;
 }
 
-// A triangle's plane in the mesh's own frame, by a point of it and its normal.
+// A triangle's plane in the mesh's own frame, given by a point of it and its normal.
 struct TrianglePlane {
   double point[3], normal[3];
 };
@@ -75,7 +75,7 @@ static inline TrianglePlane plane_of(const float a[3], const float b[3], const f
   return plane;
 }
 
-// The extents of its box, added: no edge is longer.
+// Returns the sum of the extents of its box; no edge is longer.
 static inline double span_of(const float a[3], const float b[3], const float c[3]) noexcept {
   double span = 0.0;
   for (int i = 0; i < 3; ++i) {
@@ -85,13 +85,14 @@ static inline double span_of(const float a[3], const float b[3], const float c[3
   return span;
 }
 
-// How far the plane is from a point, times the length of the normal.
+// Returns the distance of the plane from a point, times the length of the normal.
 static inline double plane_away(const TrianglePlane& plane, const double from[3]) noexcept {
   const double *const n = plane.normal, *const p = plane.point;
   return (n[0] * (p[0] - from[0]) + n[1] * (p[1] - from[1])) + n[2] * (p[2] - from[2]);
 }
 
-// Where a ray in the mesh's own frame, not sheared, meets the plane. Not finite if the plane holds its direction.
+// Returns where a ray in the mesh's own frame, not sheared, meets the plane. Not finite if the direction is parallel to
+// it.
 static inline double plane_t(const TrianglePlane& plane, const double origin[3], const double direction[3]) noexcept {
   const double* const n = plane.normal;
   return plane_away(plane, origin) / ((n[0] * direction[0] + n[1] * direction[1]) + n[2] * direction[2]);
@@ -105,23 +106,24 @@ struct TriangleHit {
 static inline float fused(float a, float b, float c) noexcept { return __builtin_fmaf(a, b, c); }
 static inline double fused(double a, double b, double c) noexcept { return __builtin_fma(a, b, c); }
 
-// a * b - c * d, within 2 u, its sign right.
+// Returns a * b - c * d, within 2 u and with the right sign.
 template <class Real>
 static inline Real product_difference(Real a, Real b, Real c, Real d) noexcept {
   const Real product = c * d;
   return fused(a, b, -product) + fused(-c, d, product);
 }
 
-// How far from zero a weight is sure of its sign. It is the distance of an edge times the edge's length. Each end of
-// the edge may be off by 14.2 of the 28 units of edge_slack (math/slab.h); so may its distance, and the length is at
-// most 1.74 spans and twice that. The second part counts for triangles that are tiny beside how far their mesh reaches.
+// Returns the distance from zero at which the sign of a weight is sure. A weight is the distance of an edge times the
+// edge's length. Each end of the edge may be off by 14.2 of the 28 units of edge_slack (math/slab.h). So may its
+// distance, and the length is at most 1.74 spans plus twice that. The second part matters for triangles that are tiny
+// compared with their mesh's reach.
 template <class Real>
 static inline Real weight_slack(Real edge_slack, Real span) noexcept {
   return edge_slack * (span + edge_slack);
 }
 
-// A triangle in a ray's sheared frame: its corners, and the weight of each in the point where the ray passes, which is
-// negative on the far side of the edge across (for triangles that turn clockwise there: positive).
+// A triangle in a ray's sheared frame: its corners, and the weight of each at the point where the ray passes. A weight
+// is negative on the far side of the opposite edge (for triangles that turn clockwise there: positive).
 template <class Real>
 struct ShearedTriangle {
   Real x[3], y[3], z[3], weights[3], sum, least, most;
@@ -146,21 +148,21 @@ static inline void set_sheared(ShearedTriangle<Real>& triangle, const Corners& a
   triangle.most = larger(larger(w[0], w[1]), w[2]);
 }
 
-// A ray in the mesh's own frame. `origin` is near the mesh, `start` where the ray begins: the same point, unless the
-// ray was moved along its direction, which rounds.
+// A ray in the mesh's own frame. `origin` is near the mesh; `start` is where the ray begins. They are equal, unless the
+// ray was moved along its direction, which involves rounding.
 struct ExactRay {
   const double *origin, *direction, *start;
 };
 
-// How far double is sure of its side where float is sure at 1, by the roundings of math/slab.h; and how much more
-// for each unit that the origin was moved.
+// The distance at which double is sure of its side, relative to that of float, by the rounding analysis of math/slab.h;
+// and the addition for each unit that the origin was moved.
 inline constexpr double kDoubleShare = 0x1p-29, kMovedShare = 0x1p-50;
 // If each weight is off by no more than this share of the volume between triangle and origin, divided by the depth of
 // the triangle, t is off by less than half a unit in the last place of a float.
 inline constexpr double kSureShare = 0x1p-27;
 
-// Whether a ray runs within an angle of some kGrazingSine of a triangle's plane. `sum`: of the weights. If it was
-// moved, its origin is not quite on its line, and its plane's t would be off by that over the angle.
+// Returns whether a ray's angle to a triangle's plane is at most about kGrazingSine. `sum`: of the weights. If the ray
+// was moved, its origin is not quite on its line, and t of the plane would be off by that divided by the angle.
 inline constexpr float kGrazingSine = 0x1p-20f;
 static inline float grazing_sum(float span) noexcept { return kGrazingSine * (span * span); }
 static inline bool is_grazed(float sum, float span) noexcept { return magnitude(sum) <= grazing_sum(span); }
@@ -172,7 +174,7 @@ static inline bool intersect_exactly(const TriangleRay& sheared, const ExactRay&
   const double sum = (exact.w[0] + exact.w[1]) + exact.w[2];
   if (ray.start == ray.origin) {
     hit.t = static_cast<float>(-exact_volume(ray.origin, corners) / sum);
-  } else {  // where the weights say, which is within the triangle
+  } else {  // from the weights, which are within the triangle
     const int z = sheared.axes[2];
     const auto depth = [&](int i) { return static_cast<double>(corners[i][z]) - ray.origin[z]; };
     const double volume = (exact.w[0] * depth(0) + exact.w[1] * depth(1)) + exact.w[2] * depth(2);
@@ -184,13 +186,13 @@ static inline bool intersect_exactly(const TriangleRay& sheared, const ExactRay&
   return true;
 }
 
-// Along the sheared z, in the ray's order or against it: what is not between them is no hit.
+// Depths along the sheared z, in the ray's order or against it. A hit outside is rejected.
 struct DepthRange {
   float least, most;
 };
 
-// Whether a triangle whose weights are off by no more than `slack` is out of the range if it is met: that moves the
-// depth of the point by no more than three times the slack times the triangle's own depth over the weights' sum.
+// Returns whether a triangle, whose weights are off by at most `slack`, is out of the range if it is hit. The depth of
+// the point moves by at most three times the slack times the triangle's own depth, divided by the weights' sum.
 static inline bool is_out_of_range(const ShearedTriangle<double>& triangle, double volume, double depth, double slack,
                                    const DepthRange& range) noexcept {
   const double *const z = triangle.z, sum = __builtin_fabs(triangle.sum);
@@ -199,7 +201,7 @@ static inline bool is_out_of_range(const ShearedTriangle<double>& triangle, doub
   return at + off < static_cast<double>(range.least) || at - off > static_cast<double>(range.most);
 }
 
-// Beside an edge. Out of the range it may say of a hit that there is none.
+// Decides near an edge. May report a miss for a hit out of the range.
 static inline bool intersect_beside_edge(const TriangleRay& sheared, const ExactRay& ray, const float* const corners[3],
                                          const DepthRange& range, TriangleHit& hit) noexcept {
   const std::uint8_t* const axes = sheared.axes;
@@ -228,8 +230,8 @@ static inline bool intersect_beside_edge(const TriangleRay& sheared, const Exact
   return true;
 }
 
-// True if the ray's line passes through the triangle: edges and vertices count, triangles seen exactly edge-on do not.
-// exact: what `ray` was made of, before it was narrowed to float.
+// Returns true if the ray's line passes through the triangle: edges and vertices count, triangles seen exactly edge-on
+// do not. exact: the original of `ray` before it was narrowed to float.
 static inline bool intersect_triangle(const TriangleRay& ray, const ExactRay& exact, const float* const corners[3],
                                       TriangleHit& hit) noexcept {
   const auto at = [&](int corner, int axis) { return corners[corner][ray.axes[axis]]; };
@@ -251,13 +253,13 @@ static inline bool intersect_triangle(const TriangleRay& ray, const ExactRay& ex
 }
 
 // Triangle ambiguity --------------------------------------------------------------------------------------------------
-// A ray against a triangle in double precision, with explicit rounding bounds: the judge of the float kernels.
-// In: a triangle's corners and a ray in world space, and by how much rounding may have moved the ray (`margin`, world
-// units). Out: surely hit (inside all three edges by more than the margin), surely missed, or neither; t, and by how
-// much a right answer may differ from it.
+// Tests a ray against a triangle in double precision, with explicit rounding bounds, to judge the float kernels.
+// In: a triangle's corners and a ray in world space, and how far rounding may have moved the ray (`margin`, world
+// units). Out: surely hit (inside all three edges by more than the margin), surely missed, or neither; t, and how much
+// a right answer may differ from it.
 
 inline constexpr double kFloatUlp = 0x1p-24, kLeastFloat = 0x1p-149;
-// Of the margin: what double precision loses where float loses that.
+// The error of double precision, as a share of the margin, which is that of float.
 inline constexpr double kDoubles = 0x1p-22;
 
 struct JudgedRay {
@@ -274,10 +276,10 @@ struct JudgedRay {
 
 struct JudgedTriangle {
   Vec3d corners[3];
-  Vec3d normal;         // by the winding, as long as twice the area
-  double squared_area;  // of it
+  Vec3d normal;         // by the winding; its length is twice the area
+  double squared_area;  // squared length of `normal`
   Vec3d centre;
-  double radius;  // of a ball about the centre that holds the triangle
+  double radius;  // of a ball about the centre that contains the triangle
 
   JudgedTriangle(Vec3d a, Vec3d b, Vec3d c) noexcept
       : corners{a, b, c},
@@ -290,12 +292,12 @@ struct JudgedTriangle {
 
 struct JudgedHit {
   bool surely_hit = false, surely_missed = false;
-  bool has_t = false;  // seen almost edge-on a triangle has no t to speak of
+  bool has_t = false;  // a triangle seen almost edge-on has no meaningful t
   bool is_front = false;
   double t = 0, bound = 0;
 };
 
-// Whether the line of the ray passes the ball by more than the margin. Far cheaper than judge_triangle().
+// Returns whether the ray's line misses the ball by more than the margin. Far cheaper than judge_triangle().
 [[nodiscard]] inline bool passes_by(const JudgedRay& ray, Vec3d centre, double radius, double margin) noexcept {
   const Vec3d moment = cross(centre - ray.origin, ray.direction);
   const double distance = radius + margin;
@@ -309,7 +311,7 @@ struct JudgedHit {
     result.surely_missed = true;
     return result;
   }
-  // Of a needle the normal, which is rounded by 2^-52 of how long and of how far away it is, would be noise as well.
+  // A needle's normal, which is rounded by 2^-52 of its length and distance, would also be noise.
   const double least_area = triangle.radius * (0x1p-28 * triangle.radius + 0x1p-4 * margin);
   if (!(triangle.squared_area > least_area * least_area)) return result;
   const double facing = dot(ray.direction, triangle.normal);
@@ -326,7 +328,7 @@ struct JudgedHit {
   result.is_front = facing < 0;
   int inside = 0;
   for (int i = 0; i < 3; ++i) {
-    // The side from its corners: as a difference of two long vectors that of a tiny triangle would be lost.
+    // Uses the side from its corners: as a difference of two long vectors, the side of a tiny triangle would be lost.
     const Vec3d side = triangle.corners[(i + 1) % 3] - triangle.corners[i];
     const double volume = dot(cross(from_origin[i], side), ray.direction) * (facing > 0 ? 1.0 : -1.0);
     const Vec3d across = cross(side, ray.direction);

@@ -1,9 +1,9 @@
-// What moves is known at evenly spaced moments, its steps; between two of them it is interpolated, before the first and
-// after the last it stands still.
+// Moving data is given at evenly spaced moments, its steps. It is interpolated between two steps, and constant before
+// the first and after the last.
 //
-// Positions go in straight lines, and boxes with them: both are interpolated by the same operations, fl(later * b +
-// fl(earlier * a)), which grow with a and with b, whatever is rounded. So where a box holds a vertex at both steps, it
-// holds it at every time between, as computed; and at a step itself nothing is interpolated.
+// Positions and boxes move in straight lines. Both are interpolated by the same operations, fl(later * b + fl(earlier *
+// a)), which increase with a and with b, including rounding. So if a box contains a vertex at both steps, it contains
+// the computed vertex at every time between. At a step itself, nothing is interpolated.
 #pragma once
 
 #include <cstddef>
@@ -19,7 +19,7 @@ struct StepTimes {
   std::uint32_t last = 0;
 };
 
-// At a step, or between it and the next: by shares that add up to 1, neither 0. At a step: 1 and 0.
+// A moment at a step, or between it and the next: two shares that add up to 1, neither 0. At a step: 1 and 0.
 struct Moment {
   std::uint32_t step = 0;
   float earlier = 1.0f, later = 0.0f;
@@ -27,7 +27,7 @@ struct Moment {
   [[nodiscard]] bool is_between() const noexcept { return later != 0.0f; }
 };
 
-// Kernels include this file: nothing in it may have external linkage. No time is NaN.
+// Kernels include this file: nothing in it may have external linkage. `time` is not NaN.
 static inline __attribute__((always_inline)) Moment moment_at(const StepTimes& times, float time) noexcept {
   const float at = (time - times.begin) * times.rate;
   if (!(at > 0.0f)) return {};
@@ -41,30 +41,30 @@ static inline float interpolate(const Moment& moment, float a, float b) noexcept
   return __builtin_fmaf(moment.later, b, moment.earlier * a);
 }
 
-// When a step is reached.
+// Returns the time of a step.
 static inline double time_of(const StepTimes& times, std::uint32_t step) noexcept {
   return static_cast<double>(times.begin) + static_cast<double>(step) / static_cast<double>(times.rate);
 }
 
 // Turning -------------------------------------------------------------------------------------------------------------
-// Where an instance stands while it moves: a transform between two of its steps (lecture, "Rigid motion").
+// The placement of a moving instance: a transform between two of its steps (lecture, "Rigid motion").
 //
-// Each step's matrix is taken apart into a rotation and what is left of it, a stretch (Shoemake and Duff 1992, "Matrix
-// animation and polar decomposition"). Between steps the rotation turns evenly by the shorter way (Shoemake 1985,
-// "Animating rotation with quaternion curves"), stretch and translation go in straight lines: so do Blender's and
-// Cycles' motion blur, and a wheel stays round, which it does not where matrices are interpolated. A turn by more than
-// half of one between two steps is taken for the rest of it the other way round: it needs more steps.
+// Each step's matrix is decomposed into a rotation and the rest, a stretch (Shoemake and Duff 1992, "Matrix animation
+// and polar decomposition"). Between steps, the rotation turns evenly in the shorter direction (Shoemake 1985,
+// "Animating rotation with quaternion curves"); stretch and translation are linear. Motion blur in Blender and Cycles
+// does the same. A wheel stays round, which it would not with interpolated matrices. A turn by more than half a
+// revolution between two steps is interpreted as the shorter turn in the other direction: it needs more steps.
 //
-// Doubles, and fixed operations: the same bits on every instruction set. Kernels include this file: nothing in it may
-// have external linkage.
+// Uses doubles and fixed operations: the same bits on every instruction set. Kernels include this file: nothing in it
+// may have external linkage.
 
 // One step.
 struct TurnStep {
-  double rotation[4];  // a quaternion, the real part first; not further from the one before than from its opposite
+  double rotation[4];  // a quaternion, real part first; its sign is the one nearer to the previous step's
   double stretch[9];   // columns
   double translation[3];
-  // To the next step, between the quaternions: half as far as the rotation turns.
-  double angle, over_sine;  // 1 / its sine, or 0 where it is so small that a straight line is as good
+  // The angle to the next step's quaternion, which is half the angle of the rotation.
+  double angle, over_sine;  // 1 / its sine, or 0 if it is so small that linear interpolation is as good
 };
 
 // The linear part's columns, and the translation.
@@ -84,7 +84,7 @@ static constexpr double kSineSeries[] = {-1.0 / 6.0,
                                          -1.0 / 121645100408832000.0,
                                          1.0 / 51090942171709440000.0};
 
-// Of angles from 0 to half of pi: to a unit in the last place.
+// For angles from 0 to half of pi; within a unit in the last place.
 static inline double sine_of_quarter(double angle) noexcept {
   const double square = angle * angle;
   double sum = kSineSeries[9];
@@ -92,7 +92,7 @@ static inline double sine_of_quarter(double angle) noexcept {
   return angle + angle * (square * sum);
 }
 
-// rotation * stretch, where the quaternion may have any length but 0.
+// Computes rotation * stretch. The quaternion may have any length except 0.
 static inline void turn(const double q[4], const double stretch[9], double columns[9]) noexcept {
   const double scale = 2.0 / ((q[0] * q[0] + q[1] * q[1]) + (q[2] * q[2] + q[3] * q[3]));
   const double x = q[1] * scale, y = q[2] * scale, z = q[3] * scale;
@@ -108,7 +108,7 @@ static inline void turn(const double q[4], const double stretch[9], double colum
   }
 }
 
-// At a moment; `steps` are all of an instance's.
+// Interpolates at a moment; `steps` are all of an instance's.
 static inline void place_between(const TurnStep* steps, const Moment& moment, TurnedPlace& place) noexcept {
   const TurnStep& from = steps[moment.step];
   if (!moment.is_between()) {
@@ -128,36 +128,35 @@ static inline void place_between(const TurnStep* steps, const Moment& moment, Tu
 }
 
 // Turn back -----------------------------------------------------------------------------------------------------------
-// Where a ray is to an instance that turns: the way back of math/turning.h, made ready for each interval between two
-// steps, as long as what is stretched hardly changes between them.
+// Maps a ray to a turning instance: the inverse of math/turning.h, prepared for each interval between two steps in
+// which the stretch hardly changes.
 //
 // A rotation that turns evenly about one axis k by an angle a is I + sin(x a) K + (1 - cos(x a)) K K at the share x of
-// its way, K p being the cross product of k and p. So the inverse of rotation times stretch is a sum of three maps that
-// are known beforehand; only sine and cosine are left to be found for each ray, and neither a matrix is inverted nor a
-// quaternion normalised. From one step to the next a stretch is seldom another one, but for the rounding of the
-// matrices that it comes from: its inverse goes in a straight line from one to the other, which is off by less than
-// kMostGrowth squared. math/turning.h does it.
+// the turn, where K p is the cross product of k and p. So the inverse of rotation times stretch is a sum of three maps
+// that are known in advance. Only sine and cosine are computed for each ray; no matrix is inverted and no quaternion is
+// normalized. The stretch rarely changes from one step to the next, except for the rounding of the input matrices. Its
+// inverse is interpolated linearly, which is off by less than kMostGrowth squared. math/turning.h does it.
 
-// A stretch changes by no more of itself, in any entry.
+// The maximum relative change of a stretch, in any entry.
 inline constexpr double kMostGrowth = 0x1p-21;
 
 struct alignas(64) TurnBack {
-  // Columns x, y, z of the three maps, one map after another. The last number is only read with others.
+  // Columns x, y, z of the three maps, one map after another. The last number is only padding for loads.
   double maps[28];
-  double translation[3], shift[3];  // at the step, and from there to the next
-  double half_angle;                // of the whole way
-  float growth[9];                  // what the inverse is multiplied by at the next step, less 1: columns
-  std::uint8_t is_ready;            // 0: rays are to be mapped by TurnStep, and nothing else here means anything
+  double translation[3], shift[3];  // at the step, and the change to the next step
+  double half_angle;                // of the whole turn
+  float growth[9];                  // the factor of the inverse at the next step, minus 1: columns
+  std::uint8_t is_ready;            // 0: rays are mapped by TurnStep, and the other fields here are undefined
   std::uint8_t grows;               // 0: `growth` is 0
   std::uint8_t is_mirrored;
 };
 static_assert(sizeof(TurnBack) == 320);
 
 // Turn ray ------------------------------------------------------------------------------------------------------------
-// Takes a ray to where a turning instance is (math/turning.h).
+// Maps a ray to a turning instance (math/turning.h).
 // Kernels include this file: nothing in it may have external linkage.
 
-// Sine and cosine of 0 to half of pi, each as sine_of_quarter() finds it.
+// Computes sine and cosine of an angle from 0 to half of pi, each as sine_of_quarter() does.
 PERFECT_BVH_LANES void sine_and_cosine(double angle, double& sine, double& cosine) noexcept {
   constexpr double kQuarter = 1.5707963267948966;
   const Double2 x = {angle, kQuarter - angle};
@@ -168,15 +167,15 @@ PERFECT_BVH_LANES void sine_and_cosine(double angle, double& sine, double& cosin
   sine = both[0], cosine = both[1];
 }
 
-// `growth`, which goes on at `share`, applied to v, and v. Of four numbers that are read the last belongs to no column.
+// Returns v plus `growth` at `share`, applied to v. Of each four numbers loaded, the last is not part of the column.
 PERFECT_BVH_LANES Double4 grown(const TurnBack& turn, double share, const Double4& v) noexcept {
   const char* const columns = reinterpret_cast<const char*>(&turn) + offsetof(TurnBack, growth);
   const Double4 x = load4_widened(columns), y = load4_widened(columns + 12), z = load4_widened(columns + 24);
   return v + all4(share) * ((x * all4(v[0]) + y * all4(v[1])) + z * all4(v[2]));
 }
 
-// A ray, in the world times `world_scale`, as the mesh's frame about `centre` times `tree_scale` sees it, at a share of
-// the interval. Rays and centre are read with what stands behind their three numbers.
+// Maps a ray, given in the world times `world_scale`, to the mesh's frame about `centre` times `tree_scale`, at a share
+// of the interval. Loads of rays and centre also read the bytes after their three numbers.
 PERFECT_BVH_LANES void turn_ray_back(const TurnBack& turn, double share, const double* centre, double tree_scale,
                                      double world_scale, const double* from_origin, const double* from_direction,
                                      double* origin, double* direction) noexcept {

@@ -62,9 +62,9 @@ constexpr Vec3f to_float(Vec3d a) noexcept {
 constexpr Vec3d to_double(Vec3f a) noexcept { return {a.x, a.y, a.z}; }
 
 // Axes ----------------------------------------------------------------------------------------------------------------
-// A loop over the three axes whose numbers are constants.
+// A loop over the three axes with constant numbers.
 
-// Calls body(axis) with the constants 0, 1 and 2: so that components of vectors are found without a branch.
+// Calls body(axis) with the constants 0, 1 and 2, so that components of vectors are accessed without a branch.
 template <class Body>
 constexpr void for_each_axis(const Body& body) {
   body(std::integral_constant<int, 0>{});
