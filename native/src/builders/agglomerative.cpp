@@ -13,7 +13,7 @@
 namespace perfect_bvh {
 namespace {
 
-// Which clusters were joined. Cluster leaf_count + i is the union of pairs[i].
+// The clusters that were joined. Cluster leaf_count + i is the union of pairs[i].
 struct Joins {
   struct Pair {
     std::uint32_t left, right, count;
@@ -28,7 +28,7 @@ struct Joins {
   }
 };
 
-// `chain` holds clusters each of which is the best match of the one before it.
+// In `chain`, each cluster is the best match of the one before it.
 Joins join_best_matches(MatchTree& tree, CancelToken& cancel) {
   constexpr std::uint32_t kJoinsBetweenChecks = 1024;
   Joins joins{tree.leaf_count(), {}};
@@ -47,7 +47,7 @@ Joins join_best_matches(MatchTree& tree, CancelToken& cancel) {
     const std::uint32_t joined = tree.join(before, last);
     joins.pairs.push_back({before, last, joins.count_of(before) + joins.count_of(last)});
     chain.resize(chain.size() - 2);
-    hint = joined;  // what the chain's end was drawn to is now part of this
+    hint = joined;  // the end of the chain matched a cluster that is now part of this one
     if (chain.empty()) {
       chain.push_back(joined);
       hint = MatchTree::kNone;
@@ -57,7 +57,7 @@ Joins join_best_matches(MatchTree& tree, CancelToken& cancel) {
   return joins;
 }
 
-// Writes the joins from the top down, in the order of Bvh2.
+// Writes the joins from the top down, in the order of a Bvh2.
 class JoinWriter {
  public:
   JoinWriter(const Joins& joins, const MatchTree& tree, std::span<const PrimRef> prims)
@@ -114,7 +114,7 @@ class JoinWriter {
     out_.prim_indices.push_back(row);
   }
 
-  // In the order of the joins: neighbours stay together.
+  // Rows are in the order of the joins, so that neighbours stay together.
   [[nodiscard]] std::vector<std::uint32_t> rows_below(std::uint32_t cluster) const {
     std::vector<std::uint32_t> rows, pending{cluster};
     while (!pending.empty()) {
@@ -129,7 +129,7 @@ class JoinWriter {
     return rows;
   }
 
-  // Calls itself as deep as halving takes, 32 times at most.
+  // Recursive: as deep as the halving, at most 32 levels.
   void write_halves(std::span<const std::uint32_t> rows, std::uint32_t node, std::uint32_t depth) {
     out_.depth = std::max(out_.depth, depth);
     if (rows.size() == 1) return write_leaf(rows[0], node);
@@ -165,7 +165,7 @@ struct Costs {
   float intersection;
   std::uint32_t max_leaf_size;
 
-  // Of the cheaper of a leaf and a split into parts of `parts` cost; for boxes whose union has this area.
+  // Returns the cheaper of a leaf and a split whose parts cost `parts`, for boxes whose union has this area.
   [[nodiscard]] float best(float area, std::uint32_t count, float parts) const noexcept {
     const float split = traversal * area + parts;
     return count <= max_leaf_size ? std::min(split, intersection * area * static_cast<float>(count)) : split;
@@ -184,7 +184,7 @@ struct Choice {
   }
 };
 
-// What a leaf of all costs, or more than anything if it would be too large.
+// Returns the cost of one leaf with all boxes, or a prohibitive cost if it would be too large.
 [[nodiscard]] Choice leaf(std::uint32_t count, float area, const Costs& costs) noexcept {
   constexpr float kNever = std::numeric_limits<float>::max();
   return {count <= costs.max_leaf_size ? costs.intersection * area * static_cast<float>(count) : kNever, 0};
@@ -208,7 +208,7 @@ std::uint32_t split_three(const GridBox* b, float area, const Costs& costs) noex
   return choice.left;
 }
 
-// The best tree over four boxes; all 15 are priced.
+// Finds the best tree over four boxes; all 15 are priced.
 std::uint32_t split_four(const GridBox* b, float area, const Costs& costs) noexcept {
   std::array<float, 4> one;
   for (std::size_t i = 0; i < 4; ++i) one[i] = costs.intersection * area_of(b[i]);
@@ -246,7 +246,7 @@ void order(Float4& a, Float4& b) noexcept {
 
 using AxisBoxes = std::array<GridBox, 3>;
 
-// Boxes in the order of their centroids along each axis.
+// The boxes in the order of their centroids along each axis.
 struct Sorted {
   alignas(16) std::array<std::array<std::int32_t, 4>, kFewBoxes> ranks;  // rank, axis: number of the box
   const GridBox* boxes;

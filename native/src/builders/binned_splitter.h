@@ -1,6 +1,6 @@
-// How binned SAH splits ranges (Wald 2007; lecture, "Rapid construction"): references on a grid, moved from one array
-// to the other as they are divided. In: references, settings (bins, axes, costs), perhaps a limit up to which leaves
-// are filled. Out: splits and leaves, as top_down.h asks of a splitter.
+// Splits ranges by binned SAH (Wald 2007; lecture, "Rapid construction"). References are on a grid, and move from one
+// array to the other as they are divided. In: references, settings (bins, axes, costs), and an optional limit up to
+// which leaves are filled. Out: splits and leaves, in the form that top_down.h requires of a splitter.
 #pragma once
 
 #include <algorithm>
@@ -21,7 +21,7 @@
 namespace perfect_bvh {
 
 struct GridRange : BuildRange {
-  bool in_scratch = false;  // the rows stand in the splitter's second array
+  bool in_scratch = false;  // the rows are in the splitter's second array
   GridFrame frame;
 };
 
@@ -53,14 +53,14 @@ class BinnedSplitter {
     });
   }
 
-  // For parts of the input that others have made of it, and may change until they are taken over.
+  // For ranges made from the input by other code, which may change the input until take_over().
   BinnedSplitter(std::span<const PrimRef> prims, const BuildConfig& config, CancelToken& cancel)
       : prims_(prims), config_(config), cancel_(cancel), leaf_limit_(nullptr) {
     memory_.expect(2 * prims.size() * sizeof(GridRef));
     refs_ = memory_.take<GridRef>(prims.size()), scratch_ = memory_.take<GridRef>(prims.size());
   }
 
-  // Takes over the rows of a range, whose boxes lie in `box`. From many threads at once, for ranges apart.
+  // Takes over the rows of a range, whose boxes are in `box`. May run on many threads at once, for disjoint ranges.
   void take_over(Range& range, const Box4& box) noexcept {
     range.in_scratch = false;
     range.frame = GridFrame::around(box);
@@ -109,24 +109,24 @@ class BinnedSplitter {
     return {box.lower + zero, box.upper + zero};
   }
 
-  // A range's rows; their positions are those in the input.
+  // Returns a range's rows; their positions are those in the input.
   [[nodiscard]] std::span<const GridRef> refs(const Range& range) const noexcept {
     return {rows(range, range.in_scratch), range.count};
   }
 
  private:
-  // References bounded and put into bins, at least; of more every second, third ... is taken. Planes chosen by so many
-  // are as good, and the upper levels cost a third.
+  // The minimum number of references bounded and put into bins; of larger ranges every second, third ... is taken.
+  // Planes chosen from this many are as good, and the upper levels take a third of the time.
   static constexpr std::uint32_t kSampleSize = 2048;
-  static constexpr std::uint32_t kSampleSizeForLeaves = 1024;  // with a limit: half, and rays visit as many nodes
-  static constexpr std::uint32_t kParallelSize = 65536;        // references from which on one node's work is shared out
-  static constexpr std::uint32_t kChunk = kItemsBetweenAsking;  // and what a thread then takes at a time
+  static constexpr std::uint32_t kSampleSizeForLeaves = 1024;   // with a limit: half as many give as few node visits
+  static constexpr std::uint32_t kParallelSize = 65536;         // from this size on, threads share a node's work
+  static constexpr std::uint32_t kChunk = kItemsBetweenAsking;  // references that a thread then takes at a time
   static_assert(std::has_single_bit(kChunk));
   static constexpr std::uint32_t kFewestBoxes = 4;
-  static constexpr std::uint32_t kFewToFetch = 32;  // references whose primitives are fetched before they are needed
-  static constexpr std::uint32_t kAhead = 16;       // and how far ahead of a loop through all
-  // Up to here a split decides how well leaves are filled. Measured: counting leaves makes 6 to 11% fewer of them, at
-  // the same cost to rays; counting them in larger ranges gains no more.
+  static constexpr std::uint32_t kFewToFetch = 32;  // references whose primitives are prefetched
+  static constexpr std::uint32_t kAhead = 16;       // prefetch distance in a loop through all
+  // Up to this size a split decides how well leaves are filled. Measured: counting leaves makes 6 to 11% fewer of them,
+  // at the same cost to rays; counting them in larger ranges gains no more.
   static constexpr std::uint32_t kMostToCountLeavesOf = 32;
 
   // Calls body(chunk, begin, end) for the chunks of [0, count), on the pool if there is one.
@@ -150,11 +150,11 @@ class BinnedSplitter {
     left.in_scratch = right.in_scratch = in_scratch;
   }
 
-  // What leaves of the range will be made of, while it is divided further.
+  // Prefetches the data for the range's leaves, while the range is divided further.
   [[gnu::always_inline]] void fetch(const Range& range) const noexcept {
     for (const GridRef& ref : refs(range)) {
       __builtin_prefetch(&prims_[ref.position()]);
-      if (leaf_limit_ != nullptr) leaf_limit_->fetch(ref.position());  // as a rule the primitive's number, too
+      if (leaf_limit_ != nullptr) leaf_limit_->fetch(ref.position());  // usually this is the primitive's number, too
     }
   }
 
@@ -166,12 +166,12 @@ class BinnedSplitter {
     return leaf_limit_->fits({numbers.data(), range.count});
   }
 
-  // Of so many references every stride-th is looked at: see kSampleSize.
+  // Returns the stride at which `count` references are sampled: see kSampleSize.
   [[nodiscard]] std::uint32_t sample_stride(std::uint32_t count) const noexcept {
     return std::max(1u, count / (leaf_limit_ != nullptr ? kSampleSizeForLeaves : kSampleSize));
   }
 
-  // The bounds of what is looked at, in a frame that is fine enough for it.
+  // Returns the bounds of the sample, in a frame that is fine enough for it.
   GridBounds measure(Range& range, ThreadPool* pool) {
     const std::uint32_t stride = sample_stride(range.count);
     if (stride == 1) return measure_finely(range, pool);
@@ -181,7 +181,7 @@ class BinnedSplitter {
     return longest_extent(bounds.box) >= kCoarseSteps ? bounds : measure_finely(range, pool);
   }
 
-  // The bounds of a range, snapped to a frame of its own first if its present one is too coarse.
+  // Returns the bounds of a range. If its present frame is too coarse, snaps it to its own frame first.
   GridBounds measure_finely(Range& range, ThreadPool* pool) {
     const GridRef* refs = rows(range, range.in_scratch);
     const GridBounds bounds = gather(range.count, pool, [&](std::size_t i) { return Short8::load(&refs[i]); });
@@ -190,7 +190,7 @@ class BinnedSplitter {
     if (frame.steps == range.frame.steps) return bounds;
     range.frame = frame;
     return gather(range.count, pool, [&, to = rows(range, range.in_scratch)](std::size_t i) {
-      // No farther than the chunk: other threads write theirs.
+      // Stays within the chunk: other threads write theirs.
       const std::size_t ahead = std::min<std::size_t>({i + kAhead, i | (kChunk - 1), range.count - 1});
       __builtin_prefetch(&prims_[to[ahead].position()]);
       const std::uint32_t position = to[i].position();
@@ -226,7 +226,7 @@ class BinnedSplitter {
     return all;
   }
 
-  // The best of all sides or planes that a few boxes can take.
+  // Makes the best split of a few boxes, over all sides or planes.
   bool split_by_sides(const Range& range, float area, Range& left, Range& right) noexcept {
     std::array<GridBox, kFewBoxes> boxes;
     GridRef* refs = rows(range, range.in_scratch);
@@ -241,7 +241,7 @@ class BinnedSplitter {
     return true;
   }
 
-  // The cheapest plane between bins, if it costs less than the leaf or there is no leaf to be had.
+  // Splits at the cheapest plane between bins, if it costs less than the leaf or a leaf is not possible.
   bool split_by_plane(const Range& range, const GridBounds& bounds, Range& left, Range& right, ThreadPool* pool) {
     const std::uint32_t stride = sample_stride(range.count);
     const std::uint32_t count = (range.count + stride - 1) / stride;
@@ -263,7 +263,7 @@ class BinnedSplitter {
     return true;
   }
 
-  // Into the other array: the left side from its front on, the right side from its back on.
+  // Moves references to the other array: the left side from the front, the right side from the back.
   std::uint32_t move_to_sides(const Range& range, std::uint32_t axis, std::int32_t border, ThreadPool* pool) {
     const GridRef* from = rows(range, range.in_scratch);
     GridRef* to = rows(range, !range.in_scratch);
@@ -278,7 +278,7 @@ class BinnedSplitter {
       });
       return static_cast<std::uint32_t>(left);
     }
-    // How many go left before each chunk says where one thread would have put its rows.
+    // The number of left references before each chunk gives the position where one thread would have put its rows.
     std::vector<std::size_t> left_before(chunk_count_of(range.count) + 1, 0);
     for_rows(pool, range.count, [&](std::size_t chunk, std::size_t begin, std::size_t end) {
       std::size_t count = 0;
@@ -293,7 +293,7 @@ class BinnedSplitter {
     return static_cast<std::uint32_t>(left_before.back());
   }
 
-  // What is left to do where the SAH says nothing (all centroids equal, no area) or the depth runs out.
+  // Fallback if the SAH decides nothing (all centroids equal, no area) or the maximum depth is near.
   void split_in_halves(const Range& range, const GridBounds& bounds, Range& left, Range& right) {
     GridRef* refs = rows(range, range.in_scratch);
     const std::uint32_t half = range.count / 2;

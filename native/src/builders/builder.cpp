@@ -78,7 +78,7 @@ Bvh2 build_bvh2(std::span<const PrimRef> prims, const BuildConfig& config, Threa
 // Binned --------------------------------------------------------------------------------------------------------------
 // Binned SAH construction (Wald 2007, "On fast construction of SAH-based bounding volume hierarchies"; lecture, "Rapid
 // construction": planes independent of N).
-// In: references, settings (bins, axes, costs). Out: a refittable tree with leaves where no split pays, or where
+// In: references, settings (bins, axes, costs). Out: a refittable tree with leaves where no split pays off, or where
 // primitives fit into one leaf of the wide tree.
 
 namespace {
@@ -101,8 +101,8 @@ Bvh2 build_binned(std::span<const PrimRef> prims, const BuildConfig& config, Thr
 }
 
 // Median --------------------------------------------------------------------------------------------------------------
-// The naive reference: halves of equal size, divided at the median centroid on the axis where the centroids spread
-// most (lecture, "Naive against SAH"). No cost is looked at; leaves have a fixed size.
+// The naive reference: halves of equal size, divided at the median centroid on the axis where the centroids spread most
+// (lecture, "Naive against SAH"). It ignores costs; leaves have a fixed size.
 // In: references. Out: a refittable tree of the least depth.
 
 namespace {
@@ -145,7 +145,7 @@ class MedianSplitter {
       prim_indices[i] = ref.prim_index;
       box.grow(Box4::load(&ref));
     }
-    // C++ libraries differ in the order that selection leaves within a half.
+    // Sorted because C++ libraries differ in the order that selection leaves within a half.
     std::sort(prim_indices, prim_indices + range.count);
     const Float4 zero(0.0f);  // -0 + 0 is +0
     return {box.lower + zero, box.upper + zero};

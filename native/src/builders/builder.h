@@ -1,4 +1,4 @@
-// What a user may choose about a build. Defaults need no thought.
+// The settings of a build. The defaults are suitable for all uses.
 #pragma once
 
 #include <cstdint>
@@ -18,7 +18,7 @@ struct BuilderName {
   const char* name;  // as users write it
 };
 
-// All of them, in the order of BuilderKind.
+// All builders, in the order of BuilderKind.
 inline constexpr BuilderName kBuilders[] = {{BuilderKind::kAuto, "auto"},       {BuilderKind::kMedian, "median"},
                                             {BuilderKind::kSweep, "sweep"},     {BuilderKind::kBinned, "binned"},
                                             {BuilderKind::kSpatial, "spatial"}, {BuilderKind::kFast, "fast"}};
@@ -37,35 +37,35 @@ static_assert([] {
 
 struct BuildConfig {
   BuilderKind builder = BuilderKind::kAuto;
-  std::uint32_t bins = 16;            // binned, spatial: intervals an axis, 2 to 256; half of them to cut space at
+  std::uint32_t bins = 16;            // binned, spatial: intervals per axis, 2 to 256; half of them for spatial planes
   std::uint32_t axes = 3;             // binned: 3 tries all axes, 1 only the longest
   std::uint32_t max_leaf_size = 8;    // a leaf never holds more
-  float traversal_cost = 1.0f;        // SAH: of visiting a node ...
+  float traversal_cost = 1.0f;        // SAH: cost of visiting a node ...
   float intersection_cost = 1.0f;     // ... and of testing a primitive
   float duplication_budget = 0.3f;    // spatial: references added, as a share of the primitives
   std::uint32_t optimize_passes = 0;  // reinsertion passes after the build
-  bool fills_leaves = false;          // binned: ends where primitives fit into one leaf of the wide tree
+  bool fills_leaves = false;          // binned: stops when primitives fit into one leaf of the wide tree
 
   friend bool operator==(const BuildConfig&, const BuildConfig&) = default;
 };
 
 // Builder -------------------------------------------------------------------------------------------------------------
 // Builds a tree over boxes with the configured builder.
-// In: one PrimRef a primitive (any numbering), a cancel token. Out: a Bvh2 with the same bytes for any thread count.
+// In: one PrimRef per primitive (any numbering), a cancel token. Out: a Bvh2, the same bytes for any number of threads.
 
-// The builder that users write so. Throws InvalidArgument if there is none.
+// Returns the builder with the name that users write. Throws InvalidArgument if there is none.
 [[nodiscard]] BuilderKind find_builder(std::string_view name);
 
-// References with an empty or non-finite box must not be passed. Counts prims.size() units of work on `cancel`. Throws
-// InvalidArgument for settings out of range (naming them), Cancelled, bad_alloc. Spatial splits ask the clipper;
-// without one they take primitives to fill their boxes. With config.fills_leaves, leaves are as large as the limit
-// allows; without one the setting is ignored.
+// Builds the tree. References must not have an empty or non-finite box. Counts prims.size() units of work on `cancel`.
+// Throws InvalidArgument for settings out of range (naming them), Cancelled, bad_alloc. Spatial splits use the clipper;
+// without one they assume that primitives fill their boxes. With config.fills_leaves, leaves are as large as the limit
+// allows; without a limit the setting is ignored.
 [[nodiscard]] Bvh2 build_bvh2(std::span<const PrimRef> prims, const BuildConfig& config, ThreadPool& pool,
                               CancelToken& cancel, const PrimClipper* clipper = nullptr,
                               const LeafLimit* leaf_limit = nullptr);
 
 // Builders ------------------------------------------------------------------------------------------------------------
-// Every builder of binary trees, each explained at the top of the file of its name (builder.cpp, ...).
+// All builders of binary trees. Each is explained at the top of its file (builder.cpp, ...).
 // In: references, not empty; settings that build_bvh2() has checked. Out: a tree, the same bytes for any number of
 // threads.
 
@@ -75,14 +75,14 @@ struct BuildConfig {
 [[nodiscard]] Bvh2 build_sweep(std::span<const PrimRef> prims, const BuildConfig& config, ThreadPool& pool,
                                CancelToken& cancel);
 
-// With a limit, costs and leaf size are not asked: whatever fits is a leaf, and nothing else.
+// With a limit, costs and leaf size are ignored: exactly those ranges that fit become leaves.
 [[nodiscard]] Bvh2 build_binned(std::span<const PrimRef> prims, const BuildConfig& config, ThreadPool& pool,
                                 CancelToken& cancel, const LeafLimit* leaf_limit = nullptr);
 
 [[nodiscard]] Bvh2 build_fast(std::span<const PrimRef> prims, const BuildConfig& config, ThreadPool& pool,
                               CancelToken& cancel);
 
-// Without a clipper primitives are taken to fill their boxes.
+// Without a clipper, primitives are assumed to fill their boxes.
 [[nodiscard]] Bvh2 build_spatial(std::span<const PrimRef> prims, const BuildConfig& config, const PrimClipper* clipper,
                                  ThreadPool& pool, CancelToken& cancel);
 

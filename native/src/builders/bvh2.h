@@ -1,4 +1,5 @@
-// What a builder knows of primitives: their boxes and numbers; where it asks, how they are cut and what fits a leaf.
+// The data on primitives that builders use: boxes and numbers, and optionally how they are cut and what fits into a
+// leaf.
 #pragma once
 
 #include <cstddef>
@@ -24,36 +25,36 @@ struct alignas(16) PrimRef {
 };
 static_assert(sizeof(PrimRef) == 32);
 
-// What a builder with spatial splits must know of primitives beyond their boxes: where a slice of one lies.
+// The data on primitives, beyond boxes, that spatial splits need: the box of a slice of a primitive.
 class PrimClipper {
  public:
   virtual ~PrimClipper() = default;
 
   // Cuts a primitive (by its PrimRef::prim_index) at the planes coordinate[axis] = planes[0] < planes[1] < ... and
-  // writes planes.size() + 1 boxes: slices[k] contains every point of the primitive with planes[k - 1] <=
-  // coordinate[axis] <= planes[k], both ends included (beyond the first and the last plane: all there is). A slice may
-  // be larger than that; it is empty (lower > upper on some axis) only where there is no such point. The fourth lanes
-  // may hold anything. Called from many threads at once.
+  // writes planes.size() + 1 boxes. slices[k] contains every point of the primitive with planes[k - 1] <=
+  // coordinate[axis] <= planes[k], both ends included; the first and last slices are unbounded on the outside. A slice
+  // may be larger than necessary. It is empty (lower > upper on some axis) only if there is no such point. The fourth
+  // lanes are undefined. May be called from many threads at once.
   virtual void slice(std::uint32_t prim_index, int axis, std::span<const float> planes,
                      Box4* slices) const noexcept = 0;
 };
 
-// What a builder must know to end where the leaves of the wide tree do: which primitives fit into one of those
-// together. A tree that goes on down to one or two primitives costs twice as much to build, and is traced no faster:
-// the wide tree's leaves are tested as a whole.
+// Tells a builder which primitives fit together into one leaf of the wide tree, so that its leaves can be the same. A
+// tree that continues down to one or two primitives costs twice as much to build, and is traced no faster, because the
+// wide tree's leaves are tested as a whole.
 class LeafLimit {
  public:
   virtual ~LeafLimit() = default;
 
-  static constexpr std::uint32_t kMost = 8;  // primitives never fit in larger numbers
-  // What fits as a rule, where surfaces share their vertices: by it the leaves of larger sets are counted beforehand.
+  static constexpr std::uint32_t kMost = 8;  // more primitives never fit
+  // The number that usually fits, as surfaces share vertices. Used to estimate the leaves of larger sets.
   static constexpr std::uint32_t kUsual = 6;
 
-  // At most kMost primitives, by their PrimRef::prim_index. One alone always fits, and so does any part of what fits.
-  // Called from many threads at once.
+  // Returns whether at most kMost primitives, by their PrimRef::prim_index, fit. A single one always fits, and so does
+  // any subset of a set that fits. May be called from many threads at once.
   [[nodiscard]] virtual bool fits(std::span<const std::uint32_t> prim_indices) const noexcept = 0;
 
-  // Before fits() is asked: fetches what it reads of a primitive. In line: GCC drops calls that do nothing else.
+  // Prefetches the data of a primitive that fits() reads. Inlined, because GCC drops calls that only prefetch.
   [[gnu::always_inline]] void fetch(std::uint32_t prim_index) const noexcept {
     __builtin_prefetch(rows_ + prim_index * row_size_);
   }
@@ -68,12 +69,12 @@ class LeafLimit {
 };
 
 // Bvh2 ----------------------------------------------------------------------------------------------------------------
-// The one tree type that every builder returns: a binary BVH in an array.
-// Order of the array: the root is node 0, node 1 is unused, siblings are adjacent at an even index (so that a pair
-// shares a cache line), and a parent always stands before its children: refitting is one loop from the last node to
-// the first (lecture, "Refitting"). Primitives are referred to by number through `prim_indices`.
+// The tree type that every builder returns: a binary BVH in an array.
+// Order of the array: the root is node 0, node 1 is unused, and siblings are adjacent at an even index, so that a pair
+// shares a cache line. A parent is always before its children, so refitting is one loop from the last node to the first
+// (lecture, "Refitting"). Primitives are referred to by number through `prim_indices`.
 
-// No builder returns a deeper tree: a stack of a fixed size is enough to walk it.
+// No builder returns a deeper tree, so a stack of fixed size is enough to traverse it.
 inline constexpr std::uint32_t kMaxTreeDepth = 96;
 
 struct alignas(16) Bvh2Node {
@@ -89,19 +90,19 @@ struct alignas(16) Bvh2Node {
 static_assert(sizeof(Bvh2Node) == 32 && std::is_trivially_copyable_v<Bvh2Node>);
 
 struct Bvh2 {
-  // Empty for a tree over nothing, one node for a single leaf. Otherwise nodes[1] is padding: an empty box, first and
-  // count 0.
+  // Empty for a tree without primitives, one node for a single leaf. Otherwise nodes[1] is padding: an empty box, first
+  // and count 0.
   AlignedVector<Bvh2Node> nodes;
   AlignedVector<std::uint32_t> prim_indices;
   std::uint32_t depth = 0;  // levels below the root: 0 for a single leaf; at most kMaxTreeDepth
-  // False if boxes are clipped (spatial splits): they say where a part of a primitive is, so no refit can keep them.
+  // False if boxes are clipped (spatial splits): they bound parts of primitives, which a refit cannot keep.
   bool refittable = true;
-  // Each leaf fits into one leaf of the wide tree, and no node with leaves below it would: the builder saw to it.
+  // The builder ensured that each leaf fits into one leaf of the wide tree, and that no node above leaves would.
   bool has_full_leaves = false;
 
   [[nodiscard]] bool empty() const noexcept { return nodes.empty(); }
   [[nodiscard]] Aabb bounds() const noexcept { return nodes.empty() ? Aabb{} : nodes[0].box(); }
-  // Nodes in use, without the padding.
+  // Returns the number of nodes in use, without the padding.
   [[nodiscard]] std::size_t node_count() const noexcept { return nodes.size() > 1 ? nodes.size() - 1 : nodes.size(); }
   [[nodiscard]] std::size_t byte_count() const noexcept {
     return nodes.size() * sizeof(Bvh2Node) + prim_indices.size() * sizeof(std::uint32_t);

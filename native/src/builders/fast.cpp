@@ -1,9 +1,9 @@
-// Construction for topology that changes every frame (lecture, "Rapid construction"), where a binary tree is asked for:
-// to be optimised, with leaves of another size or other costs. Boxes are put in the order of their Morton codes and
-// clustered along that curve (locally_ordered.h); what costs less as a leaf becomes one. Whatever asks for none of this
-// goes the same way straight to the wide tree: wide/fast_wide.h. Binning over clusters of neighbours (Garanzha et al.
+// Builds a binary tree for topology that changes every frame (lecture, "Rapid construction"). Used if a binary tree is
+// needed: for optimization, another leaf size or other costs. Boxes are sorted by their Morton codes and clustered
+// along that curve (locally_ordered.h); clusters that cost less as a leaf become one. Builds without these needs go
+// directly to the wide tree in the same way: wide/fast_wide.h. Binning over clusters of neighbours (Garanzha et al.
 // 2011) made slightly better trees, in 2 to 3 times that time.
-// In: references, settings (leaf size, costs). Out: a refittable tree with leaves where no split pays.
+// In: references, settings (leaf size, costs). Out: a refittable tree with leaves where no split pays off.
 
 #include <array>
 #include <cstdint>
@@ -41,7 +41,7 @@ struct Bounds {
   return all;
 }
 
-// The references along the curve, and a tree over them in which every one is by itself.
+// The references along the curve, and a tree over them in which each is a separate box.
 class Curve {
  public:
   Curve(std::span<const PrimRef> prims, ThreadPool& pool, CancelToken& cancel) : prims_(prims) {
@@ -79,14 +79,14 @@ class Curve {
   ClusterTree tree_;
 };
 
-// What stands below a cluster. Without initial values: room for all of them is made at once.
+// The contents below a cluster. Uninitialized, because room for all of them is made at once.
 struct Contents {
   std::uint32_t count;  // references
   float cost;
   bool is_leaf;
 };
 
-// From the lower clusters upwards: where a leaf costs no more than going on.
+// Decides from the lower clusters upwards where a leaf costs no more than subdividing.
 class LeafChoice {
  public:
   LeafChoice(const ClusterTree& tree, const BuildConfig& config, ThreadPool& pool, CancelToken& cancel)
@@ -122,14 +122,14 @@ class LeafChoice {
 
   const ClusterTree& tree_;
   const BuildConfig& config_;
-  AlignedVector<Contents> pairs_;  // of clusters of two, by number less that of boxes
+  AlignedVector<Contents> pairs_;  // of clusters of two, by number minus the number of boxes
 };
 
 struct ClusterRange : BuildRange {
   std::uint32_t cluster = 0;
 };
 
-// Splits are made already.
+// Only replays the splits, which are already made.
 class FastSplitter {
  public:
   using Range = ClusterRange;

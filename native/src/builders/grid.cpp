@@ -57,7 +57,7 @@ GridFrame GridFrame::around_part(const Box4& box) const noexcept {
   frame.multiplier = multiplier;
   frame.origin = (box.lower * Float4(multiplier)).xyz0();
   const float extent = largest_of_three(lanes((box.upper * Float4(multiplier) - frame.origin).xyz0()));
-  constexpr float kLeastExtent = 0x1p-100f;  // what is smaller yet is a point
+  constexpr float kLeastExtent = 0x1p-100f;  // smaller boxes count as a point
   frame.steps = extent > kLeastExtent ? static_cast<float>(kGridSteps) / extent : 1.0f;
   return frame;
 }
@@ -69,13 +69,13 @@ GridFrame GridFrame::around(GridBox box) const noexcept {
   float largest = 0.0f;
   int extent = 0;
   for (std::size_t axis = 0; axis < 3; ++axis) {
-    // A step more on each side, for what was lost by rounding.
+    // One more step on each side, to cover rounding.
     const int low = corners[axis] - 1, high = -corners[axis + 4] + 1;
     extent = std::max(extent, high - low);
     lower[axis] = from[axis] + static_cast<float>(low) / steps;
     largest = std::max({largest, std::abs(lower[axis]), std::abs(from[axis] + static_cast<float>(high) / steps)});
   }
-  // A grid step smaller than the spacing of floats would tell nothing apart, and would not be exact.
+  // A grid step smaller than the spacing of floats would resolve nothing more, and would not be exact.
   const float finest = std::ldexp(1.0f, 23) / std::max(largest, std::ldexp(1.0f, -100));
   GridFrame frame = *this;
   frame.steps = std::min(steps * (static_cast<float>(kGridSteps) / static_cast<float>(extent)), finest);
@@ -96,11 +96,11 @@ void grow(AxisBoxes& boxes, const Bin& bin) noexcept {
   for (std::size_t axis = 0; axis < 3; ++axis) boxes[axis] = min(boxes[axis], bin.boxes[axis]);
 }
 
-// What counts of references cost.
+// Returns the costs of counts of references.
 template <Counting kCounting>
 [[nodiscard]] Float4 weights_of(Float4 counts) noexcept {
   if constexpr (kCounting == Counting::kEach) return counts;
-  // Rounded up; no quotient comes near a whole number.
+  // Rounds up; no quotient is close to a whole number.
   constexpr auto kUsual = static_cast<float>(LeafLimit::kUsual);
   return to_float(truncate((counts + Float4(kUsual - 0.5f)) * Float4(1.0f / kUsual)));
 }
@@ -109,8 +109,8 @@ template <Counting kCounting>
 
 BinMap::BinMap(const GridBounds& bounds, std::uint32_t bin_count) noexcept : lower_(bounds.centroid_lower) {
   const Float4 places = lanes_to_float(bounds.centroid_upper - bounds.centroid_lower) + Float4(1.0f);
-  // 2 * (places - 1) * scale / 65536 < bin_count: the factor, a little less than 1, makes up for the rounding of the
-  // division. The limit matters where there are fewer places than bins.
+  // 2 * (places - 1) * scale / 65536 < bin_count: the factor, slightly less than 1, covers the rounding of the
+  // division. The limit matters if there are fewer positions than bins.
   constexpr float kSlightlyLess = 1.0f - 0x1p-22f;
   const Float4 scale = Float4(static_cast<float>(bin_count) * 32768.0f * kSlightlyLess) / places;
   scale_ = to_unsigned_lanes(truncate(min(scale, Float4(65535.0f))));
@@ -163,7 +163,7 @@ void GridBins::add(const GridRef* refs, std::size_t count, std::size_t stride, c
   }
 }
 
-// The three axes at once: one sweep from the right for the costs there, one from the left to price each plane.
+// Handles the three axes at once: one sweep from the right for the costs there, one from the left to price each plane.
 template <Counting kCounting>
 Plane GridBins::find_best_counting(std::uint32_t count, int only_axis) const noexcept {
   std::array<Float4, kMaxBins> right_counts, right_costs;
@@ -172,14 +172,14 @@ Plane GridBins::find_best_counting(std::uint32_t count, int only_axis) const noe
   for (std::uint32_t i = size_ - 1; i > 0; --i) {
     const Bin& bin = rows_[i];
     grow(boxes, bin);
-    // Lane by lane: a wide load would have to wait for the narrow stores before it.
+    // Lane by lane: a wide load would have to wait for the preceding narrow stores.
     right_count = right_count + Int4(bin.counts[0], bin.counts[1], bin.counts[2], 0);
     right_counts[i] = to_float(right_count);
     right_costs[i] = half_areas(boxes) * weights_of<kCounting>(right_counts[i]);
   }
   grow(boxes, rows_[0]);
   const Float4 all(static_cast<float>(count)), one(1.0f);
-  // What beats all references on one side has some on both. Leaves are counted too coarsely for that.
+  // A plane that is cheaper than all references on one side has some on both. Leaf counts are too coarse for that test.
   const Float4 never(std::numeric_limits<float>::max());
   Float4 best_cost = kCounting == Counting::kEach ? half_areas(boxes) * all : never, best_bin(0.0f), bin(0.0f);
   boxes = empty_boxes();

@@ -13,7 +13,7 @@
 namespace perfect_bvh {
 namespace {
 
-// The power of two that brings the largest extent near 1.
+// Returns the power of two that brings the largest extent near 1.
 [[nodiscard]] float unit_scale(const Aabb& bounds) noexcept {
   const Vec3f extent = bounds.upper * 0.5f - bounds.lower * 0.5f;
   const float largest = std::max({extent.x, extent.y, extent.z});
@@ -30,7 +30,7 @@ LinkTree::LinkTree(const Bvh2& tree, CancelToken& cancel)
   });
 }
 
-// Its children were copied before.
+// The node's children must be copied before.
 void LinkTree::copy_node(const Bvh2& tree, Id id, Float4 scale) noexcept {
   const Bvh2Node& from = tree.nodes[id];
   Node& to = nodes_[id];
@@ -137,7 +137,7 @@ Bvh2 LinkTree::to_bvh2(const Bvh2& original, CancelToken& cancel) const {
 
 namespace {
 
-// A node to be copied: of a part, or of the top if there is none.
+// A node to be copied: from a part, or from the top if there is none.
 struct Pending {
   const TreePart* part;
   std::uint32_t from, to, depth;
@@ -223,7 +223,7 @@ void require_refittable(const Bvh2& tree) {
   throw InvalidArgument("refit_bvh2: the tree's boxes are clipped (spatial splits), so it must be rebuilt instead");
 }
 
-// A minimum of -0 and +0 may be either; adding +0 makes it +0 always.
+// A minimum of -0 and +0 may be either; adding +0 always makes it +0.
 [[nodiscard]] Vec3f positive_zeros(Vec3f v) noexcept { return v + Vec3f{0.0f, 0.0f, 0.0f}; }
 
 void refit_leaf(const Bvh2& tree, std::span<const PrimRef> boxes, Bvh2Node& node) noexcept {
@@ -246,7 +246,7 @@ void refit_interior(Bvh2Node& node, const Bvh2Node* children) noexcept {
 // Node 1 is padding that looks like an interior node without children.
 [[nodiscard]] bool is_padding(std::size_t index) noexcept { return index == 1; }
 
-// From the last node to the first: no parent stands after its child.
+// Visits nodes from the last to the first: no parent is after its child.
 void refit_interiors(Bvh2& tree, CancelToken& cancel) {
   for_steps_back(tree.nodes.size(), cancel, [&](std::size_t begin, std::size_t end) {
     for (std::size_t i = end; i-- > begin;) {
@@ -260,7 +260,7 @@ void refit_interiors(Bvh2& tree, CancelToken& cancel) {
 
 void refit_bvh2(Bvh2& tree, std::span<const PrimRef> boxes, ThreadPool& pool, CancelToken& cancel) {
   require_refittable(tree);
-  // The leaves gather boxes from everywhere: worth sharing out. The rest is a short loop over what they left.
+  // The leaves read scattered boxes, so they are divided among threads. The rest is a short loop over their results.
   for_chunks(pool, tree.nodes.size(), kNodeGrain, cancel, [&](std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end; ++i) {
       if (tree.nodes[i].is_leaf()) refit_leaf(tree, boxes, tree.nodes[i]);

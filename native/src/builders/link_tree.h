@@ -1,4 +1,4 @@
-// A tree whose nodes can be moved about: children and parents linked by number, boxes and heights kept up to date.
+// A tree whose nodes can be moved: children and parents are linked by number, boxes and heights are kept up to date.
 // In: a Bvh2. Out: a Bvh2 over the same leaves, again in depth-first order.
 #pragma once
 
@@ -33,19 +33,20 @@ class LinkTree {
     const Node& node = nodes_[parents_[id]];
     return node.left == id ? node.right : node.left;
   }
-  // Scaled by a power of two such that no area over- or underflows. The fourth lanes hold the links.
+  // Scaled by a power of two so that no area overflows or underflows. The fourth lanes hold the links.
   [[nodiscard]] Box4 box(Id id) const noexcept { return Box4::load(&nodes_[id]); }
   [[nodiscard]] float area(Id id) const noexcept { return half_area(box(id).extent()); }
 
-  // Takes `moving` and its parent out and puts that parent in the place of `target`, with both as its children.
-  // `target` is not the root, neither below `moving` nor its sibling or parent; `moving` is not the root nor its child.
+  // Removes `moving` and its parent, and puts that parent in the position of `target`, with both as its children.
+  // `target` is not the root, not below `moving`, and not its sibling or parent; `moving` is neither the root nor its
+  // child.
   void move(Id moving, Id target) noexcept;
   [[nodiscard]] bool is_below(Id id, Id ancestor) const noexcept;
   [[nodiscard]] std::uint32_t depth_of(Id id) const noexcept;
   [[nodiscard]] std::uint32_t height(Id id) const noexcept { return heights_[id]; }
 
  private:
-  // A leaf has no right child, and its left one is its number in the original tree.
+  // A leaf has no right child; its left one is its number in the original tree.
   struct alignas(16) Node {
     Vec3f lower;
     Id left;
@@ -64,30 +65,30 @@ class LinkTree {
 };
 
 // Combine -------------------------------------------------------------------------------------------------------------
-// Puts trees together under new nodes, whatever built each (lecture, "Combining").
+// Joins trees from any builders under new nodes (lecture, "Combining").
 // In: trees. Out: one tree over all of their primitives; the nodes of the parts keep their boxes.
 
 struct TreePart {
   const Bvh2* tree;
   std::uint32_t prim_offset = 0;  // added to the numbers of its primitives
-  std::uint32_t root = 0;         // what stands below this node is taken
+  std::uint32_t root = 0;         // the subtree below this node is used
 };
 
-// A copy of `top` in which each leaf is replaced by a part: the one whose number is the leaf's only row. Parts must not
-// be empty. Boxes of `top` are not looked at: its nodes get the boxes of what stands below them. Throws
+// Returns a copy of `top` in which each leaf is replaced by a part, the one whose number is the leaf's only row. Parts
+// must not be empty. Boxes of `top` are ignored: its nodes get the boxes of everything below them. Throws
 // InvalidArgument if the result would be deeper than kMaxTreeDepth; Cancelled.
 [[nodiscard]] Bvh2 graft(const Bvh2& top, std::span<const TreePart> parts, CancelToken& cancel);
 
-// Two trees under a new root. The numbers of the right tree's primitives are raised by `right_offset`. An empty tree
-// adds nothing. Throws like graft().
+// Joins two trees under a new root. `right_offset` is added to the numbers of the right tree's primitives. An empty
+// tree adds nothing. Throws like graft().
 [[nodiscard]] Bvh2 combine(const Bvh2& left, const Bvh2& right, std::uint32_t right_offset);
 
 // Refit ---------------------------------------------------------------------------------------------------------------
-// Refitting: new boxes for a tree whose primitives moved (lecture, "Refitting"); trees over triangles are refitted in
+// Refits a tree whose primitives moved: computes new boxes (lecture, "Refitting"). Trees over triangles are refitted in
 // their wide form, see wide/wide_refit.h.
 // In: a refittable tree and the primitives' new boxes by number. Out: the same topology, tight boxes.
 
-// One box for each number that the tree refers to. Throws InvalidArgument if the tree is not refittable.
+// boxes: one for each number that the tree refers to. Throws InvalidArgument if the tree is not refittable.
 void refit_bvh2(Bvh2& tree, std::span<const PrimRef> boxes, ThreadPool& pool, CancelToken& cancel);
 
 }  // namespace perfect_bvh

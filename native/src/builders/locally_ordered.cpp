@@ -12,23 +12,23 @@
 namespace perfect_bvh {
 namespace {
 
-// How far along the curve a partner is looked for. More than 3 lowers the cost of the tree by 1% at most.
+// How far along the curve a partner is searched. More than 3 lowers the cost of the tree by at most 1%.
 constexpr int kRadius = 3;
-// Distances carry, in their lowest bits, the exclusive or of the two places: equal ones then pair off all along the
-// curve, and a place's partner is known from the best distance. 2 * kRadius < kTags.
+// The lowest bits of a distance hold the exclusive or of the two positions. So equal distances form pairs along the
+// whole curve, and a position's partner is known from its best distance. 2 * kRadius < kTags.
 constexpr int kTags = 16;
-constexpr std::size_t kPadding = 16;  // places before and after the row, too far away for anyone
+constexpr std::size_t kPadding = 16;  // entries before and after the row, too far away to be chosen
 constexpr float kFarAway = 1e15f;
 constexpr std::size_t kRegion = 1024;  // boxes that one thread joins alone ...
-constexpr std::uint32_t kGroup = 32;   // ... to groups of at most so many
-// Where fewer than one in so many is joined with a partner of its choice, all are joined two by two along the curve:
-// boxes inside boxes would otherwise be joined one at a time.
+constexpr std::uint32_t kGroup = 32;   // ... to groups of at most this many
+// If fewer than one in this many is joined with its chosen partner, all are joined two by two along the curve.
+// Otherwise, nested boxes would be joined one at a time.
 constexpr std::size_t kLeastProgress = 8;
-// Rounds after which all are joined two by two anyhow, so that no tree is deeper than kMaxTreeDepth: a group has at
-// most 31 levels, these rounds one each, and of 2^26 groups they leave 2^18 at most. Ten million groups take fewer.
+// After this many rounds, all are joined two by two, so that no tree is deeper than kMaxTreeDepth. A group has at most
+// 31 levels, and these rounds one each; of 2^26 groups they leave 2^18 at most. Ten million groups take fewer rounds.
 constexpr int kMostRounds = 44;
 
-// Clusters that still wait for a parent, by place along the curve.
+// The clusters without a parent yet, by position along the curve.
 class Row {
  public:
   explicit Row(std::size_t capacity)
@@ -45,7 +45,7 @@ class Row {
     numbers_[count_++] = number;
   }
 
-  // Joins pairs into new clusters from `next` on; returns the first number left.
+  // Joins pairs into new clusters numbered from `next` on; returns the next free number.
   std::uint32_t join_pairs(Cluster* clusters, std::uint32_t next, CancelToken& cancel) {
     set_padding();
     ++round_;
@@ -68,7 +68,7 @@ class Row {
   [[nodiscard]] float* plane(int number) noexcept {
     return &storage_[static_cast<std::size_t>(number) * stride_ + kPadding];
   }
-  // distance(k)[i]: of the clusters in places i and i + k.
+  // distance(k)[i] is the distance between the clusters at positions i and i + k.
   [[nodiscard]] float* distance(int k) noexcept { return plane(5 + k); }
 
   void put(std::size_t place, const Cluster& cluster) noexcept {
@@ -86,7 +86,7 @@ class Row {
 
   void set_padding() noexcept {
     for (int axis = 0; axis < 6; ++axis) {
-      const float far = axis < 3 ? -kFarAway : kFarAway;  // the box around it and any other is huge
+      const float far = axis < 3 ? -kFarAway : kFarAway;  // its joint box with any other is huge
       std::fill_n(plane(axis) - kPadding, kPadding, far);
       std::fill_n(plane(axis) + count_, kPadding, far);
     }
@@ -96,7 +96,7 @@ class Row {
     return Int4(static_cast<std::int32_t>(i)) + Int4(0, 1, 2, 3);
   }
 
-  // Of place `i` what stays in the row, at its front: the cluster, or its union with its partner.
+  // Compacts entry i to the front: the cluster, or its union with its partner.
   std::uint32_t keep_or_join(std::size_t i, Cluster* clusters, std::uint32_t next, std::size_t& kept) noexcept {
     const std::size_t partner = partners_[i];
     const bool is_pair = partner != i && partners_[partner] == i;
@@ -108,7 +108,7 @@ class Row {
       number = next++;
       clusters[number] = cluster;
     }
-    put(kept, cluster);  // a pair's second half stands further on, and is only asked for its partner from now on
+    put(kept, cluster);  // a pair's second half comes later, and is then only read for its partner
     numbers_[kept++] = number;
     return next;
   }
@@ -119,7 +119,7 @@ class Row {
     });
   }
 
-  // Four places at a time, from four before the first on.
+  // Four positions at a time, starting four before the first.
   void measure_distances(CancelToken& cancel) {
     for_steps(count_ + 4, cancel, [&](std::size_t begin, std::size_t end) {
       measure_distances(static_cast<std::ptrdiff_t>(begin) - 4, static_cast<std::ptrdiff_t>(end) - 4);
@@ -154,7 +154,7 @@ class Row {
       for (int k = 1; k <= kRadius; ++k) {
         best = min(min(Float4::load(distance(k) + i), Float4::load_unaligned(distance(k) + i - k)), best);
       }
-      // The partner's place, of which the lowest bits are known, is less than kTags / 2 away.
+      // The lowest bits of the partner's position are known, and it is less than kTags / 2 away.
       const Int4 own = places_from(static_cast<std::ptrdiff_t>(i)), half(kTags / 2);
       const Int4 ahead = ((bits_of(best) ^ own) - own) & Int4(kTags - 1);
       (own + ((ahead ^ half) - half)).store(&partners_[i]);
@@ -168,7 +168,7 @@ class Row {
   int round_ = 0;
 };
 
-// A region's boxes, one after another: what stands complete between two borders is joined.
+// Processes a region's boxes one after another, and joins complete subtrees between two borders.
 class RadixStack {
  public:
   RadixStack(ClusterTree& tree, std::uint32_t begin, std::uint32_t end)
@@ -183,7 +183,7 @@ class RadixStack {
   }
 
   [[nodiscard]] std::uint32_t next() const noexcept { return next_; }
-  // The clusters that are left, in the order of the curve.
+  // Lists the remaining clusters, in the order of the curve.
   void list_groups(std::vector<std::uint32_t>& groups) const {
     std::copy_if(group_from_.begin(), group_from_.end(), std::back_inserter(groups),
                  [](std::uint32_t cluster) { return cluster != kNone; });
@@ -192,8 +192,9 @@ class RadixStack {
  private:
   static constexpr std::uint64_t kBorderOfRegion = ~std::uint64_t{0};
   static constexpr std::uint32_t kNone = ~0u;
-  // Borders on the stack differ in their highest bits, which are 40 at most here. Where boxes stand for several codes,
-  // as runs of triangles do, those inside one run's subtree may not: but there are no more than 16 of them.
+  // Borders on the stack differ in their highest bits, of which there are at most 40 here. If a box covers several
+  // codes, as runs of triangles do, the borders inside one run's subtree may not differ, but there are at most 16 of
+  // them.
   static constexpr std::size_t kMostDepth = 64;
 
   struct Entry {
@@ -202,7 +203,7 @@ class RadixStack {
     std::uint64_t border;     // before it
   };
 
-  // Equal codes are told apart by their places: halves of halves, like the codes.
+  // Equal codes are distinguished by their positions: repeated halving, as with codes.
   [[nodiscard]] std::uint64_t border_before(std::uint32_t box) const noexcept {
     return std::uint64_t{tree_.clusters[box - 1].right ^ tree_.clusters[box].left} << 32 | ((box - 1) ^ box);
   }
@@ -241,8 +242,8 @@ class RadixStack {
 
 BoxesAlongCurve make_room_for_clusters(std::size_t box_count, Scratch& scratch) {
   if (box_count > std::numeric_limits<std::uint32_t>::max() / 3) throw EngineError("too many boxes to be clustered");
-  // At most as many pairs in the regions, and again as many of their groups: but of these there are few, as a rule.
-  // What is not needed is never touched.
+  // At most as many pairs in the regions, and as many again of their groups, but usually far fewer. Unused memory is
+  // never touched.
   scratch.expect(3 * box_count * sizeof(Cluster) + box_count * sizeof(Cluster) / 4);
   return {scratch.take<Cluster>(3 * box_count), static_cast<std::uint32_t>(box_count)};
 }

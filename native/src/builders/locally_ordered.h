@@ -1,7 +1,7 @@
-// A binary tree over boxes that stand along a Morton curve. Below, where it matters little, it is the codes' radix tree
-// (Lauterbach et al. 2009); from groups of a few dozen boxes upwards they are clustered: each looks for its best
-// partner among its nearest neighbours on the curve, pairs that chose each other become one, and so on until one is
-// left (Meister and Bittner 2018, "Parallel locally-ordered clustering for bounding volume hierarchy construction").
+// Builds a binary tree over boxes along a Morton curve. The lower levels, which matter little, are the codes' radix
+// tree (Lauterbach et al. 2009). From groups of a few dozen boxes upwards, clusters are joined: each finds its best
+// partner among its nearest neighbours on the curve, pairs that chose each other are joined, and this repeats until one
+// is left (Meister and Bittner 2018, "Parallel locally-ordered clustering for bounding volume hierarchy construction").
 // In: boxes along a curve. Out: a binary tree over them, children before parents.
 #pragma once
 
@@ -36,15 +36,15 @@ struct alignas(32) Cluster {
   return cluster;
 }
 
-// Boxes that are to be clustered, with room behind them for what is made of them: see make_room_for_clusters().
+// Boxes to be clustered, with room after them for the new clusters: see make_room_for_clusters().
 struct BoxesAlongCurve {
   std::span<Cluster> clusters;
-  std::uint32_t count = 0;  // of boxes; they come first
+  std::uint32_t count = 0;  // number of boxes; they come first
 
   [[nodiscard]] Cluster& operator[](std::size_t box) const noexcept { return clusters[box]; }
 };
 
-// Clusters by number: first the boxes themselves, then those made of two, in regions of which some rows are unused.
+// Clusters by number: first the boxes themselves, then joined pairs, in regions of which some rows are unused.
 struct ClusterTree {
   struct Region {
     std::uint32_t begin, end;
@@ -52,17 +52,17 @@ struct ClusterTree {
 
   std::span<Cluster> clusters;
   std::uint32_t box_count = 0;
-  std::vector<Region> regions;  // each made by one thread alone, from boxes and from its own clusters
-  Region top{};                 // made last, over all of them
+  std::vector<Region> regions;  // each made by one thread, from boxes and from its own clusters
+  Region top{};                 // made last, over all regions
   std::uint32_t root = 0;
 };
 
-// Takes them of `scratch`, which is told to expect a plan for each of them as well (wide/bottom_up.h).
-// Throws EngineError for more boxes than clusters can be numbered, bad_alloc.
+// Takes the memory from `scratch`, which also reserves room for a plan for each cluster (wide/bottom_up.h).
+// Throws EngineError if there are more boxes than clusters can be numbered, bad_alloc.
 [[nodiscard]] BoxesAlongCurve make_room_for_clusters(std::size_t box_count, Scratch& scratch);
 
-// Coordinates must be such that areas neither over- nor underflow. At least one box. The same for any number of
-// threads; no deeper than kMaxTreeDepth, whatever the boxes. The tree stands where the boxes do.
+// Clusters at least one box. Coordinates must be such that areas do not overflow or underflow. The tree is the same for
+// any number of threads, and never deeper than kMaxTreeDepth. It is in the memory of the boxes.
 [[nodiscard]] ClusterTree cluster_along_curve(const BoxesAlongCurve& boxes, ThreadPool& pool, CancelToken& cancel);
 
 }  // namespace perfect_bvh

@@ -8,7 +8,7 @@
 namespace perfect_bvh {
 namespace {
 
-// A power of two that brings the boxes to a size at which no surface overflows and few vanish.
+// Returns a power of two that scales the boxes so that no surface overflows and few underflow.
 double scale_for(const Aabb& bounds) {
   const Vec3d extent = to_double(bounds.upper) - to_double(bounds.lower);
   const double longest = std::max({extent.x, extent.y, extent.z});
@@ -36,7 +36,7 @@ MatchTree::MatchTree(const Bvh2& guide, std::uint32_t node, std::span<const Prim
 }
 
 void MatchTree::copy_guide(const Bvh2& guide, std::uint32_t node, std::span<const PrimRef> prims, double scale) {
-  // Node 0 is the copy's root, node 1 stands for nothing: pairs begin at even indices, as in the guide.
+  // Node 0 is the copy's root, node 1 is unused: pairs begin at even indices, as in the guide.
   std::vector<std::uint32_t> sources{node, node};
   nodes_.resize(2);
   parents_.push_back(kNone);
@@ -89,7 +89,7 @@ void MatchTree::update_upwards(std::uint32_t node) noexcept {
   while (node != kNone && update(node)) node = parent_of(node);
 }
 
-// The removed node's sibling takes their parent's place.
+// Replaces their parent by the removed node's sibling.
 void MatchTree::remove(std::uint32_t node) noexcept {
   const std::uint32_t parent = parent_of(node);
   const Node sibling = nodes_[node ^ 1u];
@@ -103,7 +103,7 @@ void MatchTree::remove(std::uint32_t node) noexcept {
 }
 
 std::uint32_t MatchTree::join(std::uint32_t a, std::uint32_t b) {
-  // Where the larger of the two stood, its neighbours are likely to be the union's.
+  // Uses the position of the larger one, whose neighbours are likely to be the union's.
   if (std::pair(clusters_[a].count, clusters_[b].id) < std::pair(clusters_[b].count, clusters_[a].id)) std::swap(a, b);
   const Box4 box = joint(nodes_[clusters_[a].node].core, nodes_[clusters_[b].node].core);
   remove(clusters_[b].node);
@@ -170,7 +170,7 @@ std::uint32_t MatchTree::find_best(std::uint32_t cluster, std::uint32_t hint) no
     const Node& leaf = nodes_[clusters_[hint].node];
     take(query, leaf, bound_of(query, leaf));
   }
-  // From the cluster's own place upwards: the nearest are met first.
+  // Searches upwards from the cluster's own node, so the nearest are visited first.
   for (std::uint32_t node = asking.node; node != 0; node = parent_of(node)) {
     const std::uint32_t sibling = node ^ 1u;
     const float area = bound_of(query, nodes_[sibling]);

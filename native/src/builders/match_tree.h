@@ -1,10 +1,10 @@
-// Finds the best match of a cluster among all others: the one whose joint box with it has the least surface.
-// In: boxes, and any tree over them with one box a leaf, which is followed while clusters are joined. Out: matches.
+// Finds the best match of a cluster among all others: the one with which its joint box has the least surface.
+// In: boxes, and any tree over them with one box per leaf, which is updated while clusters are joined. Out: matches.
 // Source: Walter, Bala, Kulkarni and Pingali 2008, "Fast Agglomerative Clustering for Rendering", section 4.
 //
-// A node knows the core that every joint box with one of its clusters has to reach: the greatest of their lower and
-// the least of their upper corners (often lower > upper). Grown by a query's box it bounds the joint surface from
-// below. A leaf's core is its cluster's box, so that there the bound is the answer.
+// A node stores the core that every joint box with one of its clusters must reach: the greatest of their lower corners
+// and the least of their upper corners (often lower > upper). The core, grown by a query's box, is a lower bound of the
+// joint surface. A leaf's core is its cluster's box, so the bound is exact there.
 #pragma once
 
 #include <cstdint>
@@ -16,12 +16,12 @@
 
 namespace perfect_bvh {
 
-// How well two clusters go together: the smaller the better. No two pairs are equal, and joining clusters makes no
-// other pair better, so that best matches end in a pair, and the order of joining does not change the result.
+// The cost of joining two clusters; smaller is better. No two pairs are equal, and joining clusters makes no other pair
+// better. So following best matches ends in a pair, and the order of joining does not change the result.
 struct MatchCost {
   float area;            // half the surface of the joint box
-  float side;            // the sum of its sides: what tells flat boxes apart
-  std::uint32_t count;   // boxes in both: among equals small clusters are joined first, which keeps trees shallow
+  float side;            // the sum of its sides, to compare flat boxes
+  std::uint32_t count;   // boxes in both: among equals, small clusters are joined first, which keeps trees shallow
   std::uint32_t low_id;  // the lesser and the greater of the clusters' ids
   std::uint32_t high_id;
 
@@ -38,25 +38,26 @@ struct MatchCost {
 
 class MatchTree {
  public:
-  // The part of `guide` below `node`; its leaves refer to one row of `prims` each. Clusters are numbered like rows
-  // of the part (see row_of), then as they are joined.
+  // Copies the part of `guide` below `node`; its leaves refer to one row of `prims` each. Clusters are numbered like
+  // rows of the part (see row_of), then in the order of joining.
   MatchTree(const Bvh2& guide, std::uint32_t node, std::span<const PrimRef> prims);
 
   static constexpr std::uint32_t kNone = 0xFFFFFFFFu;
 
   [[nodiscard]] std::uint32_t leaf_count() const noexcept { return leaf_count_; }
-  // The row of `prims` that cluster < leaf_count() stands for.
+  // Returns the row of `prims` for a cluster < leaf_count().
   [[nodiscard]] std::uint32_t row_of(std::uint32_t cluster) const noexcept { return clusters_[cluster].id; }
-  // The best match of a cluster among all others, of which there must be one. `hint`: another cluster, or kNone.
+  // Returns the best match of a cluster among all others, of which there must be one. `hint`: another cluster, or
+  // kNone.
   [[nodiscard]] std::uint32_t find_best(std::uint32_t cluster, std::uint32_t hint) noexcept;
-  // Replaces two clusters by their union and returns its number.
+  // Replaces two clusters by their union. Returns its number.
   std::uint32_t join(std::uint32_t a, std::uint32_t b);
 
  private:
   struct Cluster {
     std::uint32_t id;  // the least row in it
     std::uint32_t count;
-    std::uint32_t node;  // where it stands
+    std::uint32_t node;  // its node
   };
   struct Node {
     Box4 core;

@@ -21,7 +21,7 @@ using Histogram = std::array<std::uint32_t, 1u << kMostDigitBits>;
   return (bit_count + kMostDigitBits - 1) / kMostDigitBits;
 }
 
-// All about as wide: what is scattered to fewer places stays in the cache.
+// Digits of similar width: scattering to fewer positions stays in the cache.
 struct Digit {
   unsigned shift;
   std::uint64_t mask;
@@ -66,7 +66,7 @@ Items radix_sort(Items items, Items scratch, unsigned first_bit, unsigned bit_co
   return items;
 }
 
-// Every thread counts and then scatters a part of its own.
+// Every thread counts and then scatters a separate part.
 Items radix_sort(Items items, Items scratch, unsigned first_bit, unsigned bit_count, ThreadPool& pool,
                  CancelToken& cancel) {
   if (pool.thread_count() == 1 || items.size() < kFewestToShare) {

@@ -15,12 +15,12 @@ namespace {
 
 using Id = LinkTree::Id;
 
-// The share of all nodes, the largest, that the first pass looks at; each later pass looks at twice as many.
+// The share of all nodes, the largest ones, that the first pass tries; each later pass tries twice as many.
 constexpr double kFirstShare = 0.05;
 constexpr std::size_t kSearchGrain = 256;
 
 struct Reinsertion {
-  float gain = 0.0f;  // by how much the areas of all interior nodes shrink together
+  float gain = 0.0f;  // the reduction of the sum of all interior nodes' areas
   Id moving = 0;
   Id target = 0;
 };
@@ -30,16 +30,16 @@ struct Reinsertion {
   return half_area(a.extent());
 }
 
-// Goes up from a node that is taken out, ancestor by ancestor. At each, the subtree on the other side is where the node
-// may go, and `saved` is by how much the nodes on the way up are smaller for its absence. It may also become the
-// sibling of the ancestor itself, under a new node as large as that one was: `saved_above`.
+// Climbs from a removed node, ancestor by ancestor. At each, the node may be inserted into the subtree on the other
+// side; `saved` is the area by which the nodes on the path are smaller without it. It may also become the sibling of
+// the ancestor itself, under a new node as large as that one was: `saved_above`.
 class Climb {
  public:
   Climb(const LinkTree& tree, Id moving) noexcept
       : tree_(tree),
         below_(tree.parent(moving)),
         rest_(tree.box(tree.sibling(moving))),
-        saved_(tree.area(below_)) {}  // the parent goes altogether
+        saved_(tree.area(below_)) {}  // the parent is removed entirely
 
   [[nodiscard]] bool at_end() const noexcept { return below_ == LinkTree::kRoot; }
   [[nodiscard]] Id ancestor() const noexcept { return below_; }
@@ -59,7 +59,7 @@ class Climb {
   float saved_;
 };
 
-// Looks for the best new place of one node after another, with a stack that is kept between searches.
+// Searches the best new position of one node after another, with a stack that is reused.
 class Search {
  public:
   explicit Search(const LinkTree& tree) : tree_(tree) {}
@@ -78,10 +78,10 @@ class Search {
  private:
   struct Entry {
     Id id;
-    float left_over;  // of the savings, after the nodes above have grown
+    float left_over;  // of the savings, after enlarging the nodes above
   };
 
-  // No place below an entry can gain more than left_over - area_: the new parent is at least as large as the node.
+  // No position below an entry can gain more than left_over - area_: the new parent is at least as large as the node.
   void search_below(Id top, float saved) {
     push(top, saved);
     while (!stack_.empty()) {
@@ -118,7 +118,7 @@ class Optimizer {
 
   [[nodiscard]] const LinkTree& tree() const noexcept { return tree_; }
 
-  // Returns how many nodes moved.
+  // Returns the number of nodes moved.
   std::size_t run_pass(double share, ThreadPool& pool, CancelToken& cancel) {
     select(share, cancel);
     found_.resize(candidates_.size());
@@ -135,7 +135,8 @@ class Optimizer {
   }
 
  private:
-  // The largest nodes, but those that found no better place the last time, and around which nothing has changed.
+  // Selects the largest nodes, except those that found no better position last time and whose surroundings did not
+  // change.
   void select(double share, CancelToken& cancel) {
     candidates_.clear();
     candidates_.reserve(tree_.size());
@@ -155,7 +156,7 @@ class Optimizer {
     candidates_.resize(kept);
   }
 
-  // The largest gain first. Where there is none nothing will move, so that the order is of no account.
+  // Sorts by gain, the largest first. If there is no gain, nothing will move, and the order does not matter.
   void sort_gains(CancelToken& cancel) {
     std::size_t count = 0;
     for_steps(found_.size(), cancel, [&](std::size_t begin, std::size_t end) {
@@ -171,7 +172,8 @@ class Optimizer {
     });
   }
 
-  // What was found may no longer hold after the moves before it: it is priced again, and done only if it still gains.
+  // Moves a node. Earlier moves may have changed its gain: it is recomputed, and the move is only done if it still
+  // gains.
   bool apply(const Reinsertion& found) noexcept {
     const Id moving = found.moving;
     if (!(found.gain > 0.0f)) {
@@ -180,7 +182,7 @@ class Optimizer {
     }
     const Id parent = tree_.parent(moving);
     if (parent == LinkTree::kRoot || found.target == parent || tree_.is_below(found.target, moving)) return false;
-    // Gains as small as the rounding of the areas they are made of are none.
+    // Gains as small as the rounding of the areas do not count.
     if (!(gain_now(found) > 1e-6f * tree_.area(parent))) return false;
     const std::uint32_t height = std::max(tree_.height(moving), tree_.height(found.target));
     if (tree_.depth_of(found.target) + 1 + height > kMaxTreeDepth) return false;
@@ -191,7 +193,7 @@ class Optimizer {
     return true;
   }
 
-  // Negative if the target is no place to go.
+  // Returns a negative gain if the target is not possible.
   [[nodiscard]] float gain_now(const Reinsertion& found) const noexcept {
     const Box4 box = tree_.box(found.moving);
     for (Climb climb(tree_, found.moving); !climb.at_end(); climb.go_up()) {
@@ -208,7 +210,7 @@ class Optimizer {
     return -1.0f;
   }
 
-  // Nodes near a change may find better places again.
+  // Marks nodes near a change to be tried again.
   void unsettle(Id id) noexcept {
     constexpr int kLevels = 6;
     is_settled_[id] = 0;
@@ -231,7 +233,7 @@ class Optimizer {
 
 OptimizeReport optimize_bvh2(Bvh2& tree, std::uint32_t most_passes, ThreadPool& pool, CancelToken& cancel) {
   OptimizeReport report;
-  if (tree.depth < 2) return report;  // nothing has anywhere to go
+  if (tree.depth < 2) return report;  // no node can move
   Optimizer optimizer(tree, cancel);
   double share = kFirstShare;
   while (report.passes < most_passes) {

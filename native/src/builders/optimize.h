@@ -1,7 +1,7 @@
-// Optimising a finished tree by reinsertion: nodes are taken out and put where they enlarge the others least (Bittner,
-// Hapala and Havran 2013; parallel search: Meister and Bittner 2018, "Parallel reinsertion for bounding volume
-// hierarchy optimization"; lecture, "What a BVH allows").
-// In: any tree, how many passes at most. Out: the same leaves under a tree of lower cost; never of a higher one.
+// Optimizes a finished tree by reinsertion: removes nodes and inserts them where they enlarge the others least
+// (Bittner, Hapala and Havran 2013; parallel search: Meister and Bittner 2018, "Parallel reinsertion for bounding
+// volume hierarchy optimization"; lecture, "What a BVH allows").
+// In: any tree, the maximum number of passes. Out: the same leaves under a tree whose cost is lower, or the same.
 #pragma once
 
 #include <cstdint>
@@ -13,7 +13,7 @@
 namespace perfect_bvh {
 
 struct OptimizeReport {
-  std::uint32_t passes = 0;  // that ran; fewer than allowed if one found nothing to gain
+  std::uint32_t passes = 0;  // passes done; fewer than allowed if one gained nothing
   std::size_t moved = 0;     // reinsertions
 };
 

@@ -15,7 +15,7 @@ namespace {
 
 double half_area(const Bvh2Node& node) noexcept { return half_area(to_double(node.upper) - to_double(node.lower)); }
 
-// 0 if the boxes do not meet.
+// Returns 0 if the boxes do not intersect.
 double overlap(const Bvh2Node& a, const Bvh2Node& b) noexcept {
   const Vec3d e = to_double(min(a.upper, b.upper)) - to_double(max(a.lower, b.lower));
   return e.x < 0 || e.y < 0 || e.z < 0 ? 0 : half_area(e);
@@ -65,7 +65,7 @@ TreeQuality measure_quality(const Bvh2& tree, CancelToken& cancel) {
   quality.primitive_count = tree.refittable ? quality.reference_count : count_distinct(tree.prim_indices, cancel);
   quality.sibling_overlap = interior_area > 0 ? overlap_area / interior_area : 0;
   const double root_area = half_area(tree.nodes[0]);
-  // A tree without area is hit by no random ray; its primitives stand in, as for any ray that does meet it.
+  // No random ray hits a tree without area. Its number of primitives is used instead, as for any ray that does hit it.
   quality.node_visits = root_area > 0 ? interior_area / root_area : 0;
   quality.primitive_tests = root_area > 0 ? leaf_area / root_area : static_cast<double>(quality.reference_count);
   quality.sah = quality.node_visits + quality.primitive_tests;
@@ -73,21 +73,22 @@ TreeQuality measure_quality(const Bvh2& tree, CancelToken& cancel) {
 }
 
 // Epo -----------------------------------------------------------------------------------------------------------------
-// End-point overlap: what a ray pays for nodes whose boxes hold a surface that is not in them (Aila, Karras and Laine
-// 2013, "On quality metrics of bounding volume hierarchies", section 4). A ray ends on a surface; the nodes around that
-// point are visited whether or not the surface is theirs. SAH does not see it, and trees of equal SAH differ by it.
+// End-point overlap: the cost for a ray of nodes whose boxes contain a surface that is not in them (Aila, Karras and
+// Laine 2013, "On quality metrics of bounding volume hierarchies", section 4). A ray ends on a surface; the nodes
+// around that point are visited even if they do not contain the surface. SAH ignores this, and trees of equal SAH
+// differ in it.
 // In: a tree and the triangles it was built over. Out: the expected cost of those visits, comparable with the SAH.
 
 namespace {
 
 constexpr std::size_t kGrain = 512;
 
-// A triangle cut by up to six planes: nine corners at most.
+// A triangle cut by up to six planes: at most nine corners.
 class Polygon {
  public:
   Polygon(Vec3d a, Vec3d b, Vec3d c) noexcept : corners_{a, b, c}, count_(3) {}
 
-  // What lies within the box; Sutherland and Hodgman 1974.
+  // Clips to the box; Sutherland and Hodgman 1974.
   void clip(const Aabb& box) noexcept {
     for (int axis = 0; axis < 3; ++axis) {
       clip(axis, static_cast<double>(box.lower[axis]), 1.0);
@@ -102,7 +103,7 @@ class Polygon {
   }
 
  private:
-  // Keeps what has sign * (coordinate - border) >= 0.
+  // Keeps the part with sign * (coordinate - border) >= 0.
   void clip(int axis, double border, double sign) noexcept {
     std::array<Vec3d, 9> kept;
     std::size_t kept_count = 0;
@@ -142,7 +143,7 @@ struct Topology {
   }
 };
 
-// Prices one triangle after another; knows by stamps which nodes the present one is below.
+// Prices one triangle after another. Stamps mark the nodes above the present one.
 class Pricer {
  public:
   Pricer(const Bvh2& tree, const Topology& topology)
@@ -193,7 +194,7 @@ double measure_epo(const Bvh2& tree, std::span<const Vec3f> positions, std::span
     double cost = 0, area = 0;
   };
   std::vector<Sums> chunks((triangles.size() + kGrain - 1) / kGrain);
-  // A few chunks a task: each pricer has a stamp for every node.
+  // Several chunks per task, because each pricer has a stamp for every node.
   const std::size_t chunks_a_task = chunks.size() / static_cast<std::size_t>(4 * pool.thread_count()) + 1;
   parallel_for(pool, chunks.size(), chunks_a_task, [&](std::size_t begin, std::size_t end) {
     Pricer pricer(tree, topology);
@@ -215,13 +216,14 @@ double measure_epo(const Bvh2& tree, std::span<const Vec3f> positions, std::span
 }
 
 // Leaf count variability ----------------------------------------------------------------------------------------------
-// Leaf-count variability (quality.h): lines at random through the root's box, and the leaves that each meets.
+// Leaf-count variability (quality.h): counts the leaves that random lines through the root's box hit.
 
 namespace {
 
 constexpr std::size_t kLineGrain = 256;
 
-// Numbers that depend on a counter alone, so that any thread may ask for any of them (SplitMix64, Steele et al. 2014).
+// Random numbers that depend only on a counter, so that any thread can compute any of them (SplitMix64, Steele et al.
+// 2014).
 class Random {
  public:
   explicit Random(std::uint64_t seed) noexcept : state_(seed * 0x9E3779B97F4A7C15u) {}
@@ -248,8 +250,8 @@ struct Line {
   }
 };
 
-// Uniform in direction; uniform in place on the disc that shows the whole sphere around the box, until it meets the
-// box: lines are then spread as the SAH has it.
+// Returns a line with uniform direction, and uniform position on the disc that is the projection of the sphere around
+// the box; repeated until the line hits the box. Lines are then distributed as the SAH assumes.
 [[nodiscard]] Line random_line(const Bvh2Node& root, Random& random) noexcept {
   const Vec3d lower = to_double(root.lower), upper = to_double(root.upper);
   const Vec3d centre = (lower + upper) * 0.5;
@@ -288,7 +290,7 @@ struct Line {
 
 double measure_leaf_count_variability(const Bvh2& tree, std::uint32_t line_count, ThreadPool& pool,
                                       CancelToken& cancel) {
-  // A box without area is met by no line.
+  // No line hits a box without area.
   if (tree.nodes.size() < 2 || !(tree.bounds().half_area() > 0) || line_count == 0) return 0;
   std::vector<double> counts(line_count);
   parallel_for(pool, line_count, kLineGrain, [&](std::size_t begin, std::size_t end) {

@@ -1,9 +1,9 @@
 // SAH construction with spatial splits (Stich, Friedrich, Dietrich 2009, "Spatial splits in bounding volume
-// hierarchies"): where the halves of an object split would overlap, space is cut instead, and what crosses the plane
-// goes to both sides with the boxes of its parts. What is too small to be cut is left to binning. For static scenery
-// (lecture, "The top-level BVH"): the boxes fit these positions alone. In: references, settings (bins, costs,
-// duplication budget), a clipper. Out: a tree that is not refittable, in which a primitive may be in several leaves,
-// never twice in one; every point of it is in the box of one of them.
+// hierarchies"). If the halves of an object split would overlap, space is cut instead, and references that cross the
+// plane go to both sides with the boxes of their parts. Ranges too small for cutting are left to binning. It is for
+// static scenery (lecture, "The top-level BVH"), because the boxes only fit these positions. In: references, settings
+// (bins, costs, duplication budget), a clipper. Out: a tree that is not refittable. A primitive may be in several
+// leaves, but never twice in one; each of its points is in the box of one of them.
 
 #include <algorithm>
 #include <array>
@@ -23,27 +23,27 @@
 namespace perfect_bvh {
 namespace {
 
-// Space is only cut where an object split's halves overlap by this share of the root's area. The paper's alpha is 1e-5;
+// Space is only cut if an object split's halves overlap by this share of the root's area. The paper's alpha is 1e-5;
 // the nodes between the two take most of the time and gain less than 0.5% of the cost.
 constexpr float kLeastOverlap = 1e-3f;
-// Nor is it cut where a range has few rows to spare: a fifth of what the budget gives, or a sixteenth of its
-// references. Nearly every plane crosses more of them, and where the budget is used up, looking for one that does not
-// took most of the time, to gain 0.1% of the cost.
+// Space is also not cut if a range has few spare rows: a fifth of its budget, or a sixteenth of its references. Nearly
+// every plane crosses more of them. With the budget used up, the search for one that does not took most of the time, to
+// gain 0.1% of the cost.
 constexpr float kLeastRoomOfBudget = 0.2f, kMostRoomNeeded = 1.0f / 16.0f;
 constexpr std::uint32_t kSampleSize = 2048;         // references put into object bins, at least
-constexpr std::uint32_t kSpatialSampleSize = 1024;  // and of space: all gain 0.3%, in 1.4 to 1.6 times the time
-constexpr std::uint32_t kTaskSize = 4096;           // references of a subtree that one thread makes at once
+constexpr std::uint32_t kSpatialSampleSize = 1024;  // spatial ones: using all gains 0.3%, in 1.4 to 1.6 times the time
+constexpr std::uint32_t kTaskSize = 4096;           // references of a subtree that one thread makes
 
-// Rows [begin, begin + capacity) belong to the range, the first `count` hold references. The rest is its share of the
-// duplication budget: handed down in proportion, so that no other thread's work can change what it may do.
+// Rows [begin, begin + capacity) belong to the range; the first `count` hold references. The rest is its share of the
+// duplication budget, which is handed down in proportion, so that other threads' work cannot change the result.
 struct SpatialRange : GridRange {
-  bool is_whole = false;  // nothing of it is cut any more: it is left to binning
+  bool is_whole = false;  // no more cuts: the rest is left to binning
   std::uint32_t capacity = 0;
   std::uint32_t work = 0;
   Box4 box;  // the union of its references'
 };
 
-// What is shared by all threads; each of them changes only the rows of its own range.
+// The data shared by all threads. Each thread changes only the rows of its own range.
 struct Job {
   BuildConfig config;
   const PrimClipper* clipper;
@@ -54,7 +54,7 @@ struct Job {
   float least_overlap = 0.0f, least_room = 0.0f;  // areas; rows to spare for each reference
 };
 
-// Splits ranges one after another; one for each thread's subtree, so that its arrays are reused.
+// Splits ranges one after another. There is one for each thread's subtree, so that its arrays are reused.
 class SpatialWorker {
  public:
   explicit SpatialWorker(Job& job) : job_(job) {}
@@ -94,8 +94,8 @@ class SpatialWorker {
   }
 
  private:
-  // Halves overlap by no more than their box, and boxes only shrink: where nothing may be cut for that, nor may any
-  // part.
+  // Halves overlap by at most their box, and boxes only shrink: if a range may not be cut for that reason, no part of
+  // it may.
   [[nodiscard]] bool may_be_cut(const SpatialRange& range, float area) const noexcept {
     return range.count > 1 && has_room(range) && area > job_.least_overlap;
   }
@@ -107,7 +107,7 @@ class SpatialWorker {
     return {job_.refs.data() + range.begin, range.count};
   }
 
-  // Object splits are chosen on a grid of the range's own size (grid.h).
+  // Object splits are chosen on a grid of the range's size (grid.h).
   void snap(const SpatialRange& range) {
     grid_.resize(range.count);
     const GridFrame frame = GridFrame::around(range.box);
@@ -157,7 +157,7 @@ class SpatialWorker {
     });
   }
 
-  // Where the SAH says nothing (all centroids equal, no area) or the depth runs out.
+  // Used if the SAH decides nothing (all centroids equal, no area) or the maximum depth is near.
   [[nodiscard]] Sides choose_halves(const SpatialRange& range) {
     const std::uint32_t half = range.count / 2;
     if (bounds_.has_spread()) {
@@ -180,7 +180,7 @@ class SpatialWorker {
     return sides;
   }
 
-  // Not split: an object split or a leaf is as good, or no plane is to be had. Then the object split still holds.
+  // Returns no split if an object split or a leaf is as good, or no plane is found. The object split then stays.
   [[nodiscard]] Sides choose_spatial_split(const SpatialRange& range, float area, const Sides& by_object) {
     if (!has_room(range)) return {};
     const float overlap = by_object.is_split() ? by_object.overlap(job_.scale) : area;
@@ -189,7 +189,7 @@ class SpatialWorker {
     SpatialSearch search;
     search.clipper = job_.clipper;
     search.scale = job_.scale;
-    search.limit = area * all;  // no gain in a plane that costs more than none
+    search.limit = area * all;  // a plane that costs more than no split gains nothing
     if (by_object.is_split()) search.limit = std::min(search.limit, by_object.cost(job_.scale));
     if (range.count <= job_.config.max_leaf_size) {
       const float leaf = area * all - area * (job_.config.traversal_cost / job_.config.intersection_cost);
@@ -204,7 +204,7 @@ class SpatialWorker {
     return partition_.part(rows(range), plane, search, job_.cancel);
   }
 
-  // Spare rows go where the cost is.
+  // Distributes spare rows by cost.
   void share_out(const SpatialRange& range, const Sides& sides, SpatialRange& left,
                  SpatialRange& right) const noexcept {
     const std::uint32_t all = sides.left_count + sides.right_count, spare = range.capacity - all;
@@ -244,7 +244,7 @@ class SpatialSplitter {
   SpatialSplitter(std::span<const PrimRef> prims, const BuildConfig& config, const PrimClipper* clipper,
                   CancelToken& cancel)
       : job_{on_all_axes(config), clipper, cancel, {}, {}, {}} {
-    // Rows have 32-bit numbers, and so have the nodes over them.
+    // Rows, and the nodes over them, have 32-bit numbers.
     constexpr double kMostRows = std::numeric_limits<std::int32_t>::max();
     const auto count = static_cast<double>(prims.size());
     const double wanted = count + count * static_cast<double>(config.duplication_budget);
@@ -275,7 +275,7 @@ class SpatialSplitter {
   Range root_;
 };
 
-// Leaves' rows without the unused ones between them.
+// Moves the leaves' rows together, without the unused ones between them.
 void close_up(Bvh2& tree, CancelToken& cancel) {
   std::size_t count = 0;
   for_steps(tree.nodes.size(), cancel, [&](std::size_t begin, std::size_t end) {

@@ -9,16 +9,16 @@ namespace {
 
 struct SpatialBin {
   Box4 box;
-  std::uint32_t entries, exits;  // references whose first, whose last bin this is
+  std::uint32_t entries, exits;  // references that begin or end in this bin
 };
 
-// Bins of equal width between the ends of a box, on three axes at once; place k of an axis stands between the bins
-// k - 1 and k.
+// Bins of equal width between the ends of a box, on three axes at once. place(axis, k) is the border between the bins k
+// - 1 and k.
 class BinGrid {
  public:
   BinGrid(const Box4& box, std::uint32_t bin_count) noexcept
       : count_(bin_count), last_(static_cast<float>(bin_count - 1)), low_(box.lower.xyz0()) {
-    // A little less, so that rounding never leads beyond the right bin, and one comparison with a place settles it.
+    // Slightly less, so that rounding never exceeds the right bin, and one comparison with a border decides.
     constexpr float kSlightlyLess = 1.0f - 0x1p-21f;
     const Float4 extent = box.upper.xyz0() - low_;
     step_ = extent * Float4(1.0f / static_cast<float>(bin_count));
@@ -31,7 +31,7 @@ class BinGrid {
   }
 
   [[nodiscard]] std::uint32_t bin_count() const noexcept { return count_; }
-  // False where floats are too coarse, or too large, for so many bins.
+  // Returns false if floats are too coarse, or too large, for this number of bins.
   [[nodiscard]] bool is_usable(std::size_t axis) const noexcept { return usable_[axis]; }
   [[nodiscard]] float place(std::size_t axis, std::uint32_t k) const noexcept { return places_[axis][k]; }
   [[nodiscard]] std::span<const float> between(std::size_t axis, std::uint32_t first_bin,
@@ -39,7 +39,7 @@ class BinGrid {
     return {places_[axis].data() + first_bin + 1, last_bin - first_bin};
   }
 
-  // The bins of the three axes that a box reaches into, by the rule of side_of().
+  // The bins of the three axes that a box overlaps, by the rule of side_of().
   struct Reach {
     alignas(16) std::array<std::int32_t, 4> first, last;
   };
@@ -66,7 +66,7 @@ class BinGrid {
       before = places_[axis][k] = here;
     }
   }
-  // The bin that a coordinate lies in, or the one before. Of what is no number: the last.
+  // Returns the bin of a coordinate, or the one before. For NaN: the last.
   [[nodiscard]] Float4 guess(Float4 x) const noexcept {
     return to_float(truncate(max(min((x - low_) * per_unit_, last_), Float4(0.0f))));
   }
@@ -93,7 +93,7 @@ class SpatialBins {
     for (auto& axis : bins_) std::fill_n(axis.begin(), grid_.bin_count(), SpatialBin{Box4::empty(), 0, 0});
   }
 
-  // Counts references, and takes in those that cross no plane of an axis.
+  // Counts references, and adds those that cross no plane of an axis.
   void add_whole(std::span<const PrimRef> refs) noexcept {
     for (std::size_t i = 0; i < refs.size(); i += search_.stride, ++sample_count_) {
       const BinGrid::Reach reach = grid_.reach_of(refs[i]);
@@ -109,7 +109,7 @@ class SpatialBins {
     ratio_ = static_cast<double>(refs.size()) / sample_count_;
   }
 
-  // Slices are costly: there are none on axes that have no plane to offer (duplicates).
+  // Adds slices. They are costly, so axes on which no plane is possible (too many duplicates) are skipped.
   void add_slices(std::span<const PrimRef> refs) noexcept {
     for (std::size_t axis = 0; axis < 3; ++axis) offers_[axis] = grid_.is_usable(axis) && some_plane_fits(axis);
     if (!offers_[0] && !offers_[1] && !offers_[2]) return;
@@ -123,7 +123,7 @@ class SpatialBins {
     }
   }
 
-  // The cheapest plane of all, if it beats the limit.
+  // Returns the cheapest plane of all, if it is below the limit.
   [[nodiscard]] SpatialPlane find_best() const noexcept {
     SpatialPlane best{
         .cost = search_.limit / static_cast<float>(ratio_), .left = Box4::empty(), .right = Box4::empty()};
@@ -136,7 +136,7 @@ class SpatialBins {
   }
 
  private:
-  // What a number of the sample stands for.
+  // Scales a count of the sample to all references.
   [[nodiscard]] std::uint32_t of_all(std::uint32_t count) const noexcept {
     return static_cast<std::uint32_t>(count * ratio_);
   }
@@ -144,7 +144,7 @@ class SpatialBins {
     return left_count > 0 && right_count > 0 && of_all(left_count + right_count) <= search_.most_references;
   }
 
-  // Whether some plane of the axis leaves few enough references.
+  // Returns whether some plane of the axis makes few enough references.
   [[nodiscard]] bool some_plane_fits(std::size_t axis) const noexcept {
     std::uint32_t left_count = 0, right_count = sample_count_;
     for (std::uint32_t k = 0; k + 1 < grid_.bin_count(); ++k) {
@@ -163,7 +163,7 @@ class SpatialBins {
     }
   }
 
-  // Prices every plane of an axis; takes over the cheapest if it beats `best`.
+  // Prices every plane of an axis; takes the cheapest if it is better than `best`.
   void price_planes(std::size_t axis, SpatialPlane& best) const noexcept {
     const std::span<const SpatialBin> bins(bins_[axis].data(), grid_.bin_count());
     const AreaScale& scale = search_.scale;
@@ -182,7 +182,7 @@ class SpatialBins {
       left_count += bins[k].entries;
       right_count -= bins[k].exits;
       if (!fits(left_count, right_count)) continue;
-      if (is_empty(box) || is_empty(right_boxes[k + 1])) continue;  // slices that were none after all
+      if (is_empty(box) || is_empty(right_boxes[k + 1])) continue;  // the slices were empty
       const float cost = scale.half_area(box) * static_cast<float>(left_count) +
                          scale.half_area(right_boxes[k + 1]) * static_cast<float>(right_count);
       if (!(cost < best.cost)) continue;
@@ -195,7 +195,7 @@ class SpatialBins {
   std::array<std::array<SpatialBin, kMaxSpatialBins>, 3> bins_;
   std::array<bool, 3> offers_{};
   std::uint32_t sample_count_ = 0;
-  double ratio_ = 1.0;  // of all references to those of the sample
+  double ratio_ = 1.0;  // ratio of all references to the sample
 };
 
 }  // namespace
@@ -237,11 +237,11 @@ void set_box(PrimRef& ref, const Box4& box) noexcept {
   ref.upper = {upper[0], upper[1], upper[2]};
 }
 
-// Whether a reference on the plane goes to one side as a whole; `now` is what the plane's sides have become by those
-// before it.
+// Decides whether a reference on the plane goes to one side as a whole. `now` has the plane's sides after the
+// references before it.
 PlaneSide unsplit(SpatialPlane& now, const Box4& box, const std::array<Box4, 2>& slices,
                   const AreaScale& scale) noexcept {
-  if (is_empty(slices[0]) || is_empty(slices[1])) {  // its box crosses the plane, itself it does not
+  if (is_empty(slices[0]) || is_empty(slices[1])) {  // its box crosses the plane, but it does not
     const bool left = is_empty(slices[1]);
     std::uint32_t& other_count = left ? now.right_count : now.left_count;  // perhaps an estimate
     if (other_count > 1) --other_count;
@@ -305,8 +305,8 @@ Sides SpatialPartition::part(std::span<const PrimRef> refs, const SpatialPlane& 
   return sides;
 }
 
-// Each reference is written to both sides, and stays where the side's end moves on: no branch to be guessed. On the
-// left that is never beyond the row it was read from.
+// Writes each reference to both sides, and advances only the end of its own side, which avoids a branch. On the left,
+// this never writes beyond the row that was read.
 void SpatialPartition::move(std::span<PrimRef> refs, PrimRef* right, std::uint32_t right_count, CancelToken& cancel) {
   moved_.resize(right_count + 1);
   PrimRef *to_left = refs.data(), *to_right = moved_.data();

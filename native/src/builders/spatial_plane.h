@@ -1,6 +1,7 @@
-// The best plane to cut space at (Stich, Friedrich, Dietrich 2009, section 4): references that cross it count on both
-// sides, with the boxes of their slices.
-// In: references whose boxes may be clipped already, a clipper. Out: the plane of least cost, what lies on its sides.
+// Finds the best plane to cut space at (Stich, Friedrich, Dietrich 2009, section 4). References that cross it count on
+// both sides, with the boxes of their slices.
+// In: references whose boxes may already be clipped, a clipper. Out: the plane of least cost, and the boxes and counts
+// of its sides.
 #pragma once
 
 #include <cstdint>
@@ -14,8 +15,8 @@
 
 namespace perfect_bvh {
 
-// Areas in coordinates multiplied by a power of two that brings the largest near 1, so that neither huge nor tiny data
-// over- or underflow.
+// Computes areas in coordinates multiplied by a power of two that brings the largest near 1, so that neither huge nor
+// tiny data overflows or underflows.
 struct AreaScale {
   float multiplier = 1.0f;
 
@@ -41,27 +42,27 @@ enum class PlaneSide : std::uint8_t { kLeft, kRight, kBoth };
   return ref.upper[axis] > place ? PlaneSide::kBoth : PlaneSide::kLeft;
 }
 
-// The boxes of a reference's parts left and right of planes on `axis` that its box crosses; see PrimClipper::slice.
-// One may be empty. Exactly one box more than planes.
+// Computes the boxes of a reference's parts left and right of planes on `axis` that its box crosses; see
+// PrimClipper::slice. One may be empty. There is exactly one box more than planes.
 void slice_reference(const PrimRef& ref, int axis, std::span<const float> planes, const PrimClipper* clipper,
                      Box4* slices) noexcept;
 
-// What a plane is looked for among, and by.
+// The inputs of a plane search.
 struct SpatialSearch {
-  const PrimClipper* clipper = nullptr;  // null: primitives fill their boxes
+  const PrimClipper* clipper = nullptr;  // null: primitives are assumed to fill their boxes
   AreaScale scale;
-  std::uint32_t bin_count = 2;        // an axis, at most kMaxSpatialBins
-  std::uint32_t stride = 1;           // 1: every reference is looked at; 2: every second; ...
-  float limit = 0.0f;                 // what the plane must cost less than
-  std::uint32_t most_references = 0;  // that it may make
+  std::uint32_t bin_count = 2;        // per axis, at most kMaxSpatialBins
+  std::uint32_t stride = 1;           // 1: every reference is used; 2: every second; ...
+  float limit = 0.0f;                 // the plane must cost less than this
+  std::uint32_t most_references = 0;  // maximum number after the cut
 };
 
-// The cheapest of bin_count - 1 equidistant planes an axis, as far as the sample tells: costs and counts are estimates
-// unless every reference is looked at. `box` is the union of the references' boxes.
+// Returns the cheapest of bin_count - 1 equidistant planes per axis, according to the sample: costs and counts are
+// estimates unless every reference is used. `box` is the union of the references' boxes.
 [[nodiscard]] SpatialPlane find_spatial_plane(std::span<const PrimRef> refs, const Box4& box,
                                               const SpatialSearch& search) noexcept;
 
-inline constexpr std::uint32_t kMaxSpatialBins = 128;  // half of the most that settings allow
+inline constexpr std::uint32_t kMaxSpatialBins = 128;  // half of the maximum in the settings
 
 [[nodiscard]] inline bool is_empty(const Box4& box) noexcept {
   constexpr std::uint32_t kThreeLanes = 0b111;
@@ -69,12 +70,12 @@ inline constexpr std::uint32_t kMaxSpatialBins = 128;  // half of the most that 
 }
 
 // Spatial partition ---------------------------------------------------------------------------------------------------
-// Which side of a split each reference of a range goes to. What a cut through space divides goes to both, with the
-// boxes of its parts, unless it costs less to leave it whole (Stich, Friedrich, Dietrich 2009, section 4.4, "reference
-// unsplitting").
-// In: references, and an object split or a plane. Out: what lies on each side; the references moved there.
+// Decides the side of a split for each reference of a range. References that a spatial cut divides go to both sides,
+// with the boxes of their parts, unless it costs less to leave them whole (Stich, Friedrich, Dietrich 2009, section
+// 4.4, "reference unsplitting").
+// In: references, and an object split or a plane. Out: boxes and counts of both sides; the references moved there.
 
-// What a split would put on either side.
+// The boxes and counts of the two sides of a split.
 struct Sides {
   Box4 left = Box4::empty(), right = Box4::empty();
   std::uint32_t left_count = 0, right_count = 0;
@@ -98,7 +99,7 @@ class SpatialPartition {
  public:
   void resize(std::size_t count) { sides_.resize(count); }
 
-  // An object split: every reference goes to one side.
+  // For an object split: every reference goes to one side.
   void set(std::size_t row, bool is_left) noexcept { sides_[row] = is_left ? PlaneSide::kLeft : PlaneSide::kRight; }
   template <class IsLeft>
   [[nodiscard]] Sides assign(std::span<const PrimRef> refs, CancelToken& cancel, const IsLeft& is_left) {
@@ -113,12 +114,13 @@ class SpatialPartition {
     return sides;
   }
 
-  // A spatial split by a plane that the search has found. Where one side would get nothing, or both together more than
-  // it allows, or would cost as much as its limit, it is none, and references go where they went before.
+  // Plans a spatial split by a plane that the search has found. If one side would be empty, or both together would have
+  // more references than allowed, or would cost as much as the limit, there is no split, and the sides of references
+  // stay as before.
   [[nodiscard]] Sides part(std::span<const PrimRef> refs, const SpatialPlane& plane, const SpatialSearch& search,
                            CancelToken& cancel);
 
-  // Moves what goes to the left to the front of `refs`, and what goes to the right to `right`, for which there is room.
+  // Moves left references to the front of `refs`, and right ones to `right`, which has room for them.
   void move(std::span<PrimRef> refs, PrimRef* right, std::uint32_t right_count, CancelToken& cancel);
 
  private:
@@ -126,11 +128,11 @@ class SpatialPartition {
     Box4 left, right;
   };
 
-  // Where a reference goes, added to the sides; what is cut is added to the parts.
+  // Chooses the side of a reference and adds it to the sides; if it is cut, its pieces are added to the parts.
   [[nodiscard]] PlaneSide plan_row(const PrimRef& ref, const SpatialPlane& plane, const SpatialSearch& search,
                                    SpatialPlane& now, Sides& sides);
 
-  std::vector<PlaneSide> sides_, planned_;  // of each row; kBoth: the next of parts_
+  std::vector<PlaneSide> sides_, planned_;  // of each row; kBoth: the next entry of parts_
   std::vector<Parts> parts_;
   AlignedVector<PrimRef> moved_;
 };

@@ -20,8 +20,8 @@ struct Candidate {
   std::uint32_t left_count;  // 0: none
 };
 
-// The cheapest plane among references in one order, if it costs less than `limit`. Costs on a side only grow with its
-// size, so each sweep may stop where its side alone reaches the limit.
+// The cheapest plane among references in one order, if it costs less than `limit`. The cost of a side only grows with
+// its size, so each sweep can stop when its side alone reaches the limit.
 class Sweep {
  public:
   Sweep(std::span<const GridRef> refs, float* right_costs, float limit) noexcept
@@ -39,7 +39,7 @@ class Sweep {
   }
 
  private:
-  // Returns the first reference of the last of them; smaller left sides are not worth a look.
+  // Returns the first reference of the last side priced; smaller left sides need not be tried.
   [[nodiscard]] std::size_t price_right_sides(CancelToken& cancel) {
     GridBox box = empty_grid_box();
     std::size_t first = refs_.size() - 1;
@@ -55,7 +55,7 @@ class Sweep {
     return 0;
   }
 
-  // `box`: of the references before `first`.
+  // `box`: the box of the references before `first`.
   [[nodiscard]] Candidate price_planes(std::size_t first, GridBox box, CancelToken& cancel) {
     Candidate best{limit_, 0};
     for (std::size_t i = first + 1; i < refs_.size(); cancel.checkpoint()) {
@@ -76,7 +76,7 @@ class Sweep {
   const float limit_;
 };
 
-// Keeps three copies of the references, each in the order of one axis: the sweeps read them from end to end.
+// Keeps three copies of the references, each in the order of one axis, so that sweeps read them sequentially.
 class SweepSplitter {
  public:
   using Range = SweepRange;
@@ -109,7 +109,7 @@ class SweepSplitter {
       std::array<Candidate, 3> best;
       const float unsplit = area * static_cast<float>(range.count);
       for_axes(pool, [&](std::size_t a) {
-        // What another axis has found limits the search, if it is known already; the result is the same.
+        // The best cost on another axis limits the search, if it is already known; the result is the same.
         const float limit = pool == nullptr && a > 0 ? std::min(best[0].cost, best[a - 1].cost) : unsplit;
         best[a] = Sweep(rows(range, a), &costs_[a][range.begin], limit).run(cancel_);
       });
@@ -130,7 +130,7 @@ class SweepSplitter {
     return {sorted_[axis].data() + range.begin, range.count};
   }
 
-  // body(references) for parts of them, in the order of an axis.
+  // Calls body(references) for parts of them, in the order of an axis.
   template <class Body>
   void for_rows(const Range& range, std::size_t axis, const Body& body) {
     const std::span<GridRef> refs = rows(range, axis);
@@ -167,7 +167,7 @@ class SweepSplitter {
     });
   }
 
-  // The bounds of a range, snapped to a frame of its own first if its present one is too coarse.
+  // Returns the bounds of a range. If its present frame is too coarse, snaps it to its own frame first.
   GridBounds measure_finely(Range& range) {
     GridBounds bounds;
     for_rows(range, 0, [&](std::span<const GridRef> refs) {
@@ -193,7 +193,7 @@ class SweepSplitter {
     return bounds;
   }
 
-  // Brings the left side to the front of every order, both sides keeping theirs.
+  // Moves the left side to the front of every order; both sides keep their order.
   void divide(const Range& range, std::size_t split_axis, std::uint32_t left_count, ThreadPool* pool) {
     const std::span<GridRef> split_rows = rows(range, split_axis);
     for_steps(split_rows.size(), cancel_, [&](std::size_t begin, std::size_t end) {

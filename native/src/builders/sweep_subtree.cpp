@@ -7,7 +7,7 @@
 namespace perfect_bvh {
 namespace {
 
-constexpr std::uint32_t kFewestBoxes = 4;  // of so many every way to halve them is tried, not only every plane
+constexpr std::uint32_t kFewestBoxes = 4;  // up to this many, every way to halve them is tried, not only planes
 
 }  // namespace
 
@@ -86,7 +86,7 @@ GridBox SweepSubtree::snap(const SweepRange& range) noexcept {
   return box;
 }
 
-// From here on down only the first order is looked at.
+// Below this node, only the first order is used.
 std::uint32_t SweepSubtree::divide_few(const SweepRange& range, float area) noexcept {
   Number* numbers = order(range, 0);
   std::array<GridBox, kFewBoxes> boxes;
@@ -102,7 +102,7 @@ std::uint32_t SweepSubtree::divide_few(const SweepRange& range, float area) noex
   return left_count;
 }
 
-// The three axes at once: one sweep from the right for the costs there, one from the left to price each plane.
+// Handles the three axes at once: one sweep from the right for the costs there, one from the left to price each plane.
 std::uint32_t SweepSubtree::divide_at_plane(const SweepRange& range, float area) noexcept {
   const std::array<const Number*, 3> orders{order(range, 0), order(range, 1), order(range, 2)};
   std::array<GridBox, 3> boxes;
@@ -142,7 +142,8 @@ std::uint32_t SweepSubtree::divide_at_plane(const SweepRange& range, float area)
   return left_count;
 }
 
-// Where the SAH says nothing (no area, no plane gains anything) or the depth runs out: the middle of some order.
+// Used if the SAH decides nothing (no area, no plane gains anything) or the maximum depth is near: splits in the middle
+// of an order.
 std::uint32_t SweepSubtree::divide_in_halves(const SweepRange& range) noexcept {
   if (range.count <= kFewestBoxes) return range.count / 2;
   GridBounds bounds;
@@ -152,7 +153,7 @@ std::uint32_t SweepSubtree::divide_in_halves(const SweepRange& range) noexcept {
   return left_count;
 }
 
-// In the other two orders: left side first, each side in the order it had.
+// Rearranges the other two orders: left side first, both sides keep their order.
 void SweepSubtree::divide_at(const SweepRange& range, std::size_t split_axis, std::uint32_t left_count) noexcept {
   const Number* split_order = order(range, split_axis);
   for (std::uint32_t i = 0; i < range.count; ++i) is_left_[split_order[i]] = i < left_count;

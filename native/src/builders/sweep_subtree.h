@@ -1,6 +1,6 @@
-// The lower levels of a sweep build: a few thousand references in an array of their own, close together in cache, with
-// their three orders as 16-bit numbers. Their boxes are snapped to a grid again, finer, as nodes get smaller.
-// In: the three orders as the upper levels left them. Out: splits and leaves, as top_down.h asks of a worker.
+// The lower levels of a sweep build: a few thousand references in their own array, close together in cache, with their
+// three orders as 16-bit numbers. Their boxes are snapped to finer grids as nodes get smaller.
+// In: the three orders from the upper levels. Out: splits and leaves, in the form that top_down.h requires of a worker.
 #pragma once
 
 #include <array>
@@ -24,7 +24,7 @@ class SweepSubtree {
  public:
   using Orders = std::array<std::span<const GridRef>, 3>;
 
-  // `number_of` is room for a number for each position in `prims`; entries of other subtrees are not touched.
+  // `number_of` has room for a number for each position in `prims`; entries of other subtrees are not touched.
   SweepSubtree(std::span<const PrimRef> prims, const BuildConfig& config, const SweepRange& range, const Orders& orders,
                std::uint16_t* number_of);
 
@@ -36,7 +36,7 @@ class SweepSubtree {
 
   [[nodiscard]] GridBox measure(const SweepRange& range) const noexcept;
   GridBox snap(const SweepRange& range) noexcept;
-  // Bring the left side to the front of the orders and return its size; 0: a leaf is as good.
+  // These move the left side to the front of the orders and return its size; 0: a leaf is as good.
   [[nodiscard]] std::uint32_t divide_few(const SweepRange& range, float area) noexcept;
   [[nodiscard]] std::uint32_t divide_at_plane(const SweepRange& range, float area) noexcept;
   [[nodiscard]] std::uint32_t divide_in_halves(const SweepRange& range) noexcept;

@@ -1,25 +1,25 @@
-// The frame of every builder that splits a set of references again and again: work list, threads, node array.
-// In: a splitter, which knows how to halve a range, and the root's range. Out: a Bvh2 in depth-first order.
+// The common frame of all builders that repeatedly split a set of references: work list, threads, node array.
+// In: a splitter, which can halve a range, and the root's range. Out: a Bvh2 in depth-first order.
 //
-// One thread writes nodes straight into the tree. More threads split the upper levels together, build each range of
-// at most kSubtreeSize references into an array of its own and copy these arrays to where one thread would have put
-// them: the bytes are the same. Boxes come from the leaves upwards, while a subtree's nodes are still in cache.
+// A single thread writes nodes directly into the tree. Several threads split the upper levels together, build each
+// range of at most kSubtreeSize references into a separate array, and copy these arrays to the positions where one
+// thread would have put them: the bytes are the same. Boxes are computed from the leaves upwards, while a subtree's
+// nodes are still in cache.
 //
-// A splitter offers
-//   Range: a type with the members of BuildRange; with `capacity` and `work` as well where references may multiply:
+// A splitter provides
+//   Range: a type with the members of BuildRange; also `capacity` and `work` if references may multiply:
 //     leaves then leave rows of prim_indices unused, which the splitter's owner must close up;
-//   kSubtreeSize: how many references are a task that is not divided further;
+//   kSubtreeSize: the number of references of a task that is not divided further;
 //   void split_large(Range& range, Range& left, Range& right, ThreadPool* pool)
-//     for ranges above kSubtreeSize. `pool` is null where one thread works alone;
+//     for ranges above kSubtreeSize. `pool` is null if one thread works alone;
 //   Worker enter_subtree(Range& range)
-//     called once for each range of at most that size; the rest of its subtree is then up to the worker, which offers
+//     called once for each range of at most that size; the worker then makes the rest of its subtree, and provides
 //   bool split(Range& range, Range& left, Range& right)
 //     false: make a leaf;
 //   Box4 write_leaf(const Range& range, std::uint32_t* prim_indices)
 //     fills in the leaf's rows and returns its box, zeros positive.
-// All must respect depth_allows_any_split(). Answers depend on the range alone, never on the threads. Whatever goes
-// through a range of any size asks as it goes (core/cancel.h); a subtree is small enough to be made between two
-// questions.
+// All must respect depth_allows_any_split(). Results depend only on the range, never on the threads. Loops over a range
+// of any size must check for cancellation (core/cancel.h); a subtree is small enough to be made between two checks.
 #pragma once
 
 #include <algorithm>
@@ -39,7 +39,7 @@
 
 namespace perfect_bvh {
 
-// References on their way to become a node: rows [begin, begin + count) of the builder's arrays.
+// References that will become a node: rows [begin, begin + count) of the builder's arrays.
 struct BuildRange {
   std::uint32_t begin = 0;
   std::uint32_t count = 0;
@@ -56,21 +56,21 @@ inline void divide_rows(const BuildRange& range, std::uint32_t left_count, Build
   left.depth = right.depth = range.depth + 1;
 }
 
-// Rows that belong to a range: more than it has references if it may still get some (spatial splits).
+// Returns the rows that belong to a range: more than it has references if it may still get some (spatial splits).
 template <class Range>
 [[nodiscard]] std::uint32_t capacity_of(const Range& range) noexcept {
   if constexpr (requires { range.capacity; }) return range.capacity;
   return range.count;
 }
 
-// Units of work that a range stands for: one a primitive, also where references outnumber them.
+// Returns the units of work of a range: one per primitive, even if there are more references.
 template <class Range>
 [[nodiscard]] std::uint32_t work_of(const Range& range) noexcept {
   if constexpr (requires { range.work; }) return range.work;
   return range.count;
 }
 
-// False where only halving the range again and again still keeps the tree within kMaxTreeDepth.
+// Returns false if only halving the range repeatedly still keeps the tree within kMaxTreeDepth.
 [[nodiscard]] inline bool depth_allows_any_split(const BuildRange& range) noexcept {
   const auto levels_to_halve = static_cast<std::uint32_t>(std::bit_width(range.count));
   return range.depth + levels_to_halve < kMaxTreeDepth;
@@ -83,7 +83,7 @@ inline void write_node(Bvh2Node& node, const Box4& box, std::uint32_t first, std
   node.count = count;
 }
 
-// An interior node's box from its children's.
+// Computes an interior node's box from its children's.
 inline void enclose_children(Bvh2Node& node, const Bvh2Node* children) noexcept {
   Box4 box = Box4::load(&children[0]);
   box.grow(Box4::load(&children[1]));
@@ -159,7 +159,7 @@ class TopDownBuilder {
     }
   }
 
-  // Depth first, left before right, each pair in the next free place from `begin` on.
+  // Depth first, left before right; each pair is written to the next free rows from `begin` on.
   Extent build_subtree(const Range& root_range, Bvh2Node& root, Bvh2Node* nodes, std::uint32_t begin) {
     struct PendingNode {
       Range range;
@@ -198,11 +198,11 @@ class TopDownBuilder {
 
   // More threads ---------------------------------------------------------------------------------------------------
 
-  // The upper levels while several threads work on them.
+  // The upper levels, while several threads work on them.
   struct Top {
     Range range;
     std::unique_ptr<Top> left, right;  // both or neither
-    Bvh2Node root;                     // of a subtree built alone; interior indices count from its own array
+    Bvh2Node root;                     // of a subtree built alone; interior indices refer to its own array
     AlignedVector<Bvh2Node> nodes;     // below that root
     std::uint32_t depth = 0;           // of its deepest leaf
   };
@@ -247,8 +247,9 @@ class TopDownBuilder {
     top.depth = extent.depth;
   }
 
-  // Gives every part the place that build_alone would have given it.
-  // The few nodes written here are the first in their pages: what takes long is that the system clears those.
+  // Gives every part the rows that build_alone would have given it.
+  // The few nodes written here are the first in their memory pages: most of the time is spent by the system clearing
+  // those.
   Extent place(const Top& top, std::uint32_t node, std::uint32_t next, std::vector<Copy>& copies) {
     cancel_.checkpoint();
     if (!top.left) {
@@ -282,13 +283,14 @@ class TopDownBuilder {
 };
 
 // Select nth ----------------------------------------------------------------------------------------------------------
-// Selection (std::nth_element) that asks whether to stop while it works on many items. The same arrangement either way.
+// Selection (std::nth_element) that checks for cancellation while it works on many items. The arrangement is the same
+// either way.
 
-// So many take a few milliseconds; of fewer comparisons are not counted.
+// This many take a few milliseconds. For fewer, comparisons are not counted.
 inline constexpr std::size_t kMostSelectedUnasked = 131072;
 
-// Puts the item that would stand in place `n` there, what is less before it and the rest behind. When stopped, throws
-// Cancelled: what the items are then is of no use.
+// Puts the item with rank `n` at position `n`, smaller ones before it and the others behind. If cancelled, throws
+// Cancelled; the order of the items is then undefined.
 template <class Item, class Less>
 void select_nth(std::span<Item> items, std::size_t n, CancelToken& cancel, const Less& less) {
   const auto nth = items.begin() + static_cast<std::ptrdiff_t>(n);

@@ -10,16 +10,17 @@ namespace perfect_bvh {
 
 inline constexpr std::size_t kCacheLine = 64;
 
-// So many bytes behind the last element may be read, whatever they hold: a register may be loaded with three floats.
+// This many bytes after the last element can be read, with undefined values, so that three floats can be loaded as a
+// whole register.
 inline constexpr std::size_t kReadableBehind = 16;
 
-// Memory on a cache line. Large blocks stand on huge pages where the system has them (Linux, "madvise" or "always"):
-// rays at random in a tree of 3 million triangles then seldom wait for an address to be translated, and memory is
-// handed out page by page 512 times less often. What it gave a dragon of 3.2 million triangles: see aligned.cpp.
+// Allocates memory aligned to a cache line. Large blocks use huge pages if the system has them (Linux, "madvise" or
+// "always"). Random rays in a tree of 3 million triangles then rarely wait for address translation, and the system
+// hands out memory in 512 times fewer steps. For the gain with a dragon of 3.2 million triangles, see aligned.cpp.
 [[nodiscard]] void* allocate_aligned(std::size_t bytes);
-// The size to ask for instead of `bytes` where memory is soon given back: whole huge pages, where it nearly fills one.
+// Returns the size to request instead of `bytes` for short-lived memory: whole huge pages, if it nearly fills one.
 [[nodiscard]] std::size_t whole_pages(std::size_t bytes) noexcept;
-// `bytes` as it was allocated.
+// `bytes` must be the allocated size.
 void free_aligned(void* memory, std::size_t bytes) noexcept;
 
 template <class T>
@@ -32,7 +33,7 @@ struct AlignedAllocator {
     return static_cast<T*>(allocate_aligned(count * sizeof(T) + kReadableBehind));
   }
   void deallocate(T* memory, std::size_t count) noexcept { free_aligned(memory, count * sizeof(T) + kReadableBehind); }
-  // Elements that are about to be overwritten are not worth clearing: `resize` leaves trivial types uninitialised.
+  // Elements that are about to be overwritten need not be cleared: `resize` leaves trivial types uninitialized.
   template <class U>
   void construct(U* place) noexcept {
     ::new (static_cast<void*>(place)) U;
@@ -44,13 +45,13 @@ struct AlignedAllocator {
   friend bool operator==(const AlignedAllocator&, const AlignedAllocator&) noexcept { return true; }
 };
 
-// A vector on a cache-line boundary. `resize(count)` does NOT initialise trivially constructible elements.
+// A vector aligned to a cache line. `resize(count)` does NOT initialize trivially constructible elements.
 template <class T>
 using AlignedVector = std::vector<T, AlignedAllocator<T>>;
 
 // Scratch -------------------------------------------------------------------------------------------------------------
-// Memory for one piece of work, handed out in parts and given back all at once. New memory costs more than most work on
-// it, page by page: parts that stand together share huge pages where each alone would be too small for one.
+// Memory for one operation, handed out in parts and released as a whole. New memory costs more than most work on it,
+// page by page. Adjacent parts share huge pages for which each alone would be too small.
 
 class Scratch {
  public:
@@ -58,15 +59,15 @@ class Scratch {
   Scratch(const Scratch&) = delete;
   Scratch& operator=(const Scratch&) = delete;
 
-  // So many bytes in all are about to be taken; it may be more.
+  // Announces the total number of bytes that will be taken; it may be exceeded.
   void expect(std::size_t bytes) noexcept { next_size_ = bytes + bytes / 64 + 64 * kCacheLine; }
-  // Not initialised, on a cache line, kReadableBehind. Not for several threads at once. Throws bad_alloc.
+  // Returns uninitialized memory, aligned to a cache line, with kReadableBehind. Not thread-safe. Throws bad_alloc.
   template <class T>
   [[nodiscard]] std::span<T> take(std::size_t count) {
     static_assert(std::is_trivially_copyable_v<T> && alignof(T) <= kCacheLine);
     return {static_cast<T*>(take_bytes(count * sizeof(T))), count};
   }
-  // Takes back what lies behind the first `count` items of the part that was taken last.
+  // Releases everything after the first `count` items of the part that was taken last.
   template <class T>
   void trim(std::span<T> last, std::size_t count) noexcept {
     used_ -= whole_lines(last.size_bytes()) - whole_lines(count * sizeof(T));

@@ -1,4 +1,4 @@
-// How long a stage took, by the wall clock: for reports, never for decisions.
+// Measures how long a stage took, by the wall clock. Used for reports, never for decisions.
 #pragma once
 
 #include <algorithm>
@@ -20,7 +20,7 @@ class Stopwatch {
   [[nodiscard]] double milliseconds() const {
     return std::chrono::duration<double, std::milli>(Clock::now() - start_).count();
   }
-  // Since the last lap, or the beginning.
+  // Returns the time since the last lap, or the beginning.
   double lap_milliseconds() {
     const Clock::time_point now = Clock::now();
     const double lap = std::chrono::duration<double, std::milli>(now - lap_start_).count();
@@ -34,17 +34,17 @@ class Stopwatch {
 };
 
 // Cancel --------------------------------------------------------------------------------------------------------------
-// How a long operation tells its progress and learns that it should stop.
-// In: any thread reports work done; the owner's callback runs only on the thread that made the token (it may hold
+// Reports the progress of a long operation, and tells it to stop.
+// In: any thread reports work done. The owner's callback runs only on the thread that made the token (it may hold
 // Python's lock). Out: `Cancelled` is thrown on every thread that polls after a stop was requested.
 
 class CancelToken {
  public:
-  // callback(fraction 0..1) -> false to cancel. It may throw: the exception reaches the caller of poll().
+  // callback(fraction 0..1) returns false to cancel. It may throw: the exception reaches the caller of poll().
   using Callback = std::function<bool(float)>;
 
   CancelToken() = default;
-  // The callback is called no more often than that.
+  // The callback is called at most once per interval.
   explicit CancelToken(Callback callback, std::chrono::milliseconds interval = std::chrono::milliseconds(50))
       : callback_(std::move(callback)), interval_(interval) {}
   CancelToken(const CancelToken&) = delete;
@@ -54,7 +54,7 @@ class CancelToken {
   [[nodiscard]] bool stop_requested() const noexcept {
     return stop_.load(std::memory_order_relaxed) || (followed_ && followed_->load(std::memory_order_relaxed));
   }
-  // Stops as well as soon as `flag` is true, which whoever sets it may do without a token. The flag outlives this.
+  // Also stops when `flag` is set; the setter needs no token. The flag must outlive the token.
   void follow(const std::atomic<bool>& flag) noexcept { followed_ = &flag; }
   void throw_if_stopped() const {
     if (stop_requested()) throw Cancelled();
@@ -66,7 +66,7 @@ class CancelToken {
     done_.store(0, std::memory_order_relaxed);
   }
   void advance(std::size_t done) noexcept { done_.fetch_add(done, std::memory_order_relaxed); }
-  // Never more than 1, whatever was announced.
+  // Returns at most 1, even if more work is done than announced.
   [[nodiscard]] float fraction() const noexcept {
     const auto total = total_.load(std::memory_order_relaxed);
     const auto done = done_.load(std::memory_order_relaxed);
@@ -74,15 +74,15 @@ class CancelToken {
     return done >= total ? 1.0f : static_cast<float>(done) / static_cast<float>(total);
   }
 
-  // Whether ask() would call the callback.
+  // Returns whether ask() would call the callback.
   [[nodiscard]] bool is_due() const noexcept {
     if (!callback_ || std::this_thread::get_id() != owner_ || stop_requested()) return false;
     return std::chrono::steady_clock::now() - last_poll_ >= interval_;
   }
 
-  // Calls the callback if its interval has passed. On any thread but the owner's it does not, so that work which is
-  // shared out over threads may call it wherever it happens to run. True if the work should stop; what the callback
-  // threw is kept for rethrow_callback_error().
+  // Calls the callback if its interval has passed. Does not call it on other threads than the owner's, so that work
+  // divided among threads may call it on any of them. Returns true if the work should stop; the callback's exception is
+  // kept for rethrow_callback_error().
   bool ask() noexcept {
     if (!is_due()) return stop_requested();
     try {
@@ -91,22 +91,23 @@ class CancelToken {
       callback_error_ = std::current_exception();
       request_stop();
     }
-    last_poll_ = std::chrono::steady_clock::now();  // a slow callback must not eat all the time there is
+    last_poll_ = std::chrono::steady_clock::now();  // a slow callback must not take all the time
     return stop_requested();
   }
 
-  // The same; throws what the callback threw.
+  // The same, but throws the callback's exception.
   void poll() {
     if (is_due() && ask()) rethrow_callback_error();
   }
 
-  // What a piece of work of a millisecond or so calls: the owner's callback gets its turn, and a stop takes effect.
+  // Called every millisecond or so of work: lets the owner's callback run, and throws if a stop was requested.
   void checkpoint() {
     poll();
     throw_if_stopped();
   }
 
-  // Another thread's Cancelled may overtake what the callback threw: code that catches Cancelled asks here first.
+  // Another thread's Cancelled may arrive before the callback's exception: code that catches Cancelled calls this
+  // first.
   void rethrow_callback_error() const {
     if (callback_error_) std::rethrow_exception(callback_error_);
   }
@@ -124,20 +125,20 @@ class CancelToken {
 };
 
 // Steps ---------------------------------------------------------------------------------------------------------------
-// Loops over all primitives or nodes that ask whether to stop (core/cancel.h) every so many items: what lies between
-// two questions is then bounded, however large the data. On threads other than the token's owner a question only sees a
-// stop; the owner asks while it waits for them.
+// Loops over all primitives or nodes that check for cancellation (core/cancel.h) at a fixed number of items, so that
+// the time between two checks is bounded for data of any size. On threads other than the token's owner, a check only
+// detects a stop; the owner runs the callback while it waits for them.
 
-// A question costs as much as some ten items.
+// A check costs as much as about ten items.
 inline constexpr std::size_t kItemsBetweenAsking = 16384;
 
-// Into how many chunks of so many for_chunks() divides them.
+// Returns the number of chunks of this size into which for_chunks() divides the items.
 [[nodiscard]] constexpr std::size_t chunk_count_of(std::size_t item_count) noexcept {
   return (item_count + kItemsBetweenAsking - 1) / kItemsBetweenAsking;
 }
 
-// On this thread alone: body(begin, end) for consecutive parts of [0, count), at least one. Nothing is asked of a count
-// that is one part.
+// Calls body(begin, end) on this thread for consecutive parts of [0, count), at least one. If there is only one part,
+// there is no check.
 template <class Body>
 void for_steps(std::size_t count, CancelToken& cancel, const Body& body) {
   for (std::size_t begin = 0;;) {
@@ -149,7 +150,7 @@ void for_steps(std::size_t count, CancelToken& cancel, const Body& body) {
   }
 }
 
-// The same from the last part to the first.
+// The same, from the last part to the first.
 template <class Body>
 void for_steps_back(std::size_t count, CancelToken& cancel, const Body& body) {
   for (std::size_t end = count;;) {
@@ -161,7 +162,7 @@ void for_steps_back(std::size_t count, CancelToken& cancel, const Body& body) {
   }
 }
 
-// On the pool's threads: parallel_for that asks before each chunk, and while the caller waits for the others.
+// Does parallel_for on the pool's threads, with a check before each chunk, and while the caller waits for the others.
 template <class Body>
 void for_chunks(ThreadPool& pool, std::size_t count, std::size_t grain, CancelToken& cancel, const Body& body) {
   const auto run = [&](std::size_t begin, std::size_t end) {
@@ -171,12 +172,12 @@ void for_chunks(ThreadPool& pool, std::size_t count, std::size_t grain, CancelTo
   parallel_for(pool, count, grain, run, 0, [&] { cancel.checkpoint(); });
 }
 
-// For loops that do not know how many items there are.
+// For loops with an unknown number of items.
 class Steps {
  public:
   explicit Steps(CancelToken& cancel) noexcept : cancel_(cancel) {}
 
-  // Before each item.
+  // Call before each item.
   void step() {
     if (--left_ == 0) ask();
   }

@@ -1,5 +1,5 @@
 // The engine's exceptions. Thrown at the boundary between the engine and its caller, never from a kernel.
-// In: a sentence that names the function, the argument, what was expected, what came, and the way out.
+// A message is a sentence that names the function, the argument, the expected and the actual value, and a solution.
 #pragma once
 
 #include <stdexcept>
@@ -19,7 +19,7 @@ class StaleScene : public std::runtime_error {
   using std::runtime_error::runtime_error;
 };
 
-// Anything else that the engine refuses to do: becomes perfect_bvh.EngineError.
+// Any other refusal of the engine: becomes perfect_bvh.EngineError.
 class EngineError : public std::runtime_error {
  public:
   using std::runtime_error::runtime_error;

@@ -16,13 +16,14 @@
 namespace perfect_bvh {
 namespace {
 
-// 0 where the system does not tell.
+// Returns 0 if the system does not report it.
 int count_in_affinity_mask() noexcept {
 #if defined(__linux__)
   cpu_set_t set;
   if (sched_getaffinity(0, sizeof(set), &set) == 0) return CPU_COUNT(&set);
 #elif defined(_WIN32)
-  // Of the process's group of at most 64: on a larger machine threads begin there, and Windows tells 0 of others.
+  // The mask covers the process's group of at most 64 processors. On a larger machine threads start there, and Windows
+  // returns 0 for other groups.
   DWORD_PTR ours = 0, every = 0;
   if (GetProcessAffinityMask(GetCurrentProcess(), &ours, &every) != 0) return std::popcount(std::uint64_t{ours});
 #endif

@@ -1,10 +1,10 @@
-// How many processors this process may use.
+// Counts the processors that this process may use.
 #pragma once
 
 namespace perfect_bvh {
 
-// At least 1. On Linux and Windows as many as the affinity mask allows, on macOS, which has none, as many as there are.
-// A share of a processor's time, as containers and job objects may limit it, counts as the whole.
+// Returns at least 1. On Linux and Windows, the size of the affinity mask; on macOS, which has none, the number of
+// processors. A limited share of a processor's time, as set by containers and job objects, counts as a whole processor.
 [[nodiscard]] int usable_processor_count() noexcept;
 
 }  // namespace perfect_bvh

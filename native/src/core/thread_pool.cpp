@@ -19,7 +19,7 @@ namespace {
 // The group whose task this thread is running.
 thread_local TaskGroup* current_group = nullptr;
 
-// Makes a group current for as long as one of its tasks runs.
+// Makes a group current while one of its tasks runs.
 class CurrentGroup {
  public:
   explicit CurrentGroup(TaskGroup* group) noexcept : previous_(std::exchange(current_group, group)) {}
@@ -35,19 +35,19 @@ struct SharedPool {
   std::mutex mutex;
   ThreadPool* pool = nullptr;
   int wanted_thread_count = 0;
-  // Pools that were replaced, without threads by now: an operation that began on one may still refer to it.
+  // Replaced pools, whose threads have ended: an operation that began on one may still refer to it.
   std::vector<std::unique_ptr<ThreadPool>> retired;
 
-  // Takes the pool out of service, if there is one. The caller holds the lock and then, without it, joins the threads.
+  // Retires the pool, if there is one. The caller holds the lock, and then joins the threads without it.
   [[nodiscard]] ThreadPool* retire() {
     if (pool != nullptr) retired.emplace_back(pool);
     return std::exchange(pool, nullptr);
   }
 };
 
-// After fork only the calling thread exists: the child's copy of the pool has no workers and its mutex may stay locked
-// forever. The child therefore forgets the pool (leaks it: nothing in it can be destroyed safely). Windows has no fork;
-// a process that ends there stops its threads wherever they are, which the pool outlives as well.
+// After a fork, only the calling thread exists: the child's copy of the pool has no workers, and its mutex may stay
+// locked forever. So the child abandons the pool and leaks it, because nothing in it can be destroyed safely. Windows
+// has no fork; a process that ends there stops its threads anywhere, which the pool also survives.
 SharedPool& shared_state() {
   static SharedPool* const state = [] {
     auto* made = new SharedPool;  // lives as long as the process: workers may outlast static destructors
@@ -73,7 +73,7 @@ ThreadPool::ThreadPool(int thread_count) {
     workers_.reserve(static_cast<std::size_t>(total - 1));
     for (int i = 1; i < total; ++i) workers_.emplace_back([this] { work(); });
   } catch (const std::system_error&) {
-    // No more threads to be had: those that started, and the caller, do the work.
+    // The system started no more threads: the existing ones and the caller do the work.
   } catch (...) {
     join_workers();
     throw;
@@ -105,7 +105,7 @@ void ThreadPool::shutdown_shared() {
     const std::lock_guard lock(state.mutex);
     old = state.retire();
   }
-  if (old != nullptr) old->join_workers();  // outside the lock: a task that is waited for may ask for the shared pool
+  if (old != nullptr) old->join_workers();  // outside the lock: the awaited task may use the shared pool
 }
 
 void ThreadPool::set_shared_thread_count(int thread_count) {
@@ -132,13 +132,13 @@ void ThreadPool::run(Task& task) noexcept {
   TaskGroup& group = *task.group;
   ThreadPool& pool = group.pool_;
   group.run_here(task.work);
-  task.work = {};  // what the task captured dies before the group can
-  // Once the count is 0 the waiter may destroy the group: from here on only the pool is touched.
+  task.work = {};  // destroys the task's captures before the group can end
+  // Once the count is 0, the waiter may destroy the group: from here on, only the pool is used.
   if (group.pending_.fetch_sub(1, std::memory_order_acq_rel) == 1) pool.tell_waiters();
 }
 
 void ThreadPool::tell_waiters() {
-  // The lock orders this after a waiter's look at the count: it either saw 0 or is asleep by now.
+  // The lock orders this after a waiter's check of the count: it either saw 0 or is asleep now.
   const std::lock_guard lock(mutex_);
   if (waiter_count_ > 0) wake_waiters_.notify_all();
 }
@@ -150,7 +150,7 @@ void ThreadPool::work() {
       std::unique_lock lock(mutex_);
       wake_workers_.wait(lock, [this] { return closing_ || !queue_.empty(); });
       if (queue_.empty()) return;
-      task = std::move(queue_.front());  // oldest first: the largest pieces of a recursive job
+      task = std::move(queue_.front());  // oldest first: the largest tasks of a recursive job
       queue_.pop_front();
     }
     run(task);
@@ -200,7 +200,7 @@ void TaskGroup::run(std::function<void()> task) {
   try {
     pool_.push({std::move(task), this});
   } catch (...) {
-    // Tasks are added by the waiting thread or by a pending task, so no thread can have seen this count alone.
+    // Tasks are added by the waiting thread or by a pending task, so no thread can have seen only this count.
     pending_.fetch_sub(1, std::memory_order_relaxed);
     throw;
   }

@@ -1,8 +1,8 @@
 // A small thread pool: parallel loops and nested task groups over std::thread.
-// In: callables. Out: their first exception, rethrown in the thread that waits. The waiting thread works too, but only
-// on tasks of the group it waits for and of groups made inside them: nesting never deadlocks, the C++ stack grows no
-// deeper than groups are nested, and a short job never gets stuck behind another caller's long one. Sized from the CPU
-// affinity; made again in a forked child; uses no library that Blender loads.
+// In: callables. Out: their first exception, rethrown in the waiting thread. The waiting thread works too, but only on
+// tasks of the group it waits for and of groups made inside them. So nesting never deadlocks, the C++ stack grows no
+// deeper than groups are nested, and a short job never waits for another caller's long one. The size follows the CPU
+// affinity. The pool is made again in a forked child, and uses no library that Blender loads.
 #pragma once
 
 #include <atomic>
@@ -21,8 +21,8 @@ class TaskGroup;
 
 class ThreadPool {
  public:
-  // thread_count includes the calling thread: 1 means no worker at all. 0: as many as the affinity mask allows.
-  // If the system refuses to start that many threads, the pool works with those it got.
+  // thread_count includes the calling thread: 1 means no workers. 0: the size of the affinity mask.
+  // If the system cannot start that many threads, the pool works with those it got.
   explicit ThreadPool(int thread_count = 0);
   ~ThreadPool();
   ThreadPool(const ThreadPool&) = delete;
@@ -30,13 +30,13 @@ class ThreadPool {
 
   [[nodiscard]] int thread_count() const noexcept { return static_cast<int>(workers_.size()) + 1; }
 
-  // The process's pool, created at first use and again in a child after fork: ask again for every operation. Other
-  // pools do not survive a fork.
+  // Returns the process's pool, created on first use and again in a child after fork: call this for every operation.
+  // Other pools do not survive a fork.
   [[nodiscard]] static ThreadPool& shared();
-  // Joins the shared pool's workers; the next use makes a new one. Operations under way on the old one stay valid:
-  // the workers finish what is queued, and what comes after that is done by the threads that called.
+  // Joins the shared pool's workers; the next use makes a new one. Running operations on the old one stay valid: the
+  // workers finish the queue, and the calling threads do the rest.
   static void shutdown_shared();
-  // The size the next shared pool gets (0: from the affinity); replaces the present one, likewise.
+  // Sets the size of the next shared pool (0: from the affinity); replaces the present one in the same way.
   static void set_shared_thread_count(int thread_count);
 
  private:
@@ -51,7 +51,7 @@ class ThreadPool {
   static void run(Task& task) noexcept;
   // Runs queued tasks of `group` or of its descendants until none of its tasks is pending. `idle` runs between tasks.
   void help(TaskGroup& group, const std::function<void()>& idle);
-  // With the lock held: takes the newest such task; false if there is none.
+  // Takes the newest such task; returns false if there is none. The lock must be held.
   [[nodiscard]] bool take(const TaskGroup& group, Task& task);
   void tell_waiters();
   void join_workers() noexcept;
@@ -65,19 +65,20 @@ class ThreadPool {
   std::vector<std::thread> workers_;
 };
 
-// Tasks that are waited for together. Tasks may add tasks to their own group and may make groups of their own.
+// Tasks that are waited for together. Tasks may add tasks to their own group and may make further groups.
 class TaskGroup {
  public:
   explicit TaskGroup(ThreadPool& pool) noexcept;
-  ~TaskGroup();  // waits; an exception that no wait() has rethrown is dropped
+  ~TaskGroup();  // waits; drops an exception that no wait() has rethrown
   TaskGroup(const TaskGroup&) = delete;
   TaskGroup& operator=(const TaskGroup&) = delete;
 
   void run(std::function<void()> task);
-  // Runs the task at once on this thread; its exception waits for wait() like the others'.
+  // Runs the task immediately on this thread; its exception is kept for wait(), as for other tasks.
   void run_here(const std::function<void()>& task) noexcept;
-  // Helps until every task has ended, then rethrows the first exception; Cancelled only if there was no other, since
-  // it only follows from what made the operation stop. `idle` runs between tasks, on this thread; it may throw.
+  // Works until every task has ended, then rethrows the first exception. Rethrows Cancelled only if there was no other,
+  // since it is only a consequence of the one that stopped the operation. `idle` runs between tasks, on this thread; it
+  // may throw.
   void wait(const std::function<void()>& idle = {});
 
  private:
@@ -92,9 +93,9 @@ class TaskGroup {
   bool error_is_echo_ = false;
 };
 
-// Calls body(begin, end) for consecutive chunks of at most `grain` of [0, count). Chunks are handed out in order to
-// at most `max_threads` threads (0: all of the pool's). The chunk borders depend on count and grain alone. After an
-// exception no new chunk starts. `idle` runs on the calling thread between its chunks (progress, Ctrl-C).
+// Calls body(begin, end) for consecutive chunks of at most `grain` of [0, count). Chunks are handed out in order to at
+// most `max_threads` threads (0: all of the pool's). The chunk borders depend only on count and grain. After an
+// exception, no new chunk starts. `idle` runs on the calling thread between its chunks (progress, Ctrl-C).
 void parallel_for(ThreadPool& pool, std::size_t count, std::size_t grain,
                   const std::function<void(std::size_t begin, std::size_t end)>& body, int max_threads = 0,
                   const std::function<void()>& idle = {});
