@@ -1,12 +1,12 @@
-// Cuts a triangle by parallel axis-aligned planes: a box for each slice, as spatial splits need them.
+// Cuts a triangle by parallel axis-aligned planes, and returns a box for each slice, for spatial splits.
 //
-// The boxes are conservative, for it is on them that no hit is lost (math/slab.h): a point of the triangle may lie in
-// any one of its slices, but in one it must lie. A slice is the convex hull of the corners between its planes and the
-// points where edges cross them. With u = 2^-24, a crossing a (1 - t) + b t, t computed in double and narrowed, is
-// within 8 u M of the exact one, M the larger of |a| and |b| on that axis (t: u; 1 - t: u; products: u each; sum: u;
-// each at most M). It is widened by 16 u M and the smallest normal number, which also covers its own rounding and
-// underflow; then it is cut back to the edge's box, where the exact point lies. So faces and edges parallel to an axis
-// keep boxes without thickness. Nothing overflows: neither t nor 1 - t exceeds 1.
+// The boxes are conservative, because they guarantee that no hit is lost (math/slab.h): each point of the triangle must
+// be in at least one slice. A slice is the convex hull of the corners between its planes and the points where edges
+// cross them. With u = 2^-24, a crossing a (1 - t) + b t, with t computed in double and narrowed, is within 8 u M of
+// the exact one, M being the larger of |a| and |b| on that axis (t: u; 1 - t: u; products: u each; sum: u; each at most
+// M). It is widened by 16 u M and the smallest normal number, which also covers its own rounding and underflow. Then it
+// is clipped to the edge's box, which contains the exact point. So faces and edges parallel to an axis keep boxes
+// without thickness. Nothing overflows: neither t nor 1 - t exceeds 1.
 #pragma once
 
 #include <algorithm>
@@ -35,7 +35,7 @@ struct CrossedEdge {
         start(static_cast<double>(a_place)),
         per_length(1.0 / (static_cast<double>(b_place) - start)) {}
 
-  // Contains the point where the edge meets the plane; the plane is strictly between its ends.
+  // Returns a box that contains the point where the edge crosses the plane; the plane is strictly between its ends.
   [[nodiscard]] Box4 crossing(float place) const noexcept {
     const auto t = static_cast<float>((static_cast<double>(place) - start) * per_length);
     const Float4 point = from * Float4(1.0f - t) + to * Float4(t);
@@ -57,7 +57,7 @@ struct SortedCorners {
     low_place = (*first)[axis], middle_place = (*second)[axis], high_place = (*third)[axis];
   }
 
-  // Around the corners on a plane through the lowest or the highest one; empty if there are none.
+  // Returns a box around the corners on a plane through the lowest or the highest one; empty if there are none.
   [[nodiscard]] Box4 on_plane(float place) const noexcept {
     Box4 box = Box4::empty();
     if (low_place == place) box.grow(low);
@@ -67,14 +67,14 @@ struct SortedCorners {
   }
 };
 
-// slices[k], k = 0 ... planes.size(): a box around the part of the triangle abc between planes[k - 1] and planes[k],
-// both included; empty if it has none. Planes ascend.
+// Writes slices[k], k = 0 ... planes.size(): a box around the part of the triangle abc between planes[k - 1] and
+// planes[k], both included; empty if there is none. Planes are in ascending order.
 inline void slice_triangle(const Vec3f& a, const Vec3f& b, const Vec3f& c, int axis, std::span<const float> planes,
                            Box4* slices) noexcept {
   const SortedCorners corners(a, b, c, axis);
   std::size_t k = 0;
   for (; k < planes.size() && planes[k] <= corners.low_place; ++k) slices[k] = corners.on_plane(planes[k]);
-  Box4 box{corners.low, corners.low};  // what the slice has of the plane before it, and of corners
+  Box4 box{corners.low, corners.low};  // the slice's points on the plane before it, and its corners
   const auto is_below = [&](float place) { return k < planes.size() && planes[k] < place; };
   const auto cut_at = [&](Box4 crossing, const Box4& other_crossing) {
     crossing.grow(other_crossing);
@@ -105,20 +105,21 @@ inline void slice_triangle(const Vec3f& a, const Vec3f& b, const Vec3f& c, int a
 }
 
 // Segment clip --------------------------------------------------------------------------------------------------------
-// Cuts a ball, or the convex hull of two, by parallel axis-aligned planes: a box for each slice, as spatial splits need
-// them, as triangles above.
+// Cuts a ball, or the convex hull of two, by parallel axis-aligned planes, and returns a box for each slice, for
+// spatial splits, as for triangles above.
 //
-// The hull is the union of the balls between its two: centre and radius run evenly from the one to the other. What lies
-// between two planes lies in those balls that reach between them, and the box of a row of such balls is that of its
-// first and its last one. A slanted hull's box is that of its two balls' tangent planes as well: seen along an axis the
-// hull is that of two discs, which lies on one side of both lines that touch both discs. The lesser of the two bounds
-// is taken. Any line serves whose distance from the discs is known: how its direction was rounded is no matter.
+// The hull is the union of the balls between its two balls: centre and radius are interpolated linearly. Points between
+// two planes are in the balls that overlap that interval, and the box of consecutive balls is that of the first and the
+// last. The box of a slanted hull is also bounded by the tangent planes of its two balls: in projection along an axis,
+// the hull is that of two discs, which is on one side of both lines that touch both discs. The smaller of the two
+// bounds is used. Any line works if its distance from the discs is known, so the rounding of its direction does not
+// matter.
 //
-// The boxes are conservative. All is reckoned in double precision and widened by 2^-22 of the largest coordinate M of
-// the hull: 4 units of a float, more than what narrowing takes (half a unit). In double, u = 2^-53, a plane that is
-// left away where the hull hardly rises towards it (less than 2^-20 M) lets a share of the balls be off by less than
-// 8 u M / (2^-20 M) < 2^-29 of the way between them, which is 2 M at most. A tangent's place is off by less than
-// 16 u M / ny, and it is left away where ny < 2^-20.
+// The boxes are conservative. Everything is computed in double precision and widened by 2^-22 of the largest coordinate
+// M of the hull: 4 units of a float, more than the error of narrowing (half a unit). In double, u = 2^-53, planes are
+// ignored if the hull hardly rises towards them (less than 2^-20 M). A share of the balls is then off by less than 8 u
+// M / (2^-20 M) < 2^-29 of the distance between them, which is at most 2 M. A tangent's position is off by less than 16
+// u M / ny, and it is ignored if ny < 2^-20.
 
 class SegmentSlicer {
  public:
@@ -135,7 +136,7 @@ class SegmentSlicer {
     }
   }
 
-  // The box of what lies between two planes, the first below the second; empty if nothing does.
+  // Returns the box of the part between two planes, the first below the second; empty if there is none.
   [[nodiscard]] Box4 between(double low, double high) const noexcept {
     if (low > upper_[axis_] || high < lower_[axis_]) return Box4::empty();
     const auto [first, last] = balls_between(low, high);
@@ -156,19 +157,20 @@ class SegmentSlicer {
   }
 
  private:
-  // A number that runs evenly from the first ball to the last.
+  // A number that is interpolated linearly from the first ball to the last.
   struct Run {
     double from, to;
     [[nodiscard]] double at(double share) const noexcept { return from + share * (to - from); }
   };
-  // How far the balls reach along an axis.
+  // The extent of the balls along an axis.
   struct Reach {
     Run lower, upper;
   };
   struct Shares {
     double first, last;
   };
-  // Every point of the hull has slope * coordinate[cut axis] + coordinate[across] <= place, or >= if it is below.
+  // Every point of the hull has slope * coordinate[cut axis] + coordinate[across] <= place, or >= if the line is below
+  // it.
   struct Tangent {
     int across;
     bool is_above;
@@ -187,7 +189,7 @@ class SegmentSlicer {
   static double centre(const Ball& ball, int i) noexcept { return static_cast<double>(ball.centre[i]); }
   static double radius(const Ball& ball) noexcept { return static_cast<double>(ball.radius); }
 
-  // Those that reach above the lower plane and below the upper one: all where that can hardly be told.
+  // Returns the balls that overlap the interval between the planes; all balls if that is not precise enough.
   [[nodiscard]] Shares balls_between(double low, double high) const noexcept {
     Shares shares{0, 1};
     const auto keep_above = [&](Run run, double place) {
@@ -211,7 +213,7 @@ class SegmentSlicer {
     const double dx = centre(last, axis_) - centre(first, axis_), dy = centre(last, across) - centre(first, across);
     const double narrows = radius(first) - radius(last), squared = dx * dx + dy * dy;
     const double rest = squared - narrows * narrows;
-    if (!(rest > 0)) return;  // one disc holds the other
+    if (!(rest > 0)) return;  // one disc contains the other
     for (const double side : {-std::sqrt(rest), std::sqrt(rest)}) {
       const double nx = (narrows * dx - side * dy) / squared, ny = (narrows * dy + side * dx) / squared;
       if (!(std::abs(ny) > 0x1p-20)) continue;
@@ -230,8 +232,8 @@ class SegmentSlicer {
   Tangent tangents_[4];
 };
 
-// slices[k], k = 0 ... planes.size(): a box around the part of the hull between planes[k - 1] and planes[k], both
-// included; empty if it has none. Planes ascend. The same ball twice: a ball's own slices.
+// Writes slices[k], k = 0 ... planes.size(): a box around the part of the hull between planes[k - 1] and planes[k],
+// both included; empty if there is none. Planes are in ascending order. If both balls are the same, cuts that ball.
 inline void slice_segment(const Ball& first, const Ball& last, int axis, std::span<const float> planes,
                           Box4* slices) noexcept {
   constexpr double kInfinity = std::numeric_limits<double>::infinity();

@@ -10,7 +10,7 @@
 namespace perfect_bvh {
 namespace {
 
-// Areas, products of two extents, must stay finite in float.
+// Areas, which are products of two extents, must stay finite in float.
 constexpr double kLargestCoordinate = 1e18;
 
 std::string to_text(double value) {
@@ -75,13 +75,13 @@ void check_positions(std::span<const Vec3<T>> positions, const char* function) {
 template void check_positions(std::span<const Vec3f>, const char*);
 template void check_positions(std::span<const Vec3d>, const char*);
 
-// Without a branch: many numbers at once.
+// Without a branch, to check several numbers at once.
 template <class T>
 bool are_good(std::span<const Vec3<T>> positions) noexcept {
   static_assert(sizeof(Vec3<T>) == 3 * sizeof(T));
   const T* const numbers = reinterpret_cast<const T*>(positions.data());
   const T limit = static_cast<T>(kLargestCoordinate);
-  std::uint32_t wrong = 0;  // as NaN is
+  std::uint32_t wrong = 0;  // as for NaN
   for (std::size_t i = 0; i < 3 * positions.size(); ++i) wrong |= std::abs(numbers[i]) <= limit ? 0u : 1u;
   return wrong == 0;
 }

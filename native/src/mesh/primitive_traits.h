@@ -1,6 +1,6 @@
-// What a primitive is, once for each kind: how many a mesh has, what it is made of, its box, its slices, what callers
-// call it. Trees, updates and queries are written over these classes, and ask for the kind by `with_kind`, outside of
-// their loops. What a layer further up adds to a kind is an overload for its class: leaves (wide/leaf_block.h).
+// The properties of each primitive kind: the number in a mesh, vertices, box, slices, names for callers. Trees, updates
+// and queries are templates on these classes, and select the kind by `with_kind`, outside of their loops. Higher layers
+// add to a kind by overloads for its class, for example for leaves (wide/leaf_block.h).
 #pragma once
 
 #include <algorithm>
@@ -19,12 +19,12 @@ namespace perfect_bvh {
 
 struct PrimitiveNames {
   const char* kind;
-  const char* vertices;  // to the caller who gives them
+  const char* vertices;  // the name for callers
   const char* editor;    // its calls are update_..., replace_... and set_..._motion
-  const char* whose;     // of how many vertices there are
+  const char* whose;     // for messages on the number of vertices
 };
 
-// How many balls the caller gave, those included that are left out.
+// Returns the number of balls that the caller gave, including omitted ones.
 [[nodiscard]] inline std::size_t given_ball_count(const Mesh& mesh) noexcept {
   return mesh.numbers.empty() ? mesh.balls.size() : mesh.numbers[mesh.numbers.size() - 1];
 }
@@ -32,9 +32,9 @@ struct PrimitiveNames {
 struct TriangleTraits {
   static constexpr PrimitiveNames kNames{"triangles", "positions", "mesh", "triangles"};
   static constexpr auto kCounted = &PrimitiveCounts::triangles;
-  static constexpr std::uint32_t kBalls = 0;    // that a primitive is the hull of
-  static constexpr std::size_t kCorners = 3;    // that have normals, uvs and colours of their own
-  static constexpr float kMovingExtent = 1.0f;  // of boxes between two steps of a motion, over what theirs is
+  static constexpr std::uint32_t kBalls = 0;    // of which a primitive is the hull
+  static constexpr std::size_t kCorners = 3;    // with separate normals, uvs and colours
+  static constexpr float kMovingExtent = 1.0f;  // of boxes between two steps of a motion, relative to the extent
 
   static std::size_t count(const Mesh& mesh) noexcept { return mesh.triangles.size(); }
   static const AlignedVector<Vec3f>& vertices(const Mesh& mesh) noexcept { return mesh.positions; }
@@ -50,7 +50,7 @@ struct TriangleTraits {
     const TriangleIndices t = mesh.triangles[index];
     slice_triangle(mesh.positions[t.x], mesh.positions[t.y], mesh.positions[t.z], axis, planes, slices);
   }
-  // Half the surface of the boxes that are left of a primitive's, however it is cut.
+  // Returns half the surface of the boxes that remain of a primitive's, for any cuts.
   static double solid_area(const Mesh& mesh, std::size_t index) noexcept {
     const TriangleIndices t = mesh.triangles[index];
     const Vec3d a = to_double(mesh.positions[t.x]), b = to_double(mesh.positions[t.y]),
@@ -58,21 +58,21 @@ struct TriangleTraits {
     return kSolid * (0.5 * length(cross(b - a, c - a)));
   }
 
-  // What the caller gave, of which a primitive is one or a piece: how many, how many primitives of them were left out,
-  // the number that the caller knows a primitive by, and what a hit's u is along the whole of it, 0 to 1.
+  // Data on the caller's input, of which a primitive is an item or a part: the number of items, the number of
+  // primitives omitted from them, the caller's number for a primitive, and the u of a hit along the whole item, 0 to 1.
   static std::size_t part_count(const Mesh& mesh) noexcept { return count(mesh); }
   static std::size_t left_out_count(const Mesh& /*mesh*/) noexcept { return 0; }
   static std::uint32_t caller_number(const Mesh& /*mesh*/, std::uint32_t primitive) noexcept { return primitive; }
   static float u_of_part(const Mesh& /*mesh*/, std::uint32_t /*primitive*/, float u) noexcept { return u; }
 
-  static constexpr double kSolid = 3;  // halves of a box's surface, of what leaves no air in it
+  static constexpr double kSolid = 3;  // half the surface of a box without empty space, per area of its content
 };
 
-// Hulls of balls that follow each other.
+// Hulls of consecutive balls.
 template <class Kind>
 struct OverBalls {
-  // A ball's box is its centre less and plus its radius, each interpolated and rounded: by 3 u R more than the slab
-  // test has room for (math/slab.h), which goes with the extent.
+  // A ball's box is its centre minus and plus its radius, each interpolated and rounded. This exceeds the margin of the
+  // slab test (math/slab.h) by 3 u R, so the extent is larger.
   static constexpr float kMovingExtent = 1.5f;
   static constexpr std::size_t kCorners = 1;
 
@@ -83,7 +83,7 @@ struct OverBalls {
   static const Ball& last(const Mesh& mesh, std::size_t index) noexcept {
     return mesh.balls[Kind::first_ball(mesh, index) + (Kind::kBalls - 1)];
   }
-  // The box of a convex hull is that of what it is the hull of.
+  // The box of a convex hull is the box of its balls.
   static Aabb box(const Mesh& mesh, std::size_t index) noexcept {
     Aabb box = box_of(first(mesh, index));
     if constexpr (Kind::kBalls > 1) box.grow(box_of(last(mesh, index)));
@@ -93,7 +93,7 @@ struct OverBalls {
                     Box4* slices) noexcept {
     slice_segment(first(mesh, index), last(mesh, index), axis, planes, slices);
   }
-  // Of a box along a segment, round its larger ball: what is around a ball cannot be cut away.
+  // Returns that of a box along a segment, around its larger ball: the space around a ball cannot be cut away.
   static double solid_area(const Mesh& mesh, std::size_t index) noexcept {
     const Ball &a = first(mesh, index), &b = last(mesh, index);
     const double width = 2 * static_cast<double>(std::max(a.radius, b.radius));
@@ -133,7 +133,7 @@ struct PointTraits : OverBalls<PointTraits> {
   static float u_of_part(const Mesh& /*mesh*/, std::uint32_t /*primitive*/, float /*u*/) noexcept { return 0.0f; }
 };
 
-// The only list of the kinds: body(TriangleTraits{}), or of whichever kind it is.
+// The only list of the kinds: calls body(TriangleTraits{}), or that of the mesh's kind.
 template <class Body>
 decltype(auto) with_kind(PrimitiveKind kind, const Body& body) {
   if (kind == PrimitiveKind::kCurves) return body(CurveTraits{});

@@ -11,7 +11,7 @@
 namespace perfect_bvh {
 namespace {
 
-constexpr double kLargest = 1e18;  // as of vertices: areas must stay finite in float
+constexpr double kLargest = 1e18;  // as for vertices: areas must stay finite in float
 
 std::string to_text(double value) {
   char text[32];
@@ -38,7 +38,7 @@ template <class T>
 
 template <class T>
 void check_radii(std::span<const T> radii, const char* function) {
-  std::uint32_t wrong = 0;  // as NaN is; without a branch: many at once
+  std::uint32_t wrong = 0;  // as for NaN; without a branch, to check several at once
   for (const T radius : radii) wrong |= radius >= 0 && radius <= static_cast<T>(kLargest) ? 0u : 1u;
   if (wrong == 0) return;
   for (std::size_t i = 0; i < radii.size(); ++i) {
@@ -81,7 +81,7 @@ void check_offsets(std::span<const std::int64_t> offsets, std::size_t ball_count
                          (offsets.empty() ? std::string("none") : std::to_string(offsets.front())) + " first");
   }
   for (std::size_t i = 1; i < offsets.size(); ++i) {
-    // What came before is not negative, so the difference of what is larger is none that overflows.
+    // offsets[i - 1] >= 0, so the difference cannot overflow.
     if (offsets[i] > offsets[i - 1] && offsets[i] - offsets[i - 1] >= 2) continue;
     refuse(function, "curve_offsets[" + std::to_string(i) +
                          "] must be at least 2 more than the one before it (a curve has 2 points or more), got " +
@@ -100,7 +100,7 @@ void check_cyclic(std::span<const std::uint8_t> cyclic, std::size_t curve_count,
                        std::to_string(cyclic.size()));
 }
 
-// Segments stand in the order of their balls; those left out part their neighbours.
+// Segments are in the order of their balls; omitted ones separate their neighbours.
 void list_segments(Mesh& mesh) {
   AlignedVector<SegmentCode> segments;
   AlignedVector<ClosedCurve> closed;
@@ -114,7 +114,7 @@ void list_segments(Mesh& mesh) {
       if (is_shown) segments.push_back(ball | (has_before ? kSegmentBefore : 0u));
       has_before = is_shown;
     }
-    // Its last segment is shown; so is its first one, if the chain's ends are.
+    // Its last segment exists; so does its first one, if the chain's ends match.
     const bool is_cyclic = !mesh.cyclic.empty() && mesh.cyclic[curve] != 0;
     if (!is_cyclic || !has_before || (segments[first] & kSegmentBall) != mesh.starts[curve]) continue;
     const auto last = static_cast<std::uint32_t>(segments.size()) - 1;
@@ -204,7 +204,7 @@ template Mesh make_again(const Mesh&, const BallsGiven<float>&, const char*);
 template Mesh make_again(const Mesh&, const BallsGiven<double>&, const char*);
 
 std::size_t CurveTraits::part_count(const Mesh& mesh) noexcept {
-  return mesh.starts.empty() ? 0 : mesh.starts.size() - 1;  // none of what was flattened
+  return mesh.starts.empty() ? 0 : mesh.starts.size() - 1;  // 0 after flattening
 }
 
 std::size_t CurveTraits::left_out_count(const Mesh& mesh) noexcept {

@@ -1,5 +1,5 @@
-// Makes meshes of points and of curves from their balls, and tells by a primitive's number what the caller calls it.
-// A point without a radius is left out, and so is a segment between two balls without one: no ray meets them.
+// Makes meshes of points and of curves from their balls, and translates a primitive's number to the caller's.
+// A point without a radius is omitted, and so is a segment between two balls without one: no ray hits them.
 #pragma once
 
 #include <cstddef>
@@ -11,36 +11,36 @@
 
 namespace perfect_bvh {
 
-// Balls as callers give them. T: float, or double, which is recentred. One radius alone is that of all balls; none, of
-// a mesh that moves: those that it has.
+// Balls as callers give them. T: float, or double, which is recentred. A single radius applies to all balls. No radii,
+// for a moving mesh: the radii stay.
 template <class T>
 struct BallsGiven {
   std::span<const Vec3<T>> centres;
   std::span<const T> radii;
 };
 
-// Each ball is a point. Throws InvalidArgument for numbers that are not finite or exceed 1e18, negative radii, as many
-// radii as suit no reading; `function` opens the message.
+// Makes each ball a point. Throws InvalidArgument for numbers that are not finite or exceed 1e18, negative radii, or a
+// wrong number of radii; `function` opens the message.
 template <class T>
 [[nodiscard]] Mesh make_points(const BallsGiven<T>& balls, const char* function);
 
-// offsets: the first ball of each curve, then how many balls there are; a curve has two balls or more. Throws
-// InvalidArgument as make_points() does, for offsets that are not so, and for entries of `cyclic` that are more or
-// fewer than the curves. cyclic: one a curve, whether it goes on from its last ball, which must be its first one again;
-// empty: none does.
+// offsets: the first ball of each curve, then the number of balls; a curve has two balls or more. cyclic: one per
+// curve, whether it continues from its last ball, which must equal its first one; empty: no curve does. Throws
+// InvalidArgument as make_points() does, for invalid offsets, and if `cyclic` does not have one entry per curve.
 template <class T>
 [[nodiscard]] Mesh make_curves(const BallsGiven<T>& balls, std::span<const std::int64_t> offsets, CurveShape shape,
                                const char* function, std::span<const std::uint8_t> cyclic = {});
 
-// Of the same kind, curves of as many balls as there are, from other balls.
+// Makes a mesh of the same kind from other balls; curves keep their number of balls.
 template <class T>
 [[nodiscard]] Mesh make_again(const Mesh& mesh, const BallsGiven<T>& balls, const char* function);
 
-// Throws InvalidArgument for balls that make_points() would not take.
+// Throws InvalidArgument for balls that make_points() would reject.
 template <class T>
 void check_balls(const BallsGiven<T>& balls, PrimitiveKind kind, const char* function);
 
-// A mesh's curves or points as formulas take them, times `scale`. moment: of one that moves within the shutter.
+// Returns a mesh's curves or points in the form that the formulas use, times `scale`. moment: for a mesh that moves
+// within the shutter.
 [[nodiscard]] inline RoundList round_list(const Mesh& mesh, const Moment& moment = {}, float scale = 1.0f) noexcept {
   RoundList list{mesh.at_step(moment.step).balls.data(), mesh.segments.data(), scale, mesh.shape};
   list.closed = mesh.closed.data(), list.closed_count = mesh.closed.size();
@@ -48,7 +48,7 @@ void check_balls(const BallsGiven<T>& balls, PrimitiveKind kind, const char* fun
   return list;
 }
 
-// The ball in row i of what was given.
+// Returns the ball in row i of the input.
 template <class T>
 [[nodiscard]] inline Ball ball_at(const BallsGiven<T>& balls, std::size_t i, Vec3d centre) noexcept {
   const T radius = balls.radii[balls.radii.size() == 1 ? 0 : i];

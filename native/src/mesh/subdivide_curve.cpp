@@ -19,7 +19,7 @@ struct Four {
   friend Four operator+(Four a, Four b) noexcept { return {a.x + b.x, a.y + b.y, a.z + b.z, a.radius + b.radius}; }
   friend Four operator-(Four a, Four b) noexcept { return {a.x - b.x, a.y - b.y, a.z - b.z, a.radius - b.radius}; }
   friend Four operator*(Four a, double s) noexcept { return {a.x * s, a.y * s, a.z * s, a.radius * s}; }
-  // Of the centre, and of the radius: how far a surface can differ by that.
+  // Returns the size of the centre plus that of the radius: how far a surface can differ by that.
   [[nodiscard]] double size() const noexcept { return std::sqrt(x * x + y * y + z * z) + std::abs(radius); }
 };
 
@@ -40,7 +40,7 @@ template <class T>
 Cubic catmull_rom(const ControlCurves<T>& curves, const Reading& curve, std::size_t span) noexcept {
   const std::size_t last = curve.count - 1;
   const auto at = [&](std::size_t index) { return control(curves, curve, index); };
-  const std::size_t next = span == last ? 0 : span + 1;  // of a cyclic curve
+  const std::size_t next = span == last ? 0 : span + 1;  // for a cyclic curve
   const Four p0 = at(span != 0 ? span - 1 : curve.is_cyclic ? last : 0), p1 = at(span), p2 = at(next);
   const Four p3 = at(next != last ? next + 1 : curve.is_cyclic ? 0 : last);
   return {p1, p1 + (p2 - p0) * (1.0 / 6.0), p2 - (p3 - p1) * (1.0 / 6.0), p2};
@@ -62,7 +62,7 @@ Cubic bezier(const ControlCurves<T>& curves, const Reading& curve, std::size_t s
   return {at(3 * span), at(3 * span + 1), at(3 * span + 2), at(3 * span + 3)};
 }
 
-// A span that is no line.
+// Returns a span that is not a line.
 template <class T>
 Cubic cubic_of(const ControlCurves<T>& curves, const Reading& curve, std::size_t span) noexcept {
   if (curve.kind == CurveKind::kBezier) return bezier(curves, curve, span);
@@ -73,20 +73,21 @@ Cubic cubic_of(const ControlCurves<T>& curves, const Reading& curve, std::size_t
   return cubic;
 }
 
-// How far the surface of one piece would be off. Centre and radius together are bent most at an end, too.
+// Returns the error of the surface for a single piece. The combined bend of centre and radius is largest at an end,
+// too.
 double bend_of(const Cubic& cubic) noexcept {
   const double first = ((cubic.b0 - cubic.b1) - (cubic.b1 - cubic.b2)).size();
   const double last = ((cubic.b1 - cubic.b2) - (cubic.b2 - cubic.b3)).size();
-  return first >= last ? 0.75 * first : last >= first ? 0.75 * last : first + last;  // what is no number stays none
+  return first >= last ? 0.75 * first : last >= first ? 0.75 * last : first + last;  // NaN stays NaN
 }
 
 std::uint32_t pieces_within(double bend, double tolerance) noexcept {
   const double count = std::ceil(std::sqrt(bend / tolerance));
-  // What is not a number becomes too many as well.
+  // NaN also becomes too many.
   return count <= static_cast<double>(kMostBalls) ? std::max(1u, static_cast<std::uint32_t>(count)) : kMostBalls;
 }
 
-// With as many spans as there are, into which no pieces have been counted.
+// Starts with the existing spans, without pieces yet.
 template <class T>
 Subdivision begin(const ControlCurves<T>& curves, const char* function) {
   Subdivision subdivision;
@@ -95,7 +96,7 @@ Subdivision begin(const ControlCurves<T>& curves, const char* function) {
   return subdivision;
 }
 
-// Each span of a curve gets the pieces of the one that has most.
+// Gives each span of a curve as many pieces as the one with the most.
 void even_out(Subdivision& subdivision) noexcept {
   const auto begin = subdivision.first_balls.begin();
   for (std::size_t curve = 1; curve < subdivision.first_spans.size(); ++curve) {
@@ -104,7 +105,7 @@ void even_out(Subdivision& subdivision) noexcept {
   }
 }
 
-// From how many pieces each span has to where its balls begin: a chain has one ball more than it has pieces.
+// Converts the number of pieces of each span to the first ball of each: a chain has one ball more than pieces.
 void sum_up(Subdivision& subdivision, const std::string& function) {
   std::size_t balls = 0, span = 0;
   for (std::size_t curve = 1; curve < subdivision.first_spans.size(); ++curve) {
@@ -147,7 +148,7 @@ struct Chains {
     centres[row] = {static_cast<T>(ball.x), static_cast<T>(ball.y), static_cast<T>(ball.z)};
     radii[row] = static_cast<T>(std::max(ball.radius, 0.0));  // a cubic that touches 0 may be rounded below it
   }
-  // The first balls of `count` pieces, at 0, 1 / count, ... of the cubic.
+  // Writes the first balls of `count` pieces, at 0, 1 / count, ... of the cubic.
   void put(std::size_t row, std::size_t count, const Cubic& cubic) const noexcept {
     const auto& [b0, b1, b2, b3] = cubic;
     put(row, b0);

@@ -8,18 +8,18 @@
 namespace perfect_bvh {
 namespace {
 
-// Levels of a tree, in those of the meshes that were measured.
+// Returns the levels of a tree, relative to those of the measured meshes.
 double growth(std::size_t triangle_count) {
   return std::log2(std::max(static_cast<double>(triangle_count), 2.0)) / std::log2(kCalibratedTriangles);
 }
 
-// What each action is expected to cost, and a ray after it; by action.
+// The expected cost of each action, and of a ray after it; by action.
 struct Forecast {
   std::array<double, 4> update;
   std::array<double, 4> ray;
 };
 
-// Restructuring leaves the leaves as they are: at best the nodes above them are as good as they were.
+// Restructuring does not change the leaves: at best, the nodes above them are as good as before.
 double restructured_nanoseconds(const UpdateQuestion& question, const Calibration& calibration) {
   const TraceWork best{question.reference.node_visits, question.now.leaf_visits};
   return std::min(ray_nanoseconds(question.now, calibration), ray_nanoseconds(best, calibration));
@@ -30,7 +30,7 @@ Forecast forecast(const UpdateQuestion& question, const Calibration& calibration
   const double now = ray_nanoseconds(question.now, calibration);
   const double restructured = restructured_nanoseconds(question, calibration);
   const double refit = count * calibration.refit_nanoseconds;
-  // New parts are put into a tree that is rewritten for them, which takes as long as a refit.
+  // New parts are inserted into a tree that is rewritten for them, which takes as long as a refit.
   const double parts = refit + question.degraded_share * count * calibration.rebuild_parts_nanoseconds;
   return {{refit, refit + count * calibration.rotate_nanoseconds, refit + parts,
            build_nanoseconds(question.triangle_count, question.builder, calibration)},
@@ -38,11 +38,11 @@ Forecast forecast(const UpdateQuestion& question, const Calibration& calibration
            fresh_nanoseconds(question.history, question.sample, calibration)}};
 }
 
-// What doing away with `excess` in this commit saves in the mean of the commits since it was done last:
-// k e(k) - (e(1) + ... + e(k-1)).
+// Returns the saving of removing `excess` in this commit, averaged over the commits since it was removed last: k e(k) -
+// (e(1) + ... + e(k-1)).
 double gain_of(double excess, const Excess& past) { return (past.commit_count + 1.0) * excess - past.nanoseconds; }
 
-// What rays lose in the refitted tree, against the price of an action: whether that `pays`.
+// Compares the loss of rays in the refitted tree with the price of an action, in words; it `pays` or not.
 std::string weigh(double lost, UpdateAction action, double price, bool pays) {
   if (!pays && is_next_to_nothing(lost)) {
     return "what rays lose in the refitted tree is too little to pay for a new one (" + as_time(price) + ")";
@@ -71,14 +71,14 @@ void decide_by_rays(const UpdateQuestion& question, UpdateDecision& decision, co
                                                   static_cast<UpdateAction>(named), costs.update[named], best != 0);
 }
 
-// In visits to nodes, as trees are collapsed by: where no machine's numbers are needed, decisions do without them.
+// In visits to nodes, like collapsing: decisions that need no machine's numbers do not use them.
 double cost_of(const TraceWork& work) { return work.node_visits + 0.5 * work.leaf_visits; }
 
 void decide_by_decay(const UpdateQuestion& question, UpdateDecision& decision) {
   const double now = cost_of(question.now), then = cost_of(question.reference);
   const double restructured = cost_of({question.reference.node_visits, question.now.leaf_visits});
   decision.reason = "positions changed";
-  // What restructuring could not repair is not tried again in every commit: an animated mesh would pay each time.
+  // Restructuring is not repeated in every commit for what it could not repair: an animated mesh would pay each time.
   const double attained = std::max(then, cost_of(question.history.restructured));
   if (now <= kRefitLimit * attained && restructured <= kRestructureLimit * then) return;
   decision.action = restructured > kRestructureLimit * then ? UpdateAction::kRebuild
@@ -102,20 +102,20 @@ void remember(UpdateDecision& decision, const UpdateQuestion& question, const Fo
   }
 }
 
-// How much of what a builder gained over the binned one on the meshes that were measured is to be had here. Spatial
-// splits lower the cost of a ray by 23 to 34 percent on gear wheels (air: 7 to 15), 17 on hair (17), 21 on hair in the
-// wind (71), 50 to 76 on sticks (32 to 320) and 5 on a tree (5); by 0 to 2 on leaves, roof tiles and statues (1 to 6).
+// Returns the share of a builder's measured gain over the binned one that is expected here. Spatial splits lower the
+// cost of a ray by 23 to 34 percent on gear wheels (empty-space ratio 7 to 15), 17 on hair (17), 21 on hair in the wind
+// (71), 50 to 76 on sticks (32 to 320) and 5 on a tree (5); by 0 to 2 on leaves, roof tiles and statues (1 to 6).
 double gain_share(BuilderKind builder, double air) {
   return builder == BuilderKind::kSpatial ? std::clamp((air - 5.0) / 7.0, 0.0, 1.0) : 1.0;
 }
 
-// By which factor building takes longer than it was measured to. Where cutting triangles pays, more of them are cut
-// than on the meshes of the calibration: on those above that took from 1.0 to 4.5 times as long.
+// Returns the factor by which building takes longer than measured. If cutting triangles pays off, more of them are cut
+// than on the calibration meshes: on those above that took from 1.0 to 4.5 times as long.
 double build_share(BuilderKind builder, double air) {
   return builder == BuilderKind::kSpatial ? 1.0 + 1.5 * gain_share(builder, air) : 1.0;
 }
 
-// A ray, on a mesh of as many triangles as those that were measured.
+// The cost of a ray, on a mesh with as many triangles as the measured ones.
 double trace_nanoseconds(BuilderKind builder, double air, const Calibration& calibration) noexcept {
   const double usual = calibration.of(BuilderKind::kBinned).trace_nanoseconds;
   return usual - gain_share(builder, air) * (usual - calibration.of(builder).trace_nanoseconds);
@@ -148,7 +148,7 @@ UpdateHistory begin_history(const UpdateHistory& last, const TraceWork& fresh, d
   history.exponent = last.exponent;
   const double then = ray_nanoseconds(last.fresh, calibration), now = ray_nanoseconds(fresh, calibration);
   if (!(then > 0 && now > 0 && last.sample > 0 && sample > 0)) return history;
-  constexpr double kLeastChange = 0.1;  // below it the exponent would be made of noise
+  constexpr double kLeastChange = 0.1;  // below it, the exponent would only be noise
   const double change = std::log(sample / last.sample);
   if (std::abs(change) >= kLeastChange) history.exponent = std::clamp(std::log(now / then) / change, 0.5, 2.0);
   return history;
@@ -217,7 +217,7 @@ BuildDecision decide_build(const BuildQuestion& question, const Calibration& cal
   return decision;
 }
 
-// Building and tracing grow alike with the levels of a tree.
+// Building and tracing grow equally with the levels of a tree.
 double repaying_rays(const BuildQuestion& question, const Calibration& calibration) noexcept {
   double fewest = std::numeric_limits<double>::infinity();
   if (!question.held) return fewest;
@@ -236,7 +236,7 @@ double repaying_rays(const BuildQuestion& question, const Calibration& calibrati
 
 namespace {
 
-// What a fresh tree costs is predicted no better than this.
+// The cost of a fresh tree is not predicted more precisely.
 constexpr double kNoticeable = 1.02;
 
 std::string tell(const RestQuestion& question, const Excess& at_rest, double build, double decay) {

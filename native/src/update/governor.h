@@ -1,5 +1,6 @@
-// What work costs on this machine, in nanoseconds of one thread: what the governor reckons with.
-// In: numbers that were measured once (perfect_bvh.calibration in Python). Plain data, so that decisions repeat.
+// The cost of work on this machine, in nanoseconds of one thread, as used by the governor.
+// In: numbers that were measured once (perfect_bvh.calibration in Python). Plain data, so that decisions are
+// reproducible.
 #pragma once
 
 #include <algorithm>
@@ -16,22 +17,23 @@
 
 namespace perfect_bvh {
 
-// Building costs are those of a mesh of this many triangles; the time of larger ones grows by their logarithm, too.
+// Build costs are those of a mesh of this many triangles; the time per triangle of larger ones grows with their
+// logarithm.
 inline constexpr double kCalibratedTriangles = 65536;
 
 struct BuilderCost {
-  double build_nanoseconds = 0;  // a triangle, from the mesh to what rays are traced through
-  double trace_nanoseconds = 0;  // a ray that meets the mesh's box
+  double build_nanoseconds = 0;  // per triangle, from the mesh to the traced tree
+  double trace_nanoseconds = 0;  // per ray that hits the mesh's box
 };
 
-// Without a measurement updates are free, and a node costs what a leaf does.
+// Without a measurement, updates are free, and a node costs as much as a leaf.
 struct Calibration {
   double node_nanoseconds = 1;           // of visiting a wide node ...
   double leaf_nanoseconds = 1;           // ... and a leaf block of up to 8 triangles
-  double refit_nanoseconds = 0;          // a triangle
-  double rotate_nanoseconds = 0;         // a triangle, beyond the refit
-  double rebuild_parts_nanoseconds = 0;  // a triangle in the parts, beyond the refit and as much for putting them in
-  double rotation_gain = 0.5;            // the share of what new parts gain that rotations do
+  double refit_nanoseconds = 0;          // per triangle
+  double rotate_nanoseconds = 0;         // per triangle, in addition to the refit
+  double rebuild_parts_nanoseconds = 0;  // per triangle in the parts, beyond two refits
+  double rotation_gain = 0.5;            // the gain of rotations, as a share of the gain of new parts
   BuilderCost fast, binned, spatial;
 
   [[nodiscard]] const BuilderCost& of(BuilderKind kind) const noexcept {
@@ -40,99 +42,100 @@ struct Calibration {
         return fast;
       case BuilderKind::kSpatial:
         return spatial;
-      default:  // the others are for comparisons and are not chosen for speed
+      default:  // the others are for comparisons, and never chosen for speed
         return binned;
     }
   }
 };
 
 // Governor ------------------------------------------------------------------------------------------------------------
-// Decides what becomes of a tree whose triangles moved (lecture, "Refitting": where it is unsuitable), and what builds
-// a tree. A moved tree may be refitted, restructured by rotations or by building parts of it again, or be replaced. In:
-// what a ray costs in the tree as refitted and as it was built, how many rays are expected, what was paid since, the
-// machine's calibration. Out: the action, its reason, and what each alternative was expected to cost. Pure functions:
-// no clock, no thread count, so that a decision repeats.
+// Decides how to update a tree whose triangles moved (lecture, "Refitting": where it is unsuitable), and which builder
+// makes a tree. A moved tree may be refitted, restructured by rotations or by rebuilding parts of it, or be replaced.
+// In: the cost of a ray in the refitted tree and in the tree when it was built, the expected number of rays, the cost
+// paid since, the machine's calibration. Out: the action, its reason, and the expected cost of each alternative. Pure
+// functions without a clock or a thread count, so that decisions are reproducible.
 //
-// A refitted tree grows worse from frame to frame. The excess e(k) of the k-th frame after a build is what its rays
-// cost beyond a fresh tree's. To rebuild every k frames costs (rebuild + e(1) + ... + e(k-1)) / k a frame, which is
-// least where e(k) comes to exceed that mean: the rule of Silver and Meal 1973 for lot sizes, which needs no forecast.
-// Restructuring is weighed in the same way, by the excess that it would take away.
+// A refitted tree gets worse from frame to frame. The excess e(k) of the k-th frame after a build is the cost of its
+// rays beyond those in a fresh tree. Rebuilding every k frames costs (rebuild + e(1) + ... + e(k-1)) / k per frame,
+// which is least where e(k) begins to exceed that mean: the rule of Silver and Meal 1973 for lot sizes, which needs no
+// forecast. Restructuring is decided in the same way, by the excess that it would remove.
 //
-// What a fresh tree would cost is unknown before it is built. So one is built over a sample of the triangles
-// (mesh_shape.h): how that changed tells how the cost of the whole did, as sample^exponent, and each rebuild tells the
-// exponent of this mesh. Restructuring costs by the share of the tree that it would rebuild.
+// The cost of a fresh tree is unknown before it is built. So a tree is built over a sample of the triangles
+// (mesh_shape.h). Its change predicts the change of the whole tree's cost, as sample^exponent, and each rebuild
+// measures the exponent of this mesh. The cost of restructuring depends on the share of the tree that it would rebuild.
 
-// All but the first are for comparisons: what can be done so always is.
+// All but the first are for comparisons; they always do the same action if it is possible.
 enum class Policy : std::uint8_t { kGoverned, kRefit, kRotate, kRebuildParts, kRebuild };
 
-// kKeep: of triangles that did not move.
+// kKeep: only for triangles that did not move.
 enum class UpdateAction : std::uint8_t { kRefit, kRotate, kRebuildParts, kRebuild, kKeep };
 
-// What rays have paid beyond what they would have, had something been done in each commit.
+// The additional cost of rays, compared with taking an action in each commit.
 struct Excess {
   double nanoseconds = 0;
   std::uint32_t commit_count = 0;
 };
 
-// What is remembered of a tree from commit to commit.
+// The data of a tree that is kept from commit to commit.
 struct UpdateHistory {
-  TraceWork fresh;                 // of the tree when it was built ...
-  double sample = 0;               // ... and of one over a sample then, see measure_tree_sample; 0 if unknown
-  std::optional<double> exponent;  // of the sample, in what a fresh tree costs; unknown before the first rebuild
-  Excess since_build;              // beyond a fresh tree
-  Excess since_restructuring;      // beyond a restructured one
-  TraceWork restructured;          // of the tree when it was restructured last, if it was since it was built
-  Excess at_rest;                  // beyond a fresh tree, since the triangles moved last
-  TraceWork now;                   // of the tree that is traced ...
-  double sample_now = 0;           // ... and of one over the sample now
+  TraceWork fresh;                 // in the tree when it was built ...
+  double sample = 0;               // ... and in one over a sample then, see measure_tree_sample; 0 if unknown
+  std::optional<double> exponent;  // of the sample, in the cost of a fresh tree; unknown before the first rebuild
+  Excess since_build;              // compared with a fresh tree
+  Excess since_restructuring;      // compared with a restructured tree
+  TraceWork restructured;          // in the tree when it was restructured last, if it was since its build
+  Excess at_rest;                  // compared with a fresh tree, since the triangles moved last
+  TraceWork now;                   // in the traced tree ...
+  double sample_now = 0;           // ... and in one over the present sample
 };
 
 struct UpdateQuestion {
   Policy policy = Policy::kGoverned;
   std::size_t triangle_count = 0;
   BuilderKind builder = BuilderKind::kBinned;  // of a new tree
-  std::optional<double> rays;                  // expected to meet the mesh's box; unknown: the tree's decay decides
-  TraceWork now;                               // of the refitted tree
-  TraceWork reference;                         // of the tree when it was built or restructured last
-  double sample = 0;                           // of the mesh now; 0 if unknown
-  double degraded_share = 1;                   // of the tree: what rebuilding its degraded parts would rebuild
+  std::optional<double> rays;                  // expected to hit the mesh's box; unknown: the tree's decay decides
+  TraceWork now;                               // in the refitted tree
+  TraceWork reference;                         // in the tree when it was built or restructured last
+  double sample = 0;                           // of the present mesh; 0 if unknown
+  double degraded_share = 1;                   // share of the tree in its degraded parts
   UpdateHistory history;
 };
 
 struct Alternative {
   UpdateAction action;
-  BuilderKind builder;  // of the tree that would be built or is held; kAuto where none was weighed
+  BuilderKind builder;  // of the new or held tree; kAuto if there is none
   double update_nanoseconds;
-  std::optional<double> trace_nanoseconds;  // unknown without expected rays
+  std::optional<double> trace_nanoseconds;  // empty if the rays are unknown
 };
 
 struct UpdateDecision {
   UpdateAction action = UpdateAction::kRefit;
   std::string reason;
   std::vector<Alternative> alternatives;
-  UpdateHistory history;  // if the tree stays; a new one begins another
+  UpdateHistory history;  // if the tree stays; a new tree gets a new one
 };
 
 [[nodiscard]] UpdateDecision decide_update(const UpdateQuestion& question, const Calibration& calibration);
 
-// Where the rays are unknown: by which factor a ray may cost more than when the tree was built (or than after
-// restructuring) for the refitted tree to be left as it is; for rotations to be enough; and for the tree to stay after
-// its degraded parts were rebuilt.
+// Limits if the number of rays is unknown: the factor by which a ray's cost may exceed that in the tree when it was
+// built (or restructured). Up to the first, the refitted tree stays; up to the second, rotations are enough; up to the
+// third, the tree stays after its degraded parts were rebuilt.
 inline constexpr double kRefitLimit = 1.05, kRotateLimit = 1.2, kRestructureLimit = 1.3;
 
-// Whether it is worth finding out what a fresh tree would cost (the sample), or which share of the tree is degraded.
-// It is not where even the best possible outcome would leave the tree as it is.
+// Return whether it is worth measuring the cost of a fresh tree (the sample), or the degraded share of the tree. It is
+// not if even the best possible result would not change the decision.
 [[nodiscard]] bool may_rebuild(const UpdateQuestion& question, const Calibration& calibration) noexcept;
 [[nodiscard]] bool may_restructure(const UpdateQuestion& question, const Calibration& calibration) noexcept;
 
-// Whether a tree that was restructured is good enough to stay.
+// Returns whether a restructured tree is good enough to stay.
 [[nodiscard]] bool is_restructured(const UpdateQuestion& question, const TraceWork& restructured) noexcept;
 
-// Of a tree that was just built; `last`: of the one before it over the same triangles, or an empty one.
+// Begins the history of a tree that was just built. `last`: that of the previous tree over the same triangles, or an
+// empty one.
 [[nodiscard]] UpdateHistory begin_history(const UpdateHistory& last, const TraceWork& fresh, double sample,
                                           const Calibration& calibration) noexcept;
 
-// What a ray is expected to cost in a tree that would be built now.
+// Returns the expected cost of a ray in a tree that would be built now.
 [[nodiscard]] double fresh_nanoseconds(const UpdateHistory& history, double sample,
                                        const Calibration& calibration) noexcept;
 [[nodiscard]] double ray_nanoseconds(const TraceWork& work, const Calibration& calibration) noexcept;
@@ -140,11 +143,11 @@ inline constexpr double kRefitLimit = 1.05, kRotateLimit = 1.2, kRestructureLimi
                                        const Calibration& calibration) noexcept;
 
 struct BuildQuestion {
-  std::span<const BuilderKind> builders;  // that would do, at least one
+  std::span<const BuilderKind> builders;  // the possible ones, at least one
   std::size_t triangle_count = 0;
-  double rays = 0;                                 // expected to meet the mesh's box
-  double air = 0;                                  // of the mesh, see measure_air()
-  std::optional<BuilderKind> held = std::nullopt;  // whose tree is there and costs nothing more
+  double rays = 0;                                 // expected to hit the mesh's box
+  double air = 0;                                  // empty-space ratio of the mesh, see measure_air()
+  std::optional<BuilderKind> held = std::nullopt;  // its tree exists and costs nothing more
 };
 
 struct BuildDecision {
@@ -152,23 +155,24 @@ struct BuildDecision {
   std::vector<Alternative> alternatives;
 };
 
-// The builder whose time and rays are expected to cost least together. Spatial splits are expected to gain on meshes
-// alone whose triangles' boxes hold much air.
+// Returns the builder with the least expected total of build time and ray cost. Spatial splits are only expected to
+// gain on meshes whose triangles' boxes are largely empty.
 [[nodiscard]] BuildDecision decide_build(const BuildQuestion& question, const Calibration& calibration);
 
-// More rays than so many repay another builder's tree than the one that is held; infinity if none would be better.
+// Returns the number of rays beyond which another builder's tree pays off; infinity if none is better than the held
+// one.
 [[nodiscard]] double repaying_rays(const BuildQuestion& question, const Calibration& calibration) noexcept;
 
 // Wording -------------------------------------------------------------------------------------------------------------
-// How decisions are put into words.
+// Formats decisions as text.
 
-// "1.3"; what is beyond all measure is cut off.
+// "1.3"; huge values are clamped.
 [[nodiscard]] inline std::string with_tenths(double value) {
   const auto tenths = static_cast<long long>(std::clamp(value, 0.0, 1e12) * 10.0 + 0.5);
   return std::to_string(tenths / 10) + "." + std::to_string(tenths % 10);
 }
 
-// Two digits, all that stand before the point: "121", "12", "1.2", "0.12".
+// Two digits, and all digits before the point: "121", "12", "1.2", "0.12".
 [[nodiscard]] inline std::string with_two_digits(double value) {
   if (value >= 9.95) return std::to_string(static_cast<long long>(std::min(value, 1e12) + 0.5));
   if (value >= 0.995) return with_tenths(value);
@@ -176,7 +180,7 @@ struct BuildDecision {
   return "0." + std::to_string(hundredths / 10) + std::to_string(hundredths % 10);
 }
 
-// What rounds to no hundredth of a millisecond.
+// Returns whether the value rounds to zero hundredths of a millisecond.
 [[nodiscard]] inline bool is_next_to_nothing(double nanoseconds) { return nanoseconds < 5e3; }
 
 // "under 0.01 ms", "0.28 ms", "12 ms", "0.28 s" or "121 s".
@@ -192,27 +196,27 @@ struct BuildDecision {
 }
 
 // Rest ----------------------------------------------------------------------------------------------------------------
-// Decides what becomes of a tree that motion degraded and whose triangles no longer move.
-// In: what was remembered of the tree, how many rays are expected in this commit, the machine's calibration.
-// Out: whether it is kept or rebuilt, why, and what either was expected to cost. Pure functions.
+// Decides whether to keep a tree that motion degraded and whose triangles no longer move.
+// In: the tree's history, the expected rays of this commit, the machine's calibration.
+// Out: whether the tree is kept or rebuilt, the reason, and the expected cost of both. Pure functions.
 //
-// How long the triangles will rest is unknown. Each commit in the degraded tree costs its rays more than a fresh tree
-// would: a rent. A new tree is the purchase that ends it. Buying once the rents paid equal the price costs at most
-// twice what the best choice in hindsight does (the ski rental problem; Karlin, Manasse, Rudolph and Sleator 1988,
+// It is unknown how long the triangles will rest. Each commit in the degraded tree costs its rays more than a fresh
+// tree would: a rent. A new tree is the purchase that ends it. Buying when the rents paid equal the price costs at most
+// twice as much as the best choice in hindsight (the ski rental problem; Karlin, Manasse, Rudolph and Sleator 1988,
 // "Competitive snoopy caching").
 
 struct RestQuestion {
   std::size_t triangle_count = 0;
-  const char* what = "triangles";              // that the mesh is of, as sentences name it
+  const char* what = "triangles";              // the mesh's primitives, as named in sentences
   BuilderKind builder = BuilderKind::kBinned;  // of a new tree
-  std::optional<double> rays;                  // expected to meet the mesh's box in this commit; unknown: it is kept
+  std::optional<double> rays;                  // expected to hit the mesh's box now; unknown: the tree is kept
   UpdateHistory history;
 };
 
-// Whether rays are expected to lose anything in a tree that was refitted, beside a new one.
+// Returns whether rays are expected to be slower in a refitted tree than in a new one.
 [[nodiscard]] bool is_degraded(const UpdateHistory& history, const Calibration& calibration) noexcept;
 
-// Of triangles that did not move in this commit: kKeep or kRebuild.
+// Decides for triangles that did not move in this commit: kKeep or kRebuild.
 [[nodiscard]] UpdateDecision decide_at_rest(const RestQuestion& question, const Calibration& calibration);
 
 }  // namespace perfect_bvh

@@ -16,7 +16,7 @@ constexpr std::size_t kSamples = 4096;
 Aabb box_of(const AlignedVector<Vec3f>& positions, CancelToken& cancel) {
   Box4 box = Box4::empty();
   for_steps(positions.size(), cancel, [&](std::size_t begin, std::size_t end) {
-    // Fourth lanes mean nothing.
+    // Fourth lanes are ignored.
     for (std::size_t i = begin; i < end; ++i) box.grow(Float4::load_unaligned(&positions[i]));
   });
   return to_aabb(box);
@@ -45,7 +45,7 @@ double measure_tree_sample(const Mesh& mesh, ThreadPool& pool) {
   BuildConfig config;
   config.builder = BuilderKind::kBinned;
   config.max_leaf_size = 4;
-  CancelToken cancel;  // its own: this is no progress, and over at once
+  CancelToken cancel;  // a separate token: it reports no progress, and ends at once
   const Bvh2 tree = build_bvh2(sample, config, pool, cancel);
   return half_area(tree.bounds()) > 0 ? measure_quality(tree).sah : 0;
 }
