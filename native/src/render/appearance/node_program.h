@@ -1,9 +1,9 @@
 // Shader nodes as a program: a list of small instructions, which native/src/render/surface/run_nodes.h runs over
-// batches of hits. In: instructions that Python has made of a material's nodes. Out: a checked list.
+// batches of hits. In: instructions that Python made from a material's nodes. Out: a checked list.
 //
 // A program works on channels: rows of floats, one for each hit of the batch. An instruction reads operands and writes
-// the channels that follow its first one; a number has one channel, a vector or a colour three. An operand says the
-// first channel and the step to the next: with step 0 a number is read as a vector of three equal numbers.
+// consecutive channels. A number has one channel, a vector or a colour three. An operand gives the first channel and
+// the step to the next: with step 0, a number is read as a vector of three equal numbers.
 #pragma once
 
 #include <array>
@@ -15,7 +15,7 @@
 
 namespace perfect_bvh {
 
-// By the order of kNodeKinds.
+// In the order of kNodeKinds.
 enum class NodeKind : std::uint8_t {
   kConstant,
   kInput,
@@ -52,38 +52,38 @@ enum class NodeKind : std::uint8_t {
   kSet,
 };
 
-// An instruction's shape. operands: the widths of what it reads, a digit each; channels: how many it writes; numbers:
-// how many settings it has, -1 for any number of them; modes: the kinds of it, by the names that Blender has where it
-// has any.
+// The signature of an instruction. operands: the width of each operand, one digit each. channels: the number of
+// channels written. numbers: the number of settings, -1 for any number. modes: its variants, by Blender's names if
+// there are any.
 struct NodeShape {
   std::string_view name, operands;
   int channels, numbers;
   std::string_view modes;
 };
 
-// What a hit has that nodes may ask for: the modes of kInput. Its settings are a number, where there are several of it
-// (a uv map, a layer of colours, a row of the instances' values), and the side to which the place is shifted: 0 for
-// none, 1 and 2 along the two directions of a bump. Of kSide they are the side, and how far it lies away, in pixels.
+// The data of a hit that nodes may read: the modes of kInput. The settings are a number, for inputs that exist several
+// times (a uv map, a colour layer, a row of the instances' values), and a shift of the point: 0 for none, 1 and 2 along
+// the two directions of a bump. For kSide they are the direction and the distance, in pixels.
 enum class NodeInput : std::uint8_t {
   kPosition,  // world space
-  kNormal,    // of shading, towards the viewer
+  kNormal,    // shading normal, towards the viewer
   kTrueNormal,
-  kIncoming,  // towards where the ray came from
+  kIncoming,  // towards the ray's origin
   kReflection,
   kBackfacing,
   kUv,            // (u, v, 0) of a uv map
-  kColor,         // of the mesh's own colours
+  kColor,         // from the mesh's colour layers
   kGenerated,     // 0 to 1 over the mesh's texture space
   kObject,        // in the instance's space
-  kObjectNormal,  // there, as the mesh's winding has it, and not of unit length
-  kTangent,       // there, along a uv map, and the sign of the bitangent
-  kSide,          // world space, the way to the places beside it: 1 or 2
-  kInstance,      // a row of the instances' own values, four channels
-  kGiven,         // four numbers from outside, where nodes are evaluated without a scene
+  kObjectNormal,  // in that space, by the mesh's winding, not normalized
+  kTangent,       // in that space, along a uv map, and the sign of the bitangent
+  kSide,          // world space, the vector to the shifted points: 1 or 2
+  kInstance,      // a row of the instances' values, four channels
+  kGiven,         // four numbers from the caller, for nodes evaluated without a scene
   kWindow,        // (x, y, 0), 0 to 1 over the camera's image
 };
 
-// Where kSet writes to: the fields of `Material`, and the normal.
+// The targets of kSet: the fields of `Material`, and the normal.
 enum class MaterialSlot : std::uint8_t {
   kColor,
   kEmission,
@@ -175,19 +175,19 @@ struct NodeOperand {
 struct NodeInstruction {
   NodeKind kind = NodeKind::kConstant;
   std::uint8_t mode = 0;
-  std::int32_t first = 0;  // of the channels that it writes
+  std::int32_t first = 0;  // the first channel that it writes
   std::span<const NodeOperand> operands;
   std::span<const float> numbers;
 };
 
-// What a program's hits must be known by.
+// The data on hits that a program needs.
 struct NodeNeeds {
-  bool points = false;  // where a hit lies and which way it faces
-  bool sides = false;   // the places beside it, for bumps
-  float aside = 0.0f;   // how far these lie away, in pixels
+  bool points = false;  // the position and orientation of a hit
+  bool sides = false;   // the shifted points, for bumps
+  float aside = 0.0f;   // their distance, in pixels
 };
 
-// Some of a program's instructions, in its order, which lead to what is asked for.
+// A subset of a program's instructions, in order, that leads to a requested output.
 struct NodePart {
   std::vector<NodeInstruction> instructions;
   NodeNeeds needs;
@@ -195,10 +195,10 @@ struct NodePart {
 
 class NodeProgram {
  public:
-  // codes: of each instruction its kind, its mode, how many numbers it has, and then a channel and a step for each
-  // operand. numbers: those of all instructions, one after the other. Each writes to the channels after those of the
-  // one before it. images, instance_rows: how many of them it may ask for. Throws InvalidArgument for what is no
-  // program: an instruction reads only what one before it has written.
+  // codes: for each instruction its kind, its mode, the number of its settings, then a channel and a step for each
+  // operand. numbers: the settings of all instructions, one after another. Each instruction writes to the channels
+  // after those of the previous one. images, instance_rows: how many of them exist. Throws InvalidArgument for an
+  // invalid program: an instruction may only read channels that an earlier one has written.
   NodeProgram(std::span<const std::int32_t> codes, std::span<const float> numbers, std::size_t images,
               std::size_t instance_rows);
   NodeProgram(NodeProgram&&) noexcept = default;
@@ -208,10 +208,10 @@ class NodeProgram {
   ~NodeProgram() = default;
 
   [[nodiscard]] const NodePart& whole() const noexcept { return whole_; }
-  // What leads to MaterialSlot::kAlpha; empty if nothing is set there.
+  // Returns the instructions for MaterialSlot::kAlpha; empty if it is not set.
   [[nodiscard]] const NodePart& alpha() const noexcept { return alpha_; }
   [[nodiscard]] std::size_t channels() const noexcept { return channels_; }
-  // What is set there; null if nothing is.
+  // Returns the operand set there; null if there is none.
   [[nodiscard]] const NodeOperand* output(MaterialSlot slot) const noexcept {
     return outputs_[static_cast<std::size_t>(slot)];
   }

@@ -1,6 +1,6 @@
-// An image of a snapshot: tiles over threads.
+// Renders an image of a snapshot: tiles over threads.
 // In: a snapshot, a camera, an appearance, settings, the arrays to fill. Out: those arrays, the same bit for bit for
-// any number of threads. The colour of a pixel depends on its place, the seed and the sample numbers alone.
+// any number of threads. The colour of a pixel depends only on its position, the seed and the sample numbers.
 #pragma once
 
 #include "core/cancel.h"
@@ -13,8 +13,8 @@
 
 namespace perfect_bvh {
 
-// Throws InvalidArgument for settings out of range, and Cancelled when the token asks to stop; the arrays are then
-// filled in part. Returns the share of camera rays that the settings ask for, the same for any number of threads.
+// Throws InvalidArgument for settings out of range, and Cancelled if the token requests it; the arrays are then partly
+// filled. Returns the subset of camera rays that the settings request, the same for any number of threads.
 std::vector<SubsetRay> render(const Snapshot& snapshot, const Camera& camera, const Appearance& appearance,
                               const RenderSettings& settings, const PassTargets& targets, CancelToken& cancel);
 

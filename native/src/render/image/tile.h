@@ -1,6 +1,6 @@
-// A random share of an image's camera rays, with what each hit: for checks of the renderer's answers.
-// In: batches of rays and hits, from any thread. Out: those whose lot it was, in the order of pixels and samples. Which
-// rays that are follows from seed, pixel and sample alone, so that it does not depend on tiles or threads.
+// A random subset of an image's camera rays and their hits, to check the renderer's answers.
+// In: batches of rays and hits, from any thread. Out: the selected ones, in the order of pixels and samples. The
+// selection depends only on seed, pixel and sample, not on tiles or threads.
 #pragma once
 
 #include <cstdint>
@@ -28,49 +28,49 @@ struct SubsetRay {
 
 class RaySubset {
  public:
-  // share: 0 to 1 of all rays.
+  // share: of all rays, from 0 to 1.
   RaySubset(float share, std::uint32_t seed) noexcept;
 
-  // One sample of some pixels: ray i and hit i belong to pixel i.
+  // Offers one sample of some pixels: ray i and hit i belong to pixel i.
   void offer(const Snapshot& snapshot, std::uint32_t sample, std::span<const Pixel> pixels, std::span<const Ray> rays,
              std::span<const Hit> hits);
   [[nodiscard]] std::vector<SubsetRay> take();
 
  private:
-  std::uint64_t limit_;  // of 2^32 lots
+  std::uint64_t limit_;  // of 2^32 values
   std::uint32_t seed_;
   std::vector<SubsetRay> kept_;
   std::mutex mutex_;
 };
 
 // Tile ----------------------------------------------------------------------------------------------------------------
-// One tile of an image: camera rays in a batch, their hits, the passes, and as many shaded samples as are asked for.
-// In: a rectangle of pixels. Out: every wanted pass of those pixels. Nothing depends on other tiles or on threads.
+// One tile of an image: camera rays in a batch, their hits, the passes, and the requested number of shaded samples.
+// In: a rectangle of pixels. Out: every requested pass of those pixels. Nothing depends on other tiles or on threads.
 
 // Buffers of one thread, kept from tile to tile.
 struct TileScratch {
   AlignedVector<Pixel> pixels;
-  AlignedVector<std::uint32_t> places;  // of the pixels, by which their random numbers differ
+  AlignedVector<std::uint32_t> places;  // of the pixels; they select their random numbers
   AlignedVector<Ray> rays;
   AlignedVector<Hit> hits;
-  AlignedVector<Ray> pass_rays;  // what passes show, where that is not all that rays hit
+  AlignedVector<Ray> pass_rays;  // the hits that passes show, if they differ from the rays' hits
   AlignedVector<Hit> pass_hits;
   AlignedVector<RayCounts> counts;
   AlignedVector<SurfacePoint> points;
   AlignedVector<Rgba> colors, sums;
-  AlignedVector<Vec3f> albedos, normals, albedo_sums, normal_sums;  // if a denoiser's guides are wanted
-  AlignedVector<Point2> offsets;                                    // of samples from the centres of their pixels
+  AlignedVector<Vec3f> albedos, normals, albedo_sums, normal_sums;  // if a denoiser's guides are requested
+  AlignedVector<Point2> offsets;  // of samples relative to the centres of their pixels
   ShadeScratch shade;
-  MaterialReader materials;  // if they bend normals
+  MaterialReader materials;  // if nodes bend normals
 };
 
 class TileRenderer {
  public:
-  // Camera rays are offered to `kept`; that and the shutter outlive this.
+  // Camera rays are offered to `kept`, which must outlive this, as must the shutter.
   TileRenderer(const ModeInputs& inputs, const ShutterRays& shutter, PixelRect border, const PassTargets& targets,
                RaySubset& kept);
 
-  // Of the pixels to render: those in the border, and as many around it as the pixel filter looks at.
+  // The tiles of the pixels to render: those in the border, and those around it that the pixel filter reads.
   [[nodiscard]] const TileGrid& tiles() const noexcept { return tiles_; }
 
   // Throws Cancelled between samples. `between_samples` is called on the same thread.
@@ -89,7 +89,7 @@ class TileRenderer {
     if (!film_ || are_apart()) store_own(scratch);
   }
 
-  // Whether `finish` has work, once every tile of the image is rendered.
+  // Returns whether `finish` has work after every tile of the image is rendered.
   [[nodiscard]] bool needs_finish() const noexcept { return film_.has_value(); }
   void finish(std::size_t tile) const;
 
@@ -105,7 +105,7 @@ class TileRenderer {
   void fill_background(TileScratch& scratch) const;
   void store_own(const TileScratch& scratch) const;
 
-  // Whether the tile that holds a pixel is to be traced.
+  // Returns whether the tile that contains a pixel is traced.
   [[nodiscard]] bool is_wanted(int x, int y) const noexcept {
     const auto& wanted = inputs_.settings.wanted_tiles;
     if (wanted.empty()) return true;
@@ -115,13 +115,13 @@ class TileRenderer {
   [[nodiscard]] bool is_wanted(PixelRect whole_tile) const noexcept { return is_wanted(whole_tile.x0, whole_tile.y0); }
   [[nodiscard]] bool is_needed(int x, int y) const noexcept;
 
-  // A denoiser takes pixels for independent. Noise that neighbours share would look like something to be kept, and such
-  // as they have been given to cancel out is less easy to tell (cloth, 4 samples: an error of 1.94 in place of 1.80).
-  // So random numbers differ by pixel without any order, and what it takes is kept apart from the film.
+  // A denoiser assumes independent pixels. It would keep noise that neighbours share, and noise that is arranged to
+  // cancel out is harder for it to detect (cloth, 4 samples: an error of 1.94 instead of 1.80). So the pixels' random
+  // numbers are in no order, and the denoiser's input is separate from the film.
   [[nodiscard]] bool are_apart() const noexcept { return targets_.any_guides(); }
-  // How far samples count in other pixels.
+  // Returns how many pixels away samples count.
   [[nodiscard]] int shared_reach() const noexcept { return centred_ ? 0 : filter_.reach(); }
-  // Whether the rays of the passes are those of the only sample, too.
+  // Returns whether the rays of the passes are also those of the only sample.
   [[nodiscard]] bool shades_centres() const noexcept {
     return centred_ && wants_centres_ && !has_lens_ && !has_shutter_ && !targets_.combined.empty();
   }
@@ -138,8 +138,8 @@ class TileRenderer {
   Dimension filter_dimension_, lens_dimension_, time_dimension_;
   SurfaceNeeds pass_needs_, sample_needs_;
   std::uint32_t sample_count_;
-  bool centred_;  // samples stand at pixel centres
-  // Samples pass all of the lens and take all the time that the shutter is open; passes the middle of both.
+  bool centred_;  // samples are at pixel centres
+  // Samples cover the whole lens and the whole time that the shutter is open; passes use the middle of both.
   bool has_lens_, has_shutter_;
   PixelRect border_;
   TileGrid tiles_;

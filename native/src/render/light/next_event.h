@@ -1,4 +1,4 @@
-// A path of light, followed backwards from the camera: what is known of it between two surfaces.
+// A light path, followed backwards from the camera: its state between two surfaces.
 #pragma once
 
 #include <algorithm>
@@ -21,7 +21,7 @@
 
 namespace perfect_bvh {
 
-// How far paths are followed: a scene's "Light Paths", with Blender's names and meanings.
+// Limits of paths: a scene's "Light Paths", with Blender's names and meanings.
 struct LightPaths {
   int max_bounces = 4, diffuse_bounces = 4, glossy_bounces = 4, transmission_bounces = 4;
   int transparent_bounces = 8;
@@ -32,29 +32,29 @@ struct LightPaths {
 
 struct Path {
   std::uint32_t owner = 0;          // the row of the camera ray
-  std::uint32_t place = 0;          // by which its random numbers differ from its neighbours' (ShadeTask::places)
-  Vec3f throughput{1, 1, 1};        // what is left of light that comes along its ray
+  std::uint32_t place = 0;          // selects its random numbers (ShadeTask::places)
+  Vec3f throughput{1, 1, 1};        // the remaining share of light along its ray
   Vec3f guide_throughput{1, 1, 1};  // the same for a denoiser's guides
-  Vec3f absorption{0, 0, 0};        // of what its ray crosses, by length
-  // Of its direction, over solid angle; infinite where it was without choice.
+  Vec3f absorption{0, 0, 0};        // of the medium that its ray crosses, per length
+  // Of its direction, over solid angle; infinite if there was no choice.
   float density = std::numeric_limits<float>::infinity();
-  float least_density = std::numeric_limits<float>::max();  // of all its directions
-  // The last surface, as next-event estimation saw it: its normal, whether it lets light through, how many lights it
-  // asked (0: each), and the sum of what all lights were thought to bring. A strand has no normal: zero.
+  float least_density = std::numeric_limits<float>::max();  // the minimum over all its directions
+  // The last surface, as next-event estimation used it: its normal, whether it transmits light, the number of lights
+  // sampled (0: all), and the sum of all lights' estimates. The normal of a strand is zero.
   Vec3f normal{0, 0, 1};
   bool transmits = false;
   std::uint8_t picks = 0;
   float guess_sum = 0.0f;
-  Scatter last = Scatter::kNone;  // none: the camera sees it
-  bool guides = false;            // whether it still looks for what guides a denoiser
-  bool meets_lights = false;      // whether what it finds of lights counts
-  bool ends = false;              // at the next surface, whose own light is all that counts
+  Scatter last = Scatter::kNone;  // none: seen directly by the camera
+  bool guides = false;            // whether it still needs a denoiser's guides
+  bool meets_lights = false;      // whether lights that it hits count
+  bool ends = false;              // at the next surface, of which only the emission counts
   std::uint8_t bounces = 0, diffuse = 0, glossy = 0, transmission = 0, transparent = 0;
 
   [[nodiscard]] bool is_seen() const noexcept { return bounces == 0; }
 };
 
-// Paths that are followed together; a row each. `points` are those of the rays that hit something.
+// Paths that are followed together; one row each. `points` are those of the rays that hit something.
 struct Wave {
   AlignedVector<Path> paths;
   AlignedVector<Ray> rays;
@@ -65,7 +65,7 @@ struct Wave {
   void add(const Path& path, const Ray& ray) { paths.push_back(path), rays.push_back(ray); }
 };
 
-// A surface that a path met, ready to be lit and to scatter.
+// A surface hit by a path, ready to be lit and to scatter.
 struct Vertex {
   Vertex(const SurfacePoint& surface, const Material& material, Vec3f view, const Bsdf::Limits& limits,
          const Path& arrived) noexcept
@@ -79,10 +79,10 @@ struct Vertex {
 };
 
 // Secondary rays ------------------------------------------------------------------------------------------------------
-// Rays that leave a surface, towards lights, the environment and other surfaces; and of those towards lights how much
-// gets through what is in their way: all of it, nothing, or what transparent surfaces let through.
+// Rays that leave a surface, towards lights, the environment and other surfaces; and the share of light that passes
+// along rays to lights: all, nothing, or the share that transparent surfaces let through.
 
-// A ray leaves its triangle on the side that it leads to, and so never meets it.
+// Makes a ray that leaves its triangle on the side of its direction, so it never hits that triangle.
 [[nodiscard]] inline Ray ray_from(const SurfacePoint& point, Vec3f direction, float reach,
                                   std::uint32_t mask) noexcept {
   Ray ray;
@@ -98,14 +98,14 @@ struct Vertex {
   return ray;
 }
 
-// The same towards a light. Where that is low over a coarse mesh's triangle, the neighbours are in the way that the
-// curved surface would not have: there, as in Cycles, the ray starts on that surface. From there a light on the
-// triangle's other side is seen past its edge only.
+// The same for a ray towards a light. If the light is low over a coarse mesh's triangle, neighbours would block it that
+// the true curved surface does not have. So, as in Cycles, the ray starts on that surface. A light behind the triangle
+// is then only seen past its edge.
 [[nodiscard]] inline Ray shadow_ray(const SurfacePoint& point, Vec3f direction, float reach,
                                     std::uint32_t mask) noexcept {
   Ray ray = ray_from(point, direction, reach, mask);
   if (point.lift == Vec3f{0, 0, 0}) return ray;
-  constexpr float kLow = 0.1f;  // a cosine; up to twice that it fades
+  constexpr float kLow = 0.1f;  // a cosine; fades out up to twice that
   const float along_normal = dot(direction, point.mesh_normal);
   const bool passes = along_normal < 0.0f;
   const float over_curve = std::abs(along_normal) / kLow;
@@ -117,11 +117,11 @@ struct Vertex {
   return ray;
 }
 
-// Buffers of one thread; a row a ray.
+// Buffers of one thread; one row per ray.
 struct ShadowRays {
   AlignedVector<Ray> rays;
-  AlignedVector<std::uint32_t> vertices;  // the row of the vertex that a ray belongs to
-  AlignedVector<Vec3f> carried;           // what it adds to the image if nothing is in its way
+  AlignedVector<std::uint32_t> vertices;  // the row of the ray's vertex
+  AlignedVector<Vec3f> carried;           // its contribution to the image if nothing is in the way
   AlignedVector<float> passed;
   AlignedVector<Hit> hits;
   AlignedVector<std::uint8_t> blocked;
@@ -132,29 +132,30 @@ struct ShadowRays {
   }
 };
 
-// Fills `passed`. Spoils the rays.
-// vertices: where the rays start. most_layers: transparent surfaces that a path and its shadow ray pass together; what
-// is behind them is dark.
+// Fills `passed`, and changes the rays.
+// vertices: the origins of the rays. most_layers: the transparent surfaces that a path and its shadow ray may pass in
+// all; anything behind them is dark.
 void find_what_passes(const Snapshot& snapshot, const Appearance& appearance, std::span<const Vertex> vertices,
                       int most_layers, CancelToken& cancel, ShadowRays& shadows);
 
 // Next event ----------------------------------------------------------------------------------------------------------
-// Next-event estimation: rays to the scene's lights, its emissive triangles, and what is bright in its environment.
-// In: vertices of paths, the number of the sample. Out: shadow rays with the light that they may bring.
-// Of few lights each is asked; of many, two a sample are chosen by how much they may give (importance sampling).
-// Where the surface's own rays may find the same light, each way counts as much as it is likely to choose the direction
-// (balance heuristic, Veach and Guibas 1995), so that the sum is right and neither way is far off: small lights are
-// found by the first, what is large or near by the second.
+// Next-event estimation: rays to the scene's lights, its emissive triangles, and the bright parts of its environment.
+// In: vertices of paths, the number of the sample. Out: shadow rays with the light that they may carry.
+// If there are few lights, each is sampled; if many, two per sample are chosen by their estimated contribution
+// (importance sampling).
+// If the surface's own rays may find the same light, the two techniques are weighted by their densities for the
+// direction (balance heuristic, Veach and Guibas 1995). So the sum is right and has low variance: small lights are
+// found by the first, large or near ones by the second.
 
-// The share of a way that chooses a direction with this density, beside one of the other density. Densities are those
-// of solid angle; this one may be infinite, as of a point of light: then it is the only way.
+// Returns the weight of a technique that chooses a direction with this density, combined with one of the other density.
+// Densities are over solid angle. This one may be infinite, as for a point light: then it is the only technique.
 [[nodiscard]] constexpr float balance(float density, float other) noexcept {
   return density > 0.0f ? 1.0f / (1.0f + other / density) : 0.0f;
 }
 
 class NextEvent {
  public:
-  // All of it outlives this.
+  // All arguments must outlive this.
   NextEvent(const Snapshot& snapshot, const Appearance& appearance, const Environment& environment, std::uint32_t seed);
 
   [[nodiscard]] const EmissiveTriangles& emissive() const noexcept { return emissive_; }
@@ -162,15 +163,15 @@ class NextEvent {
     return appearance_.lights.empty() && emissive_.empty() && !environment_.can_be_aimed_at();
   }
 
-  // A sample at each vertex. Tells the paths what they must know of it to find lights themselves. `guesses` is the
+  // Samples lights at each vertex. Stores in the paths the data they need to hit lights themselves. `guesses` is the
   // caller's buffer.
   void aim(std::span<Vertex> vertices, std::uint32_t index, std::uint32_t first_dimension, std::vector<float>& guesses,
            ShadowRays& shadows) const;
 
-  // What the lights bring that a path's ray meets before its hit.
+  // Returns the light of the lights that a path's ray hits before its hit.
   [[nodiscard]] Vec3f meet_lights(const Path& path, const Ray& ray, float hit_t) const;
 
-  // How many dimensions `aim` takes.
+  // The number of dimensions that `aim` takes.
   static constexpr std::uint32_t kDimensions = 11;
 
  private:
@@ -182,11 +183,11 @@ class NextEvent {
                        ShadowRays& shadows) const;
   void aim_at_sky(std::span<const Vertex> vertices, std::uint32_t index, std::uint32_t dimension,
                   ShadowRays& shadows) const;
-  // tries: how many rays the vertex aims at this light in the mean.
+  // tries: the mean number of rays that the vertex aims at this light.
   void aim_at(const Vertex& vertex, std::uint32_t row, const Light& light, Point2 random, float tries,
               ShadowRays& shadows) const;
   static constexpr std::uint8_t kAll = 0;
-  // How many lights a vertex of the path asks, or kAll.
+  // Returns the number of lights that a vertex of the path samples, or kAll.
   [[nodiscard]] std::uint8_t picks_of(const Path& path) const noexcept;
   [[nodiscard]] bool can_be_met(const Light& light) const noexcept { return light.size_x > 0.0f && light.casts_shadow; }
 
@@ -194,7 +195,7 @@ class NextEvent {
   const Environment& environment_;
   std::uint32_t seed_;
   EmissiveTriangles emissive_;
-  bool any_met_;  // whether any light may be met by rays
+  bool any_met_;  // whether rays can hit any light
 };
 
 }  // namespace perfect_bvh

@@ -1,7 +1,7 @@
 // Path tracing (Kajiya 1986) with next-event estimation: light that reaches the camera after any number of bounces.
-// In: what camera rays hit, the number of the sample. Out: colours of the camera rays, and the albedo and normal by
-// which a denoiser tells surfaces apart. The paths of a tile are followed together, bounce by bounce, so that their
-// rays go through the batch kernels; nothing depends on which other paths those are.
+// In: the hits of camera rays, the number of the sample. Out: the camera rays' colours, and the albedo and normal by
+// which a denoiser distinguishes surfaces. The paths of a tile are followed together, bounce by bounce, so that their
+// rays use the batch kernels. Results do not depend on which other paths are in the tile.
 #pragma once
 
 #include <cstdint>
@@ -15,18 +15,18 @@
 
 namespace perfect_bvh {
 
-// Where paths leave what they find, by their owners. The guides may be empty.
+// The targets of paths' results, by owner. The guides may be empty.
 struct PathTargets {
   std::span<Rgba> colors;  // premultiplied by alpha
   std::span<Vec3f> albedos, normals;
 };
 
-// A point on a shadow catcher that the camera sees: what it shows is the caller's to find.
+// A point on a shadow catcher that the camera sees; the caller computes its colour.
 struct CaughtPoint {
   SurfacePoint point;
   Vec3f view;  // towards the viewer, unit length
   std::uint32_t owner, place;
-  float weight;  // of it in the image
+  float weight;  // its share in the image
 };
 
 class PathTracer {
@@ -40,16 +40,16 @@ class PathTracer {
     AlignedVector<CaughtPoint> caught;
     MaterialReader materials;
   };
-  // All of it outlives this. threads: at most so many, now.
+  // All arguments must outlive this. threads: the maximum for the constructor.
   PathTracer(const Snapshot& snapshot, const Appearance& appearance, const LightPaths& limits, std::uint32_t seed,
              int threads, CancelToken& cancel);
 
   [[nodiscard]] const Environment& environment() const noexcept { return environment_; }
 
-  // Follows the paths of `scratch.wave`, whose hits and points are known, to their ends, and adds what they find. Where
-  // a camera ray hits nothing is the caller's to show, and what shadow catchers show, of which it gives the points.
+  // Follows the paths of `scratch.wave`, whose hits and points are known, to their ends, and adds their light. The
+  // caller shows the background where a camera ray hits nothing, and the shadow catchers, whose points this returns.
   void follow(std::uint32_t sample, const PathTargets& targets, Scratch& scratch) const;
-  // Replaces `light` by what white diffuse surfaces at these points give back. A row a point.
+  // Replaces `light` by the light that white diffuse surfaces at these points reflect, one row per point.
   void light_white(std::span<const CaughtPoint> points, std::uint32_t sample, AlignedVector<Rgba>& light,
                    Scratch& scratch) const;
 
@@ -61,7 +61,7 @@ class PathTracer {
 
   void follow(std::uint32_t sample, int depth, const PathTargets& targets, Scratch& scratch) const;
   void absorb(Wave& wave) const;
-  // Takes the path to the other side of a surface that may enclose what absorbs light.
+  // Moves the path to the other side of a surface that may enclose an absorbing medium.
   void cross_border(Path& path, const SurfacePoint& point) const noexcept;
   void see_lights(const Step& step, Wave& wave) const;
   void see_environment(const Step& step, const Wave& wave) const;
@@ -78,7 +78,7 @@ class PathTracer {
   [[nodiscard]] bool goes_on(Path& path, const Bsdf::Sample& scattered, float roulette) const;
   [[nodiscard]] Bsdf::Limits limits_of(const Path& path) const noexcept;
   [[nodiscard]] std::uint32_t mask_of(Scatter kind) const noexcept;
-  // What a path that scattered so often brings, no brighter than is allowed.
+  // Returns the light of a path after this many bounces, clamped to the limit.
   [[nodiscard]] Vec3f clamped(Vec3f color, int bounces) const noexcept;
   void add(const Step& step, const Path& path, Vec3f color, int bounces) const;
 

@@ -14,7 +14,7 @@ namespace perfect_bvh {
 struct Studio {
   Vec3f key_direction{0, 0, 1};  // towards the light, world space, unit length
 
-  // Radiance that comes from above and below; between them it changes evenly with the direction's height.
+  // Radiance from above and below; between them it is linear in the height of the direction.
   static constexpr Vec3f kSky{0.47f, 0.50f, 0.55f};
   static constexpr Vec3f kGround{0.23f, 0.215f, 0.20f};
   static constexpr Vec3f kKey{0.66f, 0.62f, 0.565f};  // irradiance over pi of a surface that faces it
@@ -29,14 +29,14 @@ struct Studio {
     const float part = 0.5f + 0.5f * height;
     return kGround * (1.0f - part) + kSky * part;
   }
-  // What a surface of this normal's height gets from the whole dome, over pi: the cosine-weighted mean of a radiance
-  // that is linear in height keeps 2/3 of its slope.
+  // Returns the light on a surface with this normal height from the whole dome, over pi: the cosine-weighted mean of a
+  // radiance that is linear in height keeps 2/3 of its slope.
   [[nodiscard]] static constexpr Vec3f dome_mean(float normal_height) noexcept {
     return dome(normal_height * (2.0f / 3.0f));
   }
 
-  // The mean cosine that a normal makes with the key light's disk, where it is below the horizon counted as 0. Over the
-  // disk the cosine spreads like a semicircle, whose clamped mean has a closed form.
+  // Returns the mean cosine between a normal and the key light's disk, counting 0 below the horizon. Over the disk the
+  // cosine is distributed like a semicircle, whose clamped mean has a closed form.
   [[nodiscard]] float key_cosine(Vec3f normal) const noexcept {
     const float cosine = dot(normal, key_direction);
     const float spread = kKeyRadius * std::sqrt(std::max(0.0f, 1.0f - cosine * cosine));
@@ -48,7 +48,7 @@ struct Studio {
     return spread * (x * above + std::numbers::inv_pi_v<float> * (2.0f / 3.0f) * rest * rest * rest);
   }
 
-  // The colour behind everything at a place in the frame, from the upper left (0, 0) to the lower right (1, 1).
+  // Returns the background colour at a position in the frame, from the upper left (0, 0) to the lower right (1, 1).
   [[nodiscard]] static Vec3f backdrop(float x, float y) noexcept {
     const float dx = x - 0.5f, dy = y - 0.42f;
     const float fall = static_cast<float>(

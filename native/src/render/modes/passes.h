@@ -1,4 +1,4 @@
-// Where a render's results go: one array a pass, of the whole image, row 0 on top.
+// The targets of a render: one array per pass, for the whole image, row 0 at the top.
 #pragma once
 
 #include <cstdint>
@@ -12,18 +12,18 @@
 
 namespace perfect_bvh {
 
-// What the depth passes hold where nothing was hit: the number that Cycles writes.
+// The value of the depth passes if nothing was hit, as written by Cycles.
 inline constexpr float kNoDepth = 1e10f;
 
-// How far, in pixels to the right and up, what a pixel shows is from where it was when the shutter opened, and will be
-// when it closes, taken from there to here: the sign that Blender's Vector pass has.
+// The motion of a pixel's surface, in pixels to the right and up: its position when the shutter opened minus the
+// present one, and the present one minus that when it closes. These are the signs of Blender's Vector pass.
 struct PixelMotion {
   float x_before, y_before, x_after, y_after;
 };
 
-// A pass that is not wanted is empty; the others have a row a pixel. The caller fills them with what pixels outside the
-// camera's border get. All but `combined` and the guides hold what the ray through the pixel's centre hit: they are
-// never blended.
+// A pass that is not requested is empty; the others have a row per pixel. The caller fills them with the values for
+// pixels outside the camera's border. All but `combined` and the guides hold data of the hit through the pixel's
+// centre: they are never blended.
 struct PassTargets {
   std::span<Rgba> combined;                     // scene-linear, premultiplied by alpha
   std::span<float> depth, distance;             // along the view axis, along the ray; kNoDepth
@@ -33,9 +33,9 @@ struct PassTargets {
   std::span<std::int32_t> instance, primitive;  // the scene's instance id, the triangle in its mesh; -1
   std::span<PixelMotion> vector;                // zero
   std::span<std::int32_t> nodes_visited, primitives_tested;
-  // What a denoiser takes, all or none of it, beside `combined`: the colour of samples that count in one pixel each,
-  // and what guides it: the share of light that surfaces give back and their normal in world space, as much blended as
-  // `combined`, and seen in mirrors and through panes; zero where nothing is seen.
+  // A denoiser's inputs, all or none, in addition to `combined`. The colour of samples that count in one pixel each.
+  // The guides: the albedo of surfaces and their normal in world space, blended like `combined`, and seen in mirrors
+  // and through panes; zero if nothing is seen.
   std::span<Rgba> denoising_color;
   std::span<Vec3f> denoising_albedo, denoising_normal;
 
@@ -47,21 +47,21 @@ struct PassTargets {
   [[nodiscard]] bool any_counts() const noexcept { return !nodes_visited.empty() || !primitives_tested.empty(); }
 };
 
-// What one batch of rays through pixel centres found: ray, hit and pixel i belong together.
+// The results of one batch of rays through pixel centres: ray, hit and pixel i belong together.
 struct CentreHits {
   std::span<const Pixel> pixels;
   std::span<const Ray> rays;
   std::span<const Hit> hits;
-  std::span<const RayCounts> counts;     // empty if no pass wants them
-  std::span<const SurfacePoint> points;  // with normals, if that pass is wanted
+  std::span<const RayCounts> counts;     // empty if no pass needs them
+  std::span<const SurfacePoint> points;  // with normals, if that pass is requested
 };
 
-// Follows rays through what has less alpha than the appearance's passes show, to what they do show: their `t_min` moves
-// on, and `hits` are what they meet from there. Behind more than `most_layers` surfaces they meet nothing.
+// Follows rays through surfaces with less alpha than the appearance's threshold for passes, to the first that passes
+// show. Their `t_min` moves on, and `hits` are the new hits. Behind more than `most_layers` surfaces, rays hit nothing.
 void look_through(const Snapshot& snapshot, const Appearance& appearance, int most_layers, CancelToken& cancel,
                   std::span<Ray> rays, std::span<Hit> hits);
 
-// Writes all passes but `combined` of the pixels that lie inside `border`.
+// Writes all passes except `combined`, for the pixels inside `border`.
 void store_passes(const PassTargets& targets, const Snapshot& snapshot, const Appearance& appearance,
                   const ShutterRays& shutter, const PixelRect& border, int image_width, const CentreHits& found);
 

@@ -1,4 +1,4 @@
-// What to render and how: plain values, filled by the caller.
+// Render settings: plain values, filled by the caller.
 #pragma once
 
 #include <algorithm>
@@ -39,7 +39,7 @@ enum class Mode : std::uint8_t {
 struct ClaySettings {
   float ao_distance = 0.0f;    // world units; 0: from the size of the scene
   int light_rays = 1;          // towards the sky and towards the key light, for each camera sample
-  std::optional<Vec3f> color;  // instead of the materials' colours; matcap and wireframe take it, too
+  std::optional<Vec3f> color;  // replaces the materials' colours; matcap and wireframe use it, too
 };
 
 struct WireframeSettings {
@@ -51,14 +51,14 @@ struct RenderSettings {
   Mode mode = Mode::kClay;
   int width = 960, height = 540;
   std::uint32_t samples = 1, first_sample = 0;
-  bool is_continued = false;  // whether other samples follow; if not, a single one stands at the pixel's centre
+  bool is_continued = false;  // whether more samples follow; if not, a single one is at the pixel's centre
   float filter_width = 1.5f;  // pixels to each side
   std::uint32_t seed = 0;
   int threads = 0;          // 0: all
-  float kept_share = 0.0f;  // of the camera rays, to be checked: see RaySubset
-  // Which tiles of the image to trace, row by row, 0 for those to leave out; all if empty. See TileGrid.
+  float kept_share = 0.0f;  // of the camera rays, for checks: see RaySubset
+  // The tiles of the image to trace, row by row; 0 for skipped tiles. All if empty. See TileGrid.
   std::span<const std::uint8_t> wanted_tiles;
-  std::optional<Shutter> shutter;  // none: the scene stands still where it would open
+  std::optional<Shutter> shutter;  // empty: the scene is still, as when the shutter opens
   LightPaths light_paths;          // of the mode kPreview
   ClaySettings clay;
   WireframeSettings wireframe;
@@ -66,13 +66,14 @@ struct RenderSettings {
 
 // Palette -------------------------------------------------------------------------------------------------------------
 // Colours for numbers: distinct ones for ids, an even ramp for amounts.
-// Both are laid out in Oklab (Ottosson 2020), where equal steps look equal, and handed out encoded for the screen
-// (sRGB): they are codes, to be shown and stored as they are.
+// Both are defined in Oklab (Ottosson 2020), in which equal steps look equal, and returned encoded for the screen
+// (sRGB): they are codes, to be shown and stored unchanged.
 
-// From Oklab's lightness (0..1), chroma and hue (in turns), with as much of the chroma as the screen can show.
+// Makes a colour from Oklab's lightness (0..1), chroma and hue (in turns), with as much of the chroma as the screen can
+// show.
 [[nodiscard]] Vec3f color_from_lch(double lightness, double chroma, double hue) noexcept;
 
-// The same colour for the same id, always; neighbouring ids look unlike.
+// Returns a fixed colour for each id; neighbouring ids look different.
 [[nodiscard]] Vec3f id_color(std::uint32_t id) noexcept;
 
 // From deep violet (0) through red and orange to pale yellow (1), its lightness rising evenly.
@@ -86,7 +87,7 @@ class ColorRamp {
   std::array<Vec3f, kCells + 1> colors_;
 };
 
-// The scale of the mode "cost": logarithmic, eight doublings from 2 (violet) to 512 (pale yellow), whatever the scene.
+// The scale of the mode "cost": logarithmic, eight doublings from 2 (violet) to 512 (pale yellow), for all scenes.
 inline constexpr float kLeastCost = 2.0f;
 inline constexpr float kCostDoublings = 8.0f;
 
@@ -97,12 +98,12 @@ inline constexpr float kCostDoublings = 8.0f;
 }
 
 // Shading -------------------------------------------------------------------------------------------------------------
-// What a shading mode is: hits in, colours out, a whole batch at a time.
-// The tile loop traces camera rays, finds the surfaces with what the mode needs, and hands both over; the mode may
-// trace further rays in batches of its own. One virtual call a tile and sample. One file a mode;
+// The interface of a shading mode: hits in, colours out, a whole batch at a time.
+// The tile loop traces camera rays, finds the surfaces with the data that the mode needs, and passes both to the mode,
+// which may trace further rays in its own batches. There is one virtual call per tile and sample. Each mode has a file;
 // those that show a number of each hit are in data.cpp.
 
-// What reaches a point in the clay mode's studio.
+// The light that reaches a point in the clay mode's studio.
 struct StudioLight {
   Vec3f sky{0, 0, 0};  // relative to the open sky
   float key = 0.0f;    // cosine times visibility
@@ -112,45 +113,46 @@ struct StudioLight {
 struct ShadeScratch {
   AlignedVector<Ray> rays;
   AlignedVector<Hit> hits;
-  AlignedVector<std::uint32_t> targets;  // rows in ShadeTask::points that the rays belong to
-  AlignedVector<StudioLight> lights;     // a row a point
+  AlignedVector<std::uint32_t> targets;  // for each ray, the row in ShadeTask::points
+  AlignedVector<StudioLight> lights;     // one row per point
   PathTracer::Scratch paths, caught_paths;
-  AlignedVector<Rgba> caught_light, open_light;  // a row a point on a shadow catcher
+  AlignedVector<Rgba> caught_light, open_light;  // one row per point on a shadow catcher
 };
 
 struct ShadeTask {
   std::uint32_t sample;
-  std::span<const std::uint32_t> places;  // of the rays: by which their random numbers differ
+  std::span<const std::uint32_t> places;  // of the rays; they select their random numbers
   std::span<const Ray> rays;
   std::span<const Hit> hits;
-  std::span<const RayCounts> counts;     // empty unless the mode wants them
+  std::span<const RayCounts> counts;     // empty unless the mode needs them
   std::span<const SurfacePoint> points;  // hits that are not holdouts
-  std::span<Rgba> colors;                // of the rays; the background where nothing was hit, else zero
-  std::span<Vec3f> albedos, normals;     // of the rays, zero: what guides a denoiser; empty unless wanted
+  std::span<Rgba> colors;                // of the rays; initially the background if nothing was hit, else zero
+  std::span<Vec3f> albedos, normals;     // of the rays, initially zero: a denoiser's guides; empty unless requested
   ShadeScratch& scratch;
 };
 
 class ShadingMode {
  public:
   virtual ~ShadingMode() = default;
-  // Writes `colors` of the rays that belong to `points`, alpha included.
+  // Writes `colors`, including alpha, of the rays that belong to `points`.
   virtual void shade(const ShadeTask& task) const = 0;
 
   [[nodiscard]] virtual SurfaceNeeds needs() const noexcept { return {}; }
   [[nodiscard]] virtual bool wants_counts() const noexcept { return false; }
-  // Whether `shade` writes what guides a denoiser itself: it is then what is seen in mirrors and through panes.
+  // Returns whether `shade` writes a denoiser's guides itself: they then show what is seen in mirrors and through
+  // panes.
   [[nodiscard]] virtual bool has_guides() const noexcept { return false; }
-  // True for numbers that must not be blended: one sample at the pixel's centre, whatever was asked for.
+  // Returns true for numbers that must not be blended: always one sample at the pixel's centre.
   [[nodiscard]] virtual bool is_exact() const noexcept { return false; }
-  // Whether what is out of focus is blurred, if the camera has a lens, and what moves, if it has a shutter.
+  // Returns whether blur is rendered: out of focus if the camera has a lens, and of motion if it has a shutter.
   [[nodiscard]] virtual bool is_photograph() const noexcept { return false; }
-  // Whether something stands behind the surfaces, and its colour in the direction of a camera ray; x and y are the
-  // place in the frame, from the upper left (0, 0) to the lower right (1, 1).
+  // Returns whether there is something behind the surfaces. The next function returns its colour in the direction of a
+  // camera ray; x and y are the position in the frame, from the upper left (0, 0) to the lower right (1, 1).
   [[nodiscard]] virtual bool has_backdrop() const noexcept { return false; }
   [[nodiscard]] virtual Vec3f backdrop(const Ray& /*ray*/, float /*x*/, float /*y*/) const { return {0, 0, 0}; }
 };
 
-// What modes are made from; all of it outlives them.
+// The inputs of modes, which must outlive them.
 struct ModeInputs {
   const Snapshot& snapshot;
   const Appearance& appearance;

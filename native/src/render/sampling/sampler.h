@@ -1,10 +1,10 @@
-// Sample points in [0, 1)^2 that spread evenly over the samples of a pixel and over the pixels of the image.
-// In: a pixel, a dimension, a sample number. Out: a point that depends on these and the seed alone, never on tiles or
-// threads, so that an image can be made in any order and continued later.
-// The sequence is Sobol's in two dimensions with nested uniform scrambling by hashing (Burley 2020, with Vegdahl's
-// 2021 hash); further dimensions are padded. Each pixel flips its digits by an offset that follows a scrambled
-// Sobol sequence along a Z-order curve (Ahmed and Wonka 2020): neighbours differ as much as they can, so that the error
-// of a few samples has the look of blue noise.
+// Sample points in [0, 1)^2, evenly distributed over the samples of a pixel and over the pixels of the image.
+// In: a pixel, a dimension, a sample number. Out: a point that depends only on these and the seed, never on tiles or
+// threads, so that an image can be rendered in any order and continued later.
+// The sequence is Sobol's in two dimensions with nested uniform scrambling by hashing (Burley 2020, with Vegdahl's 2021
+// hash); further dimensions are padded. Each pixel flips its digits by an offset from a scrambled Sobol sequence along
+// a Z-order curve (Ahmed and Wonka 2020). Neighbours differ as much as possible, so that the error of a few samples
+// looks like blue noise.
 #pragma once
 
 #include <algorithm>
@@ -21,7 +21,7 @@ struct Point2 {
   float x, y;
 };
 
-// A point as binary fractions. Flipping the same digits of all points of a sequence keeps it as even as it was.
+// A point as binary fractions. Flipping the same digits of all points of a sequence keeps it equally even.
 struct FixedPoint2 {
   std::uint32_t x, y;
 
@@ -49,8 +49,8 @@ constexpr std::uint32_t reverse_bits(std::uint32_t x) noexcept {
   return ((x & 0x55555555u) << 1) | ((x & 0xaaaaaaaau) >> 1);
 }
 
-// Owen's nested scrambling of a binary fraction whose bits are given in reverse: each bit of the result depends
-// on the lower ones only.
+// Owen's nested scrambling of a binary fraction whose bits are given in reverse: each bit of the result depends only on
+// the lower ones.
 constexpr std::uint32_t scramble_reversed(std::uint32_t x, std::uint32_t seed) noexcept {
   x ^= x * 0x3d20adeau;
   x += seed;
@@ -60,8 +60,8 @@ constexpr std::uint32_t scramble_reversed(std::uint32_t x, std::uint32_t seed) n
   return x;
 }
 
-// The second Sobol dimension's generator is Pascal's triangle modulo 2, a Kronecker power of ((1, 1), (0, 1)): five
-// shifts apply it. Gives the reversed bits of the fraction.
+// The second Sobol dimension's generator is Pascal's triangle modulo 2, a Kronecker power of ((1, 1), (0, 1)), which
+// five shifts apply. Returns the reversed bits of the fraction.
 constexpr std::uint32_t second_dimension_reversed(std::uint32_t index) noexcept {
   index ^= (index & 0xffff0000u) >> 16;
   index ^= (index & 0xff00ff00u) >> 8;
@@ -71,7 +71,7 @@ constexpr std::uint32_t second_dimension_reversed(std::uint32_t index) noexcept 
   return index;
 }
 
-// Point `index` of a scrambled (0, 2)-sequence; the order of the points is scrambled as well.
+// Returns point `index` of a scrambled (0, 2)-sequence; the order of the points is scrambled as well.
 constexpr FixedPoint2 scrambled_sobol(std::uint32_t index, std::uint32_t seed) noexcept {
   const std::uint32_t shuffled = reverse_bits(scramble_reversed(reverse_bits(index), mix(seed ^ 0x68bc21ebu)));
   return {reverse_bits(scramble_reversed(shuffled, mix(seed ^ 0x02e5be93u))),
@@ -97,7 +97,7 @@ class Dimension {
   constexpr Dimension(std::uint32_t seed, std::uint32_t number) noexcept
       : seed_(sampling::mix(sampling::mix(seed) + number)) {}
 
-  // The same for every pixel: work it out once a tile.
+  // The same for every pixel: compute it once per tile.
   [[nodiscard]] constexpr FixedPoint2 sample(std::uint32_t index) const noexcept {
     return sampling::scrambled_sobol(index, seed_);
   }
@@ -111,9 +111,9 @@ class Dimension {
 };
 
 // Directions ----------------------------------------------------------------------------------------------------------
-// Directions about an axis: what every mode that samples light is made of.
+// Directions about an axis, for all modes that sample light.
 
-// Two unit vectors that make a right-handed frame with the unit vector z (Duff et al. 2017).
+// Two unit vectors that form a right-handed frame with the unit vector z (Duff et al. 2017).
 struct Frame {
   Vec3f x, y, z;
   explicit Frame(Vec3f axis) noexcept : z(axis) {
@@ -125,7 +125,7 @@ struct Frame {
   [[nodiscard]] Vec3f world(Vec3f v) const noexcept { return x * v.x + y * v.y + z * v.z; }
 };
 
-// About an axis, with x as near to another direction as it can be, turned about the axis.
+// Returns a frame about an axis, with x as near to another direction as possible, turned about the axis.
 [[nodiscard]] inline Frame framed(Vec3f axis, Vec3f along, float turns = 0.0f) noexcept {
   Frame frame(axis);
   const Vec3f across = cross(axis, along);
@@ -137,7 +137,8 @@ struct Frame {
   return frame;
 }
 
-// Uniform over the unit disk; equal areas stay together, so an even set of points stays even (Shirley and Chiu 1997).
+// Maps uniformly to the unit disk; equal areas stay together, so an even set of points stays even (Shirley and Chiu
+// 1997).
 [[nodiscard]] inline Point2 uniform_disk(Point2 uniform) noexcept {
   const float a = 2.0f * uniform.x - 1.0f, b = 2.0f * uniform.y - 1.0f;
   if (a == 0.0f && b == 0.0f) return {0.0f, 0.0f};
@@ -149,7 +150,7 @@ struct Frame {
   return {radius * cosine, radius * sine};
 }
 
-// Spread like the cosine over the hemisphere of a unit normal.
+// Samples the hemisphere of a unit normal with a cosine distribution.
 [[nodiscard]] inline Vec3f cosine_direction(Vec3f normal, Point2 uniform) noexcept {
   const Point2 flat = uniform_disk(uniform);
   const float height = std::sqrt(std::max(0.0f, 1.0f - flat.x * flat.x - flat.y * flat.y));

@@ -1,5 +1,5 @@
-// The tiles of an image. Their borders lie at the same pixels whatever part of the image is rendered, so that the sums
-// of a pixel's samples, tile by tile, are the same bit for bit.
+// The tiles of an image. Their borders are at the same pixels for any rendered part of the image, so that the sums of a
+// pixel's samples, tile by tile, are the same bit for bit.
 #pragma once
 
 #include <algorithm>
@@ -10,7 +10,7 @@ namespace perfect_bvh {
 
 inline constexpr int kTileSize = 32;
 
-// Along one side of an image of so many pixels.
+// Returns the tiles along one side of an image with this many pixels.
 [[nodiscard]] constexpr std::size_t tile_count(int pixels) noexcept {
   return static_cast<std::size_t>((pixels + kTileSize - 1) / kTileSize);
 }
@@ -24,7 +24,7 @@ class TileGrid {
   [[nodiscard]] std::size_t count() const noexcept {
     return static_cast<std::size_t>(columns()) * static_cast<std::size_t>(last_row() - first_row() + 1);
   }
-  // The part of a tile that lies in the area.
+  // Returns the part of a tile inside the area.
   [[nodiscard]] PixelRect at(std::size_t tile) const noexcept {
     const PixelRect whole = whole_at(tile);
     return {std::max(whole.x0, area_.x0), std::max(whole.y0, area_.y0), std::min(whole.x1, area_.x1),
@@ -36,7 +36,7 @@ class TileGrid {
     return {x, y, x + kTileSize, y + kTileSize};
   }
 
-  // Those that hold pixels of a rectangle, row by row.
+  // Visits the tiles with pixels of a rectangle, row by row.
   template <class Visit>
   void visit(PixelRect rect, const Visit& visit_tile) const {
     const int left = std::max(rect.x0 / kTileSize, first_column());

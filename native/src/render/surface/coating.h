@@ -1,7 +1,8 @@
-// What lies on top of a surface: fibers of cloth or dust (sheen), and below them a clear coat.
-// In: a finish, normals, the way to the viewer. Out: as of Bsdf, and what is left of light for what lies below.
+// The layers on top of a surface: fibers of cloth or dust (sheen), and below them a clear coat.
+// In: a finish, normals, the direction to the viewer. Out: as for Bsdf, and the share of light left for the layers
+// below.
 // Sheen is a linearly transformed cosine (Zeltner et al. 2022, "Practical Multiple-Scattering Sheen Using Linearly
-// Transformed Cosines"), a coat GGX facets of a dielectric that lose what they throw at one another, as in Cycles.
+// Transformed Cosines"). A coat is GGX facets of a dielectric that lose the light scattered between them, as in Cycles.
 #pragma once
 
 #include "render/sampling/sampler.h"
@@ -10,7 +11,7 @@
 
 namespace perfect_bvh {
 
-// A cosine lobe sheared and scaled towards a viewer at this cosine, and how much it reflects in all.
+// A cosine lobe sheared and scaled towards a viewer at this cosine, and its total reflectance.
 struct SheenLobe {
   float scale, shear, albedo;
 };
@@ -23,7 +24,7 @@ class Coating {
     Vec3f light{0, 0, 0};
     float density = 0.0f;
   };
-  // Of the base: the normal of shading, that of the triangle, and the way to the viewer.
+  // The geometry of the base: the shading normal, the triangle's normal, and the direction to the viewer.
   struct Place {
     Vec3f normal, geometric_normal, view;
   };
@@ -32,7 +33,7 @@ class Coating {
   Coating(const Material& material, const Finish& finish, const Place& place, float least_alpha,
           bool has_coat) noexcept;
 
-  // How much is left of what lies below.
+  // Returns the share of light left for the layers below.
   [[nodiscard]] Vec3f below() const noexcept { return below_; }
   [[nodiscard]] Vec3f sheen_albedo() const noexcept { return sheen_; }
   [[nodiscard]] Vec3f coat_albedo() const noexcept { return coat_albedo_; }

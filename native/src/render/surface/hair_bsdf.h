@@ -1,9 +1,9 @@
-// How a strand of hair scatters light: as a dielectric cylinder that absorbs (Marschner et al. 2003). Its lobes are the
-// light that is reflected (R), that passes through (TT), that is reflected once inside (TRT), and the rest; each is a
-// spread along the fiber (d'Eon et al. 2011) times one around it, a logistic one (Chiang et al. 2016). No light is lost
-// but what is absorbed.
-// In: a row of the table, the strand's direction and normal at a hit, the way to the viewer. Out: as of Bsdf, but that
-// there is no cosine: a strand is lit from all around.
+// The scattering of a strand of hair: a dielectric cylinder that absorbs light (Marschner et al. 2003). Its lobes are
+// light that is reflected (R), that passes through (TT), that is reflected once inside (TRT), and the rest. Each is a
+// distribution along the fiber (d'Eon et al. 2011) times one around it, a logistic one (Chiang et al. 2016). Light is
+// only lost by absorption.
+// In: a row of the table, the strand's direction and normal at a hit, the direction to the viewer. Out: as for Bsdf,
+// but without a cosine: a strand is lit from all around.
 #pragma once
 
 #include <array>
@@ -14,28 +14,29 @@
 
 namespace perfect_bvh {
 
-// By the sine and cosine of its angle with the plane across the fiber, and the angle around the fiber from the viewer
-// on.
+// A direction by the sine and cosine of its angle with the plane across the fiber, and the angle around the fiber,
+// starting at the viewer.
 struct HairDirection {
   double sine, cosine;  // along the fiber, across it
   double around;        // -pi to pi
 };
 
 struct HairValue {
-  Vec3f share{0, 0, 0};  // of the light that comes from there, per solid angle
-  double density = 0.0;  // with which `sample` chooses the direction, over solid angle
+  Vec3f share{0, 0, 0};  // of the light from there, per solid angle
+  double density = 0.0;  // probability density of the direction in `sample`, over solid angle
 };
 
-// What the base colour absorbs, so that fur of it looks about like it (the fit of Chiang et al. 2016).
+// Returns an absorption for which fur looks about like the base colour (the fit of Chiang et al. 2016).
 [[nodiscard]] Vec3f absorption_of(Vec3f color, float radial_roughness) noexcept;
 
-// In the fiber's own directions.
+// In the fiber's own frame.
 class HairFiber {
  public:
   static constexpr int kLobes = 4;  // R, TT, TRT, the rest
 
-  // view: the viewer's direction, around 0. aside: -1 to 1, from one edge of the fiber to the other, as the sine of
-  // the angle around from the normal to the viewer. least: no lobe is narrower (see Bsdf::Limits::least_alpha).
+  // view: the viewer's direction, at angle 0 around. aside: -1 to 1, from one edge of the fiber to the other, the sine
+  // of the angle around from the normal to the viewer. least: the minimum width of lobes (see
+  // Bsdf::Limits::least_alpha).
   HairFiber(const Hair& hair, Vec3f absorption, const HairDirection& view, double aside, float least) noexcept;
 
   [[nodiscard]] HairValue evaluate(const HairDirection& direction) const noexcept;
@@ -63,7 +64,7 @@ class HairFiber {
 
   HairDirection view_;
   std::array<Lobe, kLobes> lobes_;
-  std::array<Vec3f, kLobes> shares_;  // of the light that is scattered
+  std::array<Vec3f, kLobes> shares_;  // of the scattered light
 };
 
 // In world space.
@@ -74,21 +75,21 @@ class HairBsdf {
   };
 
   struct Value {
-    Vec3f share{0, 0, 0};  // of the light that comes from there, per solid angle
-    float density = 0.0f;  // with which `sample` chooses the direction, over solid angle
+    Vec3f share{0, 0, 0};  // of the light from there, per solid angle
+    float density = 0.0f;  // probability density of the direction in `sample`, over solid angle
   };
   struct Sample {
     Vec3f direction;
-    bool passes;  // rather than that it is reflected
+    bool passes;  // transmitted, not reflected
   };
 
-  // color: the material's, for what is `colored`. least: no lobe is narrower (see Bsdf::Limits::least_alpha).
+  // color: the material's, for `colored` hair. least: the minimum width of lobes (see Bsdf::Limits::least_alpha).
   HairBsdf(const Hair& hair, Vec3f color, const Place& place, float least) noexcept;
 
   [[nodiscard]] Value evaluate(Vec3f direction) const noexcept;
-  // pick: 0 to 1, apart from `random`.
+  // pick: 0 to 1, independent of `random`.
   [[nodiscard]] Sample sample(float pick, Point2 random) const noexcept;
-  // All that is scattered.
+  // Returns the total share of scattered light.
   [[nodiscard]] Vec3f albedo() const noexcept { return fiber_.albedo(); }
 
  private:

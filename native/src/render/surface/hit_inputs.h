@@ -1,4 +1,5 @@
-// What nodes may know of hits on a scene's surfaces. In: hits and the appearance. Out: places, normals, layers.
+// The data on hits of a scene's surfaces that nodes may read. In: hits and the appearance. Out: positions, normals,
+// layers.
 #pragma once
 
 #include <array>
@@ -17,9 +18,9 @@ class HitInputs final : public NodeInputs {
   explicit HitInputs(const Appearance& appearance) : appearance_(appearance) { posed_.reserve(kNodeLanes); }
 
   void clear() noexcept { count_ = 0, posed_.clear(); }
-  // One more, as long as there are fewer than kNodeLanes. What it refers to is kept until the next clear().
+  // Adds a hit, while there are fewer than kNodeLanes. The arguments must stay valid until the next clear().
   void add(const Instance& instance, const Ray& ray, const Hit& hit, const SurfacePoint& point);
-  // Call after the last one: works out where hits lie, as far as a program needs that.
+  // Call after the last one: computes the hits' positions, as far as a program needs them.
   void prepare(const NodeNeeds& needs);
   [[nodiscard]] std::size_t count() const noexcept { return count_; }
 
@@ -29,12 +30,12 @@ class HitInputs final : public NodeInputs {
 
  private:
   struct Lane {
-    const Instance* instance;  // where it stands at the ray's time
+    const Instance* instance;  // placed at the ray's time
     const Ray* ray;
     const SurfacePoint* point;
-    Hit sides[3];     // the hit itself, and the places beside it
+    Hit sides[3];     // the hit itself, and the shifted points
     Vec3d places[3];  // in the mesh's stored frame
-    Vec3f ways[3];    // to them, in world space; the first is zero
+    Vec3f ways[3];    // vectors to them, in world space; the first is zero
   };
 
   void find_sides(Lane& lane, float pixels) const;

@@ -1,6 +1,6 @@
-// How much of the light that meets a smooth boundary is reflected.
-// In: the cosine between the normal and the way to the viewer; the quotient of the two refractive indices, that of the
-// far side over that of the viewer's. Out: shares, 0 to 1. The rest passes.
+// The share of light reflected by a smooth boundary.
+// In: the cosine between the normal and the direction to the viewer; the ratio of the refractive indices, far side over
+// viewer's side. Out: shares, 0 to 1. The rest passes.
 #pragma once
 
 #include <algorithm>
@@ -15,7 +15,7 @@
 
 namespace perfect_bvh {
 
-// Seen from straight above.
+// Along the normal.
 [[nodiscard]] inline float reflectance_of(float ior) noexcept {
   const float root = (ior - 1.0f) / (ior + 1.0f);
   return root * root;
@@ -27,9 +27,9 @@ namespace perfect_bvh {
 
 struct Fresnel {
   float reflected = 1.0f;
-  float cosine = 0.0f;  // of the refracted way with the normal's other side; 0 if all is reflected
+  float cosine = 0.0f;  // between the refracted direction and the opposite normal; 0 if all is reflected
 };
-// Of unpolarised light.
+// For unpolarized light.
 [[nodiscard]] inline Fresnel fresnel(float cosine, float ior) noexcept {
   const float square = 1.0f - (1.0f - cosine * cosine) / (ior * ior);
   if (!(square > 0.0f)) return {};
@@ -39,7 +39,7 @@ struct Fresnel {
   return {0.5f * (across * across + along * along), refracted};
 }
 
-// A boundary whose reflection seen from straight above is tinted; at a slant it is white.
+// A boundary whose reflection along the normal is tinted; at grazing angles it is white.
 class DielectricFresnel {
  public:
   DielectricFresnel() = default;
@@ -48,7 +48,7 @@ class DielectricFresnel {
 
   [[nodiscard]] float ior() const noexcept { return ior_; }
   [[nodiscard]] Vec3f operator()(float cosine) const noexcept { return risen(rise(fresnel(cosine, ior_).reflected)); }
-  // How far a share of light has risen from that seen from straight above to all.
+  // Converts a share of light to a position from the reflection along the normal (0) to full reflection (1).
   [[nodiscard]] float rise(float share) const noexcept {
     return least_ < 1.0f ? std::max((share - least_) / (1.0f - least_), 0.0f) : 1.0f;
   }
@@ -59,13 +59,13 @@ class DielectricFresnel {
   Vec3f reflectance_{0, 0, 0};
 };
 
-// How far a metal's reflection has risen from that seen from above to all (Schlick 1994).
+// Returns how far a metal's reflection has risen from that along the normal to full reflection (Schlick 1994).
 [[nodiscard]] inline float schlick_rise(float cosine) noexcept {
   const float rest = 1.0f - std::clamp(cosine, 0.0f, 1.0f), square = rest * rest;
   return square * square * rest;
 }
 
-// A metal that reflects `edge` of what it would by Schlick's formula at 82 degrees (Kutz et al. 2021, "F82-tint").
+// A metal that reflects, at 82 degrees, `edge` times the value of Schlick's formula (Kutz et al. 2021, "F82-tint").
 class MetalFresnel {
  public:
   MetalFresnel() = default;
@@ -82,23 +82,23 @@ class MetalFresnel {
   [[nodiscard]] Vec3f mean() const noexcept {
     return reflectance_ + (Vec3f{1, 1, 1} - reflectance_) * (1.0f / 21.0f) - dip_ * (1.0f / 126.0f);
   }
-  // Of rough metal, whose facets reflect so much more than seen from straight above.
+  // For rough metal, with the rise of its facets' reflection from that along the normal.
   [[nodiscard]] Vec3f risen(float rise) const noexcept { return reflectance_ + (Vec3f{1, 1, 1} - reflectance_) * rise; }
 
  private:
   Vec3f reflectance_{0, 0, 0}, dip_{0, 0, 0};
 };
 
-// The mean over all directions, each as likely as light is that comes evenly from everywhere, of a boundary of this
-// index above 1 (the fit of d'Eon 2021).
+// Returns the mean reflection of a boundary with this index above 1, over directions of uniform incident light (the fit
+// of d'Eon 2021).
 [[nodiscard]] inline float mean_fresnel(float ior) noexcept { return (ior - 1.0f) / (4.08567f + 1.00071f * ior); }
 
 // Microfacets ---------------------------------------------------------------------------------------------------------
-// Rough surfaces as facets, each a mirror or a pane (Walter et al. 2007): the GGX distribution of their slopes, which
-// of them are seen, and what they reflect in all. In: vectors in the frame of the surface's normal (z), on its side;
-// alpha, the width of the slopes. Out: densities over solid angle and shares.
+// Rough surfaces as facets, each a mirror or a pane (Walter et al. 2007): the GGX distribution of their slopes, their
+// visibility, and their total reflection. In: vectors in the frame of the surface's normal (z), on its side; alpha, the
+// width of the slopes. Out: densities over solid angle and shares.
 
-inline constexpr float kSmoothAlpha = 5e-4f;  // narrower slopes scatter into one direction each
+inline constexpr float kSmoothAlpha = 5e-4f;  // narrower slopes count as a single direction
 
 enum class FacetKind : std::uint8_t { kGgx, kBeckmann, kAshikhminShirley };
 
@@ -116,26 +116,27 @@ class Facets {
 
   [[nodiscard]] bool narrower_than(float alpha) const noexcept { return product_ < alpha * alpha; }
 
-  // Of normals over solid angle. From the sine rather than the cosine, which has no digits left where slopes are small.
+  // Returns the density of normals over solid angle. Computed from the sine rather than the cosine, which loses all
+  // digits for small slopes.
   [[nodiscard]] float density(Vec3f normal) const noexcept {
     const float slope = normal.x * normal.x * narrower_ + normal.y * normal.y * wider_;
     const float spread = normal.z * normal.z * product_ + slope;
     return product_ * std::numbers::inv_pi_v<float> / (spread * spread);
   }
-  // Of those that `choose_seen` chooses.
+  // Returns the density of normals from `choose_seen`.
   [[nodiscard]] float seen_density(Vec3f view, Vec3f normal) const noexcept {
     if (kind_ != FacetKind::kGgx) return density_of_other(normal);
     return density(normal) * std::max(dot(view, normal), 0.0f) / (view.z * (1.0f + hidden(view)));
   }
-  // Light that facets of this normal send to the viewer from a direction, in parts of what they would if the chance of
-  // `choose_seen` were what is seen of them and all of it were lit. Of GGX the share that is lit of what is seen;
-  // heights correlated (Heitz 2014).
+  // Returns the light that facets of this normal reflect from a direction to the viewer, relative to the case in which
+  // `choose_seen` has the density of visible facets and all of them are lit. For GGX, this is the lit share of the
+  // visible part, with correlated heights (Heitz 2014).
   [[nodiscard]] float lit_of_seen(Vec3f view, Vec3f light, Vec3f normal) const noexcept {
     if (kind_ != FacetKind::kGgx) return lit_of_other(view, light, normal);
     const float seen = 1.0f + hidden(view);
     return seen / (seen + hidden(light));
   }
-  // A facet's normal: of GGX as likely as it is seen (Heitz 2018; Dupuy and Benyoub 2023), of others as it is there.
+  // Samples a facet's normal: for GGX by visible area (Heitz 2018; Dupuy and Benyoub 2023), for others by area.
   [[nodiscard]] Vec3f choose_seen(Vec3f view, Point2 random) const noexcept {
     if (kind_ != FacetKind::kGgx) return choose_other(random);
     const Vec3f stretched = normalized(Vec3f{view.x * along_, view.y * across_, view.z});
@@ -147,12 +148,12 @@ class Facets {
   }
 
  private:
-  // The square of how much steeper slopes are than a direction, which may lead below.
+  // Returns the squared ratio of the slopes to the steepness of a direction, which may point below the surface.
   [[nodiscard]] float steepness(Vec3f direction) const noexcept {
     const float x = direction.x * along_, y = direction.y * across_;
     return (x * x + y * y) / std::max(direction.z * direction.z, 1e-8f);
   }
-  // Smith's: of a facet that is seen so many are hidden.
+  // Smith's function: the hidden facets per visible one.
   [[nodiscard]] float hidden(Vec3f direction) const noexcept {
     return 0.5f * (std::sqrt(1.0f + steepness(direction)) - 1.0f);
   }
@@ -161,29 +162,29 @@ class Facets {
   [[nodiscard]] Vec3f choose_other(Point2 random) const noexcept;
 
   float along_, across_, product_;
-  float narrower_ = 1.0f, wider_ = 1.0f;  // across by along, and the other way round
+  float narrower_ = 1.0f, wider_ = 1.0f;  // across by along, and the inverse
   FacetKind kind_ = FacetKind::kGgx;
 };
 
-// In even steps from 0 to 1: by roughness, by cosine.
+// At equal steps from 0 to 1: by roughness, by cosine.
 inline constexpr int kFacetSteps = 16;
 using FacetRow = std::array<float, kFacetSteps>;
 using FacetTable = std::array<FacetRow, kFacetSteps>;
 
 [[nodiscard]] float look_up(const FacetTable& table, float cosine, float roughness) noexcept;
 
-// What facets reflect of light from all around towards a viewer, in numbers worked out once a process.
+// The reflection of facets towards a viewer under uniform light, in tables computed once per process.
 class FacetAlbedo {
  public:
   [[nodiscard]] static const FacetAlbedo& tables();
 
-  // Of perfect mirrors; less than 1, as light that a facet throws at another is not followed.
+  // For perfect mirrors; less than 1, because light between facets is not followed.
   [[nodiscard]] float of_mirrors(float cosine, float roughness) const noexcept {
     return look_up(mirrors_, cosine, roughness);
   }
   [[nodiscard]] float mean_of_mirrors(float roughness) const noexcept;
-  // How far reflection has risen, in the mean over the facets that are seen, from that seen from straight above to all:
-  // of metals (Schlick), and of a boundary of this refractive index above 1.
+  // Returns how far reflection has risen, averaged over visible facets, from that along the normal to full reflection:
+  // for metals (Schlick), and for a boundary of this refractive index above 1.
   [[nodiscard]] float metal_rise(float cosine, float roughness) const noexcept {
     return look_up(metals_, cosine, roughness);
   }
@@ -198,27 +199,28 @@ class FacetAlbedo {
   std::array<FacetTable, kFacetSteps> dielectrics_;  // by index
 };
 
-// The share of light that leaves facets at once: towards a viewer, and in the mean over all viewers, each as likely as
-// the cosine.
+// The share of light that leaves facets directly: towards a viewer, and averaged over all viewers, weighted by the
+// cosine.
 struct FacetShare {
   float here, mean;
 };
 [[nodiscard]] FacetShare share_of_mirrors(float cosine, float roughness) noexcept;
-// Of glass, reflected and refracted together. ior: of the far side over that of the viewer's.
+// For glass, reflected and refracted together. ior: far side over viewer's side.
 [[nodiscard]] FacetShare share_of_panes(float cosine, float roughness, float ior);
 
-// Light that facets throw at each other and that leaves in the end, in parts of what leaves at once (Kulla and Conty
-// 2017, as Turquin 2019 adds it). color: what is left of light that meets a facet, over all directions. kept: the
-// share of that light which is not lost: 1 for Multiscatter GGX, 0 for GGX.
+// Adds the light that leaves after bouncing between facets, relative to the direct light (Kulla and Conty 2017, as
+// added by Turquin 2019). color: the share of light that a facet reflects, over all directions. kept: the share of
+// bounced light that is not lost: 1 for Multiscatter GGX, 0 for GGX.
 [[nodiscard]] Vec3f with_what_bounces(Vec3f color, const FacetShare& share, float kept) noexcept;
 
-// The normal that facets are spread around. A smooth normal may send a mirror's image below the triangle, where there
-// is nothing to be seen: it is turned towards the triangle's own until the image lies just above, as Cycles has it.
-// In: both normals and the way to the viewer, unit length, the triangle's on the viewer's side. Out: a unit normal.
+// Returns the normal around which facets are distributed. A smooth normal may send a mirror image below the triangle,
+// where nothing is visible: it is turned towards the triangle's own normal until the image is just above, as in Cycles.
+// In: both normals and the direction to the viewer, unit length, the triangle's on the viewer's side. Out: a unit
+// normal.
 //
 // In the plane of both normals the view is r (sin p, cos p), across the triangle's normal and along it. Mirrored at a
-// normal of the angle a from the triangle's it has the height r cos(2 a - p), which is `least` where a is half of p + q
-// and r cos q is `least`: that normal lies half-way between the triangle's and the direction at p + q.
+// normal at angle a from the triangle's, it has the height r cos(2 a - p). This is `least` if a is half of p + q and r
+// cos q is `least`: that normal is half-way between the triangle's and the direction at p + q.
 [[nodiscard]] inline Vec3f bent_normal(Vec3f smooth, Vec3f geometric, Vec3f view) noexcept {
   const float height = dot(view, geometric), along = dot(smooth, geometric);
   const float least = std::min(0.9f * height, 0.01f);

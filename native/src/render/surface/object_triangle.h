@@ -1,5 +1,5 @@
-// The triangle that was hit, in its mesh's frame, and what the mesh has between its corners: layers and normals.
-// In: an instance and a hit. Out: corners, weights, mixed values.
+// The hit triangle in its mesh's frame, and the mesh's layers and normals interpolated between its corners.
+// In: an instance and a hit. Out: corners, weights, interpolated values.
 #pragma once
 
 #include <algorithm>
@@ -15,14 +15,14 @@
 
 namespace perfect_bvh {
 
-// What one of a mesh's layers, uvs or colours, has where a ray hit: between the corners of a triangle, and of curves
-// and points either what a whole one has, or between the control points of a curve.
+// Interpolates one of a mesh's layers, uvs or colours, at a hit: between the corners of a triangle. For curves and
+// points, returns the value of the whole one, or interpolates between the control points of a curve.
 inline Vec3f mixed(Vec3f a, float share_a, Vec3f b, float share_b) noexcept { return a * share_a + b * share_b; }
 inline Point2 mixed(Point2 a, float share_a, Point2 b, float share_b) noexcept {
   return {a.x * share_a + b.x * share_b, a.y * share_a + b.y * share_b};
 }
 
-// Of curves and points; the layer is known to fit.
+// For curves and points; the layer is known to match the mesh.
 template <class T>
 T round_layer_at(const Mesh& mesh, const MeshAttributes& attributes, std::span<const T> layer,
                  const Hit& hit) noexcept {
@@ -36,7 +36,7 @@ T round_layer_at(const Mesh& mesh, const MeshAttributes& attributes, std::span<c
   return mixed(layer[first + span], 1.0f - u, layer[first + span + 1], u);
 }
 
-// None if the mesh lacks the layer of that number. Throws InvalidArgument for one that does not fit the mesh.
+// Returns none if the mesh lacks the layer of that number. Throws InvalidArgument if it does not match the mesh.
 template <class T>
 std::optional<T> layer_at(const Appearance& appearance, const Instance& instance, const Hit& hit,
                           std::vector<std::span<const T>> MeshAttributes::* layers, std::int32_t number) {
@@ -72,7 +72,7 @@ inline ObjectTriangle object_triangle(const Instance& instance, const Hit& hit, 
           {1.0 - u - v, u, v}};
 }
 
-// Unit length, on the outer side as the mesh's own winding has it; zero for a triangle without area.
+// Returns the normal, unit length, on the outer side by the mesh's own winding; zero for a triangle without area.
 inline Vec3d outer_normal(const Instance& instance, const ObjectTriangle& triangle) noexcept {
   const Affine& map = instance.object_to_world;
   const Vec3d edge1 = map.vector(triangle.corners[1] - triangle.corners[0]);
@@ -83,7 +83,7 @@ inline Vec3d outer_normal(const Instance& instance, const ObjectTriangle& triang
 
 using CornerNormals = std::array<Vec3f, 3>;
 
-// Normals of a triangle at one time, at another: they turn and are sheared as it is.
+// Transfers a triangle's normals from one time to another: they turn and shear with it.
 inline CornerNormals carried(const CornerNormals& normals, const ObjectTriangle& from,
                              const ObjectTriangle& to) noexcept {
   const auto edge = [](const ObjectTriangle& triangle, int i) { return triangle.corners[i] - triangle.corners[0]; };
@@ -100,7 +100,7 @@ inline CornerNormals carried(const CornerNormals& normals, const ObjectTriangle&
   return result;
 }
 
-// Of the triangle as it is when it is hit.
+// Returns the normals of the triangle at the time of the hit.
 inline CornerNormals corner_normals(const Appearance& appearance, const MeshAttributes& attributes,
                                     const Instance& instance, const Hit& hit, const ObjectTriangle& triangle) {
   appearance.check_fits(instance, attributes);
@@ -110,15 +110,15 @@ inline CornerNormals corner_normals(const Appearance& appearance, const MeshAttr
   return carried(normals, object_triangle(instance, hit, appearance.frame_time), triangle);
 }
 
-// Between the corners, in the mesh's frame; not of unit length.
+// Interpolates between the corners, in the mesh's frame; not normalized.
 inline Vec3d object_normal(const CornerNormals& normals, const ObjectTriangle& triangle) noexcept {
   return to_double(normals[0]) * triangle.weights[0] + to_double(normals[1]) * triangle.weights[1] +
          to_double(normals[2]) * triangle.weights[2];
 }
 
-// Of unit length in the world, for a normal in the mesh's frame; `fallback` for one that has no direction.
+// Transforms a normal from the mesh's frame to world space, with unit length; `fallback` if it has no direction.
 inline Vec3d world_normal(const Instance& instance, Vec3d object, Vec3d fallback) noexcept {
-  // By the cofactors, which are the inverse's transpose but for a factor.
+  // Uses the cofactors, which equal the inverse's transpose up to a factor.
   const Affine& map = instance.object_to_world;
   const Vec3d world =
       (cross(map.y, map.z) * object.x + cross(map.z, map.x) * object.y + cross(map.x, map.y) * object.z) *

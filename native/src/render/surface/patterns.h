@@ -1,8 +1,8 @@
-// Patterns of Blender's texture nodes that need no fractal of their own: Checker, Brick, Gradient, Magic, Wave and
-// White Noise. In: settings and a point. Out: a number or a colour.
+// Patterns of Blender's texture nodes without a fractal: Checker, Brick, Gradient, Magic, Wave and White Noise. In:
+// settings and a point. Out: a number or a colour.
 //
-// Formulas are those that the nodes' pictures and values follow (Blender's manual, "Texture Nodes"). Points are moved
-// by a millionth where sides of a cube would lie on a step of the pattern.
+// The formulas match the nodes' images and values (Blender's manual, "Texture Nodes"). Points are shifted by a
+// millionth where a cube's sides would coincide with a step of the pattern.
 #pragma once
 
 #include <cstdint>
@@ -11,7 +11,7 @@
 
 namespace perfect_bvh {
 
-// 1 in the cells of the first colour, 0 in those of the second.
+// Returns 1 in the cells of the first colour, 0 in those of the second.
 [[nodiscard]] float checker_factor(float scale, Vec3f p) noexcept;
 
 struct BrickSettings {
@@ -36,14 +36,14 @@ enum class GradientKind : std::uint8_t {
   kQuadraticSphere,
   kRadial
 };
-// 0 to 1.
+// Returns 0 to 1.
 [[nodiscard]] float gradient_factor(GradientKind kind, Vec3f p) noexcept;
 
 struct MagicSettings {
   int depth = 2;  // 0 to 10
   float scale = 5.0f, distortion = 1.0f;
 };
-// The node's factor is the mean of the three.
+// Returns three channels; the node's factor is their mean.
 [[nodiscard]] Vec3f magic_color(const MagicSettings& settings, Vec3f p) noexcept;
 
 enum class WaveKind : std::uint8_t { kBands, kRings };
@@ -56,12 +56,12 @@ struct WaveSettings {
   float scale = 5.0f, distortion = 0.0f, detail = 2.0f, detail_scale = 1.0f, detail_roughness = 0.5f;
   float phase = 0.0f;  // radians
 };
-// 0 to 1.
+// Returns 0 to 1.
 [[nodiscard]] float wave_factor(const WaveSettings& settings, Vec3f p) noexcept;
 
-// Random numbers from 0 to 1, the same for points of the same bits. dimensions: as in NoiseSettings.
+// Return random numbers from 0 to 1, the same for points with the same bits. dimensions: as in NoiseSettings.
 [[nodiscard]] float white_noise_value(int dimensions, Vec3f p, float w) noexcept;
-// Its red is the value.
+// The red channel is the value.
 [[nodiscard]] Vec3f white_noise_color(int dimensions, Vec3f p, float w) noexcept;
 
 }  // namespace perfect_bvh

@@ -1,4 +1,4 @@
-// Runs a node program over a batch of hits. In: the program and what the hits have. Out: rows of floats, a row a
+// Runs a node program over a batch of hits. In: the program and the hits' data. Out: rows of floats, one row per
 // channel.
 #pragma once
 
@@ -12,15 +12,15 @@
 
 namespace perfect_bvh {
 
-inline constexpr std::size_t kNodeLanes = 64;  // hits that are worked on together
+inline constexpr std::size_t kNodeLanes = 64;  // hits processed together
 using NodeChannel = float[kNodeLanes];
 
-// In the order of a Vector Transform's modes; its setting is the space that it takes from, times 3, plus the other.
+// In the order of a Vector Transform's modes. Its setting is the source space times 3, plus the target space.
 // Camera: see RayMaker::frame.
 enum class VectorKind : std::uint8_t { kPoint, kVector, kNormal };
 enum class VectorSpace : std::uint8_t { kWorld, kObject, kCamera };
 
-// What nodes may know of the hits of one batch.
+// The data that nodes may read about the hits of one batch.
 class NodeInputs {
  public:
   NodeInputs() = default;
@@ -30,18 +30,18 @@ class NodeInputs {
 
   // Fills four channels; see NodeInput for the number and the side.
   virtual void read(NodeInput input, int number, int side, NodeChannel* channels) = 0;
-  // Normals are of unit length; zero for what has no direction.
+  // Returns normals of unit length; zero for a vector without direction.
   [[nodiscard]] virtual Vec3f transformed(std::size_t lane, Vec3f v, VectorKind kind, VectorSpace from,
                                           VectorSpace to) const = 0;
 };
 
 class NodeRun {
  public:
-  // For `count` hits, up to kNodeLanes. part: of the program, what is run.
+  // Runs for `count` hits, up to kNodeLanes. part: the part of the program to run.
   void run(const NodeProgram& program, const NodePart& part, std::span<const Texture> images, NodeInputs& inputs,
            std::size_t count);
 
-  // After a run.
+  // Call after a run.
   [[nodiscard]] float number(const NodeOperand& operand, std::size_t lane) const noexcept {
     return channels_[static_cast<std::size_t>(operand.channel) * kNodeLanes + lane];
   }

@@ -1,6 +1,6 @@
-// Points of one to four dimensions that textures are evaluated at, and hashes of them.
+// Points of one to four dimensions at which textures are evaluated, and hashes of them.
 //
-// Textures of noise and cells are patterns of random numbers, so they equal Blender's only with the same hashes:
+// Textures of noise and cells are patterns of random numbers, so they only equal Blender's with the same hashes:
 // Jenkins' lookup3 (2006) of the bits of floats and integers, and the permuted congruential generators of Jarzynski and
 // Olano 2020 ("Hash Functions for GPU Rendering") of the integer coordinates of cells.
 #pragma once
@@ -71,12 +71,12 @@ template <class Body>
   return body(std::integral_constant<std::size_t, 4>{});
 }
 
-// `low` for NaN, of which std::clamp makes NaN and a conversion to an integer anything.
+// Returns `low` for NaN, which std::clamp would return unchanged and which converts to an undefined integer.
 [[nodiscard]] constexpr float clamped(float x, float low, float high) noexcept {
   return x > low ? (x < high ? x : high) : low;
 }
 
-// b where t is 1.
+// Returns b if t is 1.
 [[nodiscard]] constexpr float mix(float a, float b, float t) noexcept { return a * (1.0f - t) + b * t; }
 [[nodiscard]] constexpr Vec3f mix(Vec3f a, Vec3f b, float t) noexcept { return a * (1.0f - t) + b * t; }
 
@@ -85,15 +85,15 @@ template <std::size_t N>
   return a * (1.0f - t) + b * t;
 }
 
-// a * b + c with the product unrounded, as processors with such an instruction have it, and Cycles there: where c is
-// large, the last bit of the sum is more than a thousandth of a texture's value. The same bits on every processor.
+// Returns a * b + c with the product unrounded, like fused instructions, which Cycles uses here: if c is large, the
+// last bit of the sum is more than a thousandth of a texture's value. The bits are the same on every processor.
 [[nodiscard]] constexpr float multiply_add(float a, float b, float c) noexcept {
   return static_cast<float>(static_cast<double>(a) * static_cast<double>(b) + static_cast<double>(c));
 }
 
 // Hashes --------------------------------------------------------------------------------------------------------------
 
-// Hashes up to four words by lookup3: three are added to the state, which is stirred before the fourth is.
+// Hashes up to four words by lookup3: three are added to the state, which is mixed before the fourth is added.
 template <std::size_t N>
 [[nodiscard]] constexpr std::uint32_t lookup3(const Words<N>& words) noexcept {
   static_assert(N >= 1 && N <= 4);
@@ -136,7 +136,7 @@ template <std::size_t N>
 }
 
 // Hashes an integer point of two to four dimensions to numbers from 0 to 1, by "pcg2d", "pcg3d" and "pcg4d" of the
-// paper, but with words that are signed where they are shifted.
+// paper, but shifting signed words.
 template <std::size_t N>
 [[nodiscard]] constexpr Coordinates<N> random_of_cell(const std::array<std::int32_t, N>& cell) noexcept {
   static_assert(N >= 2 && N <= 4);
@@ -144,7 +144,7 @@ template <std::size_t N>
   Words<N> v = each_axis<N>([&](std::size_t i) { return static_cast<std::uint32_t>(cell[i]) * kFactor + kStep; });
   const auto stir = [&v] {
     for (std::size_t i = 0; i < N; ++i) {
-      // Of three words the two others; of four those that the paper chose.
+      // For three words, the other two; for four, those of the paper.
       if constexpr (N == 2) v[i] += v[1 - i] * kFactor;
       if constexpr (N == 3) v[i] += v[(i + 1) % 3] * v[(i + 2) % 3];
       if constexpr (N == 4) v[i] += i == 0 ? v[1] * v[3] : i == 3 ? v[1] * v[2] : v[(i + 1) % 3] * v[(i + 2) % 3];
