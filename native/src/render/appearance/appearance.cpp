@@ -29,7 +29,7 @@ const std::array<float, 256>& linear_values() noexcept {
   return values;
 }
 
-// A pixel's number along one side; -1 outside a clipped image.
+// Returns a pixel's number along one side; -1 outside a clipped image.
 int place(int number, int count, Extension extension) noexcept {
   if (number >= 0 && number < count) return number;
   if (extension == Extension::kClip) return -1;
@@ -42,7 +42,7 @@ int place(int number, int count, Extension extension) noexcept {
   return rest < 0 ? rest + count : rest;
 }
 
-// Of a value between bytes, which is sRGB as in Cycles: within 6e-6, and exact where it is one.
+// Converts a value between bytes, which is sRGB as in Cycles: within 6e-6, and exact for byte values.
 float linear_between(float value) noexcept {
   const auto& linear = linear_values();
   const int byte = std::min(static_cast<int>(value), 254);
@@ -52,7 +52,7 @@ float linear_between(float value) noexcept {
 
 bool is_srgb(const Texture& texture) noexcept { return texture.bytes != nullptr && !texture.is_linear; }
 
-// Bytes of sRGB as they are stored, what is linear in its range.
+// Bytes of sRGB are used as stored; linear bytes are scaled to their range.
 Rgba pixel_of(const Texture& texture, int x, int y) noexcept {
   const std::size_t first =
       4 * (static_cast<std::size_t>(y) * static_cast<std::size_t>(texture.width) + static_cast<std::size_t>(x));
@@ -65,7 +65,7 @@ Rgba pixel_of(const Texture& texture, int x, int y) noexcept {
   return {at(0), at(1), at(2), at(3)};
 }
 
-// Of what is stored, or lies between.
+// Converts a stored or interpolated value.
 Rgba linear_pixel(const Texture& texture, const Rgba& found) noexcept {
   if (!is_srgb(texture)) return found;
   return {linear_between(found.r), linear_between(found.g), linear_between(found.b), found.a / 255.0f};
@@ -80,7 +80,7 @@ Rgba mixed(const Rgba& a, const Rgba& b, float share) noexcept {
   return {a.r + (b.r - a.r) * share, a.g + (b.g - a.g) * share, a.b + (b.b - a.b) * share, a.a + (b.a - a.a) * share};
 }
 
-// A coordinate in pixels, kept where an integer can hold it; what is not a number is 0.
+// Clamps a coordinate in pixels to the range of an integer; NaN becomes 0.
 float in_pixels(float coordinate, int count, Extension extension) noexcept {
   if (!std::isfinite(coordinate)) return 0.0f;
   if (extension == Extension::kRepeat) coordinate -= std::floor(coordinate);
@@ -106,7 +106,7 @@ Rgba look_up(const Texture& texture, Extension extension, float u, float v) noex
 
 constexpr Rgba kMissingTile{1.0f, 0.0f, 1.0f, 1.0f};
 
-// As in Cycles what lies less than a unit to the left of all tiles, or below them, belongs to the first ones.
+// As in Cycles, positions less than a unit to the left of all tiles, or below them, belong to the first ones.
 Rgba look_up_tile(const TextureTiles& tiles, float u, float v) noexcept {
   const auto rows = static_cast<float>(tiles.rows.size() / TextureTiles::kColumns);
   if (!(u > -1.0f && u < TextureTiles::kColumns && v > -1.0f && v < rows)) return kMissingTile;
@@ -152,7 +152,7 @@ Point2 place_around(Vec3f direction) noexcept {
 
 Vec3f look_up_around(const Texture& texture, Vec3f direction) noexcept {
   const Point2 at = place_around(direction);
-  // Over the poles the image does not repeat.
+  // The image does not repeat over the poles.
   const float border = 0.5f / static_cast<float>(std::max(texture.height, 1));
   const Rgba color = look_up(texture, Extension::kRepeat, at.x, std::clamp(at.y, border, 1.0f - border));
   return {color.r, color.g, color.b};
@@ -182,7 +182,7 @@ void Appearance::set_mesh(std::int32_t mesh_id, const MeshAttributes& attributes
   require(mesh_id >= 0, "meshes has the key " + std::to_string(mesh_id) + "; mesh ids are 0 or more");
   const auto offsets = attributes.curve_offsets;
   for (std::size_t i = 0; i < offsets.size(); ++i) {
-    // What came before is not negative, so the difference of what is larger is none that overflows.
+    // The previous offset is not negative, so the difference cannot overflow.
     if (i == 0 ? offsets[0] == 0 : offsets[i] > offsets[i - 1] && offsets[i] - offsets[i - 1] >= 2) continue;
     require(false, "meshes[" + std::to_string(mesh_id) + "].curve_offsets must rise from 0 by 2 or more, got " +
                        std::to_string(offsets[i]) + " in row " + std::to_string(i));
@@ -345,7 +345,7 @@ std::int32_t Appearance::material_of(const Instance& instance, std::uint32_t pri
     const Mesh& mesh = instance.blas->mesh;
     slot = attributes->material_slots[caller_number(mesh, primitive)];
   }
-  // A triangle may name a slot that its object lacks: as in Blender, the last one then counts.
+  // A triangle may name a slot that its object lacks: as in Blender, the last slot is then used.
   return slot_materials[static_cast<std::size_t>(first + std::clamp(slot, 0, count - 1))];
 }
 

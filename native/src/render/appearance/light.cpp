@@ -15,7 +15,7 @@ constexpr float kPi = std::numbers::pi_v<float>;
 
 float brightness(Vec3f color) noexcept { return std::max({color.x, color.y, color.z}); }
 
-// The share of its light that a spot sends along a direction of this cosine with its axis.
+// Returns the share of its light that a spot sends along a direction with this cosine to its axis.
 float cone_share(const Light& light, float cosine) noexcept {
   if (light.kind != LightKind::kSpot) return 1.0f;
   if (cosine <= light.cone_cosine) return 0.0f;
@@ -24,21 +24,21 @@ float cone_share(const Light& light, float cosine) noexcept {
   return part * part * (3.0f - 2.0f * part);
 }
 
-// How much brighter than one that shines all over its side an area light is along a direction of this cosine with its
-// axis. Between the slats of a grid before it one sees the less of it the more aslant one looks, up to the spread, and
-// its watts stay what they are: the integral of this over the cosine is that without a grid.
+// Returns how much brighter an area light is, along a direction with this cosine to its axis, than one without spread.
+// It acts like a grid in front of the light: less is visible between the slats at larger angles, up to the spread. The
+// watts stay the same: the integral of this over the cosine is the same as without a grid.
 float grid_share(const Light& light, float cosine) noexcept {
   if (!(light.spread < 0.5f * kPi - 1e-4f)) return 1.0f;
   const auto [sine, cosine_of_spread] = sine_cosine(light.spread);
   const float farthest = sine / cosine_of_spread;
   const float aslant = std::sqrt(std::max(1.0f - cosine * cosine, 0.0f)) / std::max(cosine, 1e-6f);
-  // tan x - x loses its digits where x is small.
+  // tan x - x loses its digits for small x.
   const float rest = light.spread < 0.05f ? farthest * farthest * farthest / 3.0f : farthest - light.spread;
   return std::max(farthest - aslant, 0.0f) / std::max(rest, 1e-12f);
 }
 
-// The cosine by which light from a direction is spread over a surface, zero from behind. What has no normal is lit
-// alike from all sides.
+// Returns the cosine by which light from a direction is spread over a surface, zero from behind. A surface without a
+// normal is lit equally from all sides.
 float cosine_on(Vec3f normal, Vec3f direction) noexcept {
   return normal == Vec3f{0, 0, 0} ? 1.0f : std::max(dot(direction, normal), 0.0f);
 }
@@ -49,7 +49,7 @@ bool is_area(const Light& light) noexcept {
 
 float square(float value) noexcept { return value * value; }
 
-// The disk that a sun shows, one unit away, and how directions spread over it.
+// The disk of a sun, one unit away, and the density of directions over it.
 float sun_density(const Light& light, float cosine) noexcept {
   return 1.0f / (kPi * square(light.size_x) * cosine * cosine * cosine);
 }
@@ -106,7 +106,8 @@ std::optional<LightMet> meet_area(const Light& light, Vec3d point, Vec3f directi
   return LightMet{distance, light.power * radiance, square(distance) / (cosine * area)};
 }
 
-// A ball is a disk through its centre that faces the point ("Soft Falloff"): what touches it is not lit without bounds.
+// A ball is a disk through its centre that faces the point ("Soft Falloff"), so that light on surfaces that touch it
+// stays finite.
 LightRay look_at_ball(const Light& light, Vec3d point, Vec3f normal, Point2 random) noexcept {
   const Vec3f to_centre = to_float(light.position - point);
   const float distance = length(to_centre);
@@ -158,7 +159,7 @@ float guess_light(const Light& light, Vec3d point, Vec3f normal) noexcept {
   const float reach =
       is_area(light) ? 0.5f * std::sqrt(light.size_x * light.size_x + light.size_y * light.size_y) : light.size_x;
   const float distance = std::max(length(way), 1e-20f);
-  const float spread = reach / distance;  // how far its border may be from the way to its centre
+  const float spread = reach / distance;  // upper bound of the border's distance from the centre's direction
   const float cosine = all_sides ? 1.0f : std::clamp(dot(way, normal) / distance + spread, 0.0f, 1.0f);
   const float nearest = std::max(distance - reach, 0.5f * std::max(distance, reach));
   float share = 1.0f / (4.0f * kPi * kPi * nearest * nearest);

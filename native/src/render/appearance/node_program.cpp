@@ -21,7 +21,7 @@ int count_words(std::string_view words) noexcept {
   return 1 + static_cast<int>(std::count(words.begin(), words.end(), ' '));
 }
 
-// Reads integers one after the other; what lies beyond their end is -1.
+// Reads integers one after another; beyond the end, returns -1.
 class Codes {
  public:
   explicit Codes(std::span<const std::int32_t> codes) noexcept : codes_(codes) {}
@@ -95,7 +95,8 @@ NodeProgram::NodeProgram(std::span<const std::int32_t> codes, std::span<const fl
   if (const NodeOperand* const alpha = output(MaterialSlot::kAlpha)) alpha_ = part_for(*alpha);
 }
 
-// From the last instruction to the first: what is wanted is marked before the one that writes it is reached.
+// Goes from the last instruction to the first, so that an output is marked as needed before the instruction that writes
+// it is reached.
 NodePart NodeProgram::part_for(const NodeOperand& number) const {
   std::vector<bool> is_wanted(channels_, false);
   is_wanted[static_cast<std::size_t>(number.channel)] = true;

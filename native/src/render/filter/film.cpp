@@ -12,7 +12,7 @@
 namespace perfect_bvh {
 namespace {
 
-// The window over [0, 1]; 1 at the middle, nearly 0 at the ends.
+// The window over [0, 1]: 1 in the middle, nearly 0 at the ends.
 double blackman_harris(double place) noexcept {
   const double c = cosine(2.0 * std::numbers::pi * place);  // of the double and the threefold angle as well:
   return 0.35875 - 0.48829 * c + 0.14128 * (2.0 * c * c - 1.0) - 0.01168 * c * (4.0 * c * c - 3.0);
@@ -72,7 +72,7 @@ void Film::add(std::size_t tile, std::span<const Pixel> pixels, std::span<const 
     filter_.weigh(offsets[i].x, along_x);
     filter_.weigh(offsets[i].y, along_y);
     const Rgba color = colors[i];
-    // The tile's border is as wide as the filter's reach: the first tap is the pixel's own place in it.
+    // The tile's border is as wide as the filter's reach, so the first tap is at the pixel's own position in it.
     std::size_t row =
         static_cast<std::size_t>(pixels[i].y - whole.y0) * stride() + static_cast<std::size_t>(pixels[i].x - whole.x0);
     for (std::size_t y = 0; y < taps; ++y, row += stride()) {
@@ -107,7 +107,7 @@ FilmColor Film::pixel(int x, int y) const noexcept {
                 guides.albedo = guides.albedo + guides_[tile][row].albedo;
                 guides.normal = guides.normal + guides_[tile][row].normal;
               });
-  // Divided, not multiplied: what is opaque in every sample then has an alpha of exactly 1.
+  // Divided, not multiplied, so that a pixel that is opaque in every sample has an alpha of exactly 1.
   const float weight = all.weight;
   return {{all.color.r / weight, all.color.g / weight, all.color.b / weight, all.color.a / weight},
           guides.albedo * (1.0f / weight),
@@ -121,26 +121,26 @@ namespace {
 constexpr int kLevels = 5;                                           // the last reaches 32 pixels
 constexpr float kTaps[] = {3.0f / 8.0f, 1.0f / 4.0f, 1.0f / 16.0f};  // a cubic B-spline, from its middle
 constexpr int kVarianceRadius = 3;
-// Added to albedo: black surfaces have no light to be told by, and what is not albedo's (mirrors) must not grow.
+// Added to albedo: black surfaces have no light to compare, and light independent of albedo (mirrors) must not be
+// amplified.
 constexpr float kLeastAlbedo = 0.01f;
 constexpr float kAlbedoTolerance = 0.7f;
-constexpr float kSpeck = 2.0f;           // what a single pixel may be brighter than all around it
+constexpr float kSpeck = 2.0f;           // the factor by which a single pixel may be brighter than all around it
 constexpr float kNoiseTolerance = 6.0f;  // of brightness, in standard deviations
 constexpr float kLeastVariance = 1e-8f;
 
-// What a pixel's light is averaged by: its colour without the albedo, and how uncertain its brightness is.
+// The values that are filtered: a pixel's colour without the albedo, and the variance of its brightness.
 struct NoisyLight {
   Vec3f light{0, 0, 0};
   float variance = 0.0f;
 };
 
-// Luminance.
+// Returns the luminance.
 float brightness(Vec3f c) noexcept { return 0.2126f * c.x + 0.7152f * c.y + 0.0722f * c.z; }
 
 Vec3f over(Vec3f a, Vec3f b) noexcept { return {a.x / b.x, a.y / b.y, a.z / b.z}; }
 
-// 1 where the difference is none, 0 from the tolerance on (Tukey's biweight; no exponential of a library's own
-// rounding).
+// 1 for no difference, 0 from the tolerance on (Tukey's biweight, which avoids a library's rounding of exponentials).
 float alike(float squared_difference, float squared_tolerance) noexcept {
   const float rest = 1.0f - squared_difference / squared_tolerance;
   return rest > 0.0f ? rest * rest : 0.0f;
@@ -198,7 +198,7 @@ class JointFilter {
     return max(images_.albedo[i], Vec3f{0, 0, 0}) + Vec3f{kLeastAlbedo, kLeastAlbedo, kLeastAlbedo};
   }
 
-  // How much two pixels show one surface, 0 to 1.
+  // Returns how similar the surfaces of two pixels are, 0 to 1.
   [[nodiscard]] float kinship(std::size_t a, std::size_t b) const noexcept {
     float share = 1.0f;
     if (!normal_.empty()) {
@@ -227,7 +227,7 @@ class JointFilter {
     }
   }
 
-  // A pixel that is much brighter than all eight around it gets so much of the brightest of them.
+  // Limits a pixel that is much brighter than all eight around it to this factor of the brightest of them.
   void remove_specks(int y) noexcept {
     for (int x = 0; x < images_.width; ++x) {
       float most = 0.0f;
@@ -245,12 +245,12 @@ class JointFilter {
     }
   }
 
-  // Of the brightness, from the pixels around that show the same surface.
+  // Returns the variance of the brightness, from the surrounding pixels of the same surface.
   void estimate_variance(int y) noexcept {
     for (int x = 0; x < images_.width; ++x) {
       const std::size_t i = at(x, y);
       float weights = 0.0f, sum = 0.0f, squares = 0.0f;
-      const float own = brightness(light_[i].light);  // differences to it: squares of large numbers cancel badly
+      const float own = brightness(light_[i].light);  // uses differences to it: squares of large numbers cancel badly
       for (int dy = -kVarianceRadius; dy <= kVarianceRadius; ++dy) {
         for (int dx = -kVarianceRadius; dx <= kVarianceRadius; ++dx) {
           if (!inside(x + dx, y + dy)) continue;
@@ -265,7 +265,7 @@ class JointFilter {
     }
   }
 
-  // The variance that brightness is compared by is smoothed itself, or single lucky pixels would refuse all others.
+  // The variance used for comparing brightness is smoothed too, otherwise single lucky pixels would reject all others.
   [[nodiscard]] float smooth_variance(int x, int y) const noexcept {
     float weights = 0.0f, sum = 0.0f;
     for (int dy = -1; dy <= 1; ++dy) {

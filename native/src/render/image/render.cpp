@@ -12,7 +12,7 @@
 namespace perfect_bvh {
 namespace {
 
-// Lends each tile a set of warm buffers; there are as many as threads that work at once.
+// Lends each tile a set of used buffers; there are as many as concurrent threads.
 class ScratchPool {
  public:
   using Loan = std::unique_ptr<TileScratch>;

@@ -64,8 +64,8 @@ TileRenderer::TileRenderer(const ModeInputs& inputs, const ShutterRays& shutter,
   if (shared_reach() > 0 && !targets.combined.empty()) film_.emplace(tiles_, filter_, are_apart());
 }
 
-// Whether a pixel lies in a tile that is wanted, or has samples that count there. They reach no farther than a tile is
-// wide, so that the corners of what they reach lie in all the tiles that they reach.
+// Returns whether a pixel is in a requested tile, or has samples that count in one. They reach no farther than a tile's
+// width, so the corners of their reach are in all the tiles that they reach.
 bool TileRenderer::is_needed(int x, int y) const noexcept {
   if (is_wanted(x, y)) return true;
   const int reach = film_ ? filter_.reach() : 0;
@@ -75,8 +75,8 @@ bool TileRenderer::is_needed(int x, int y) const noexcept {
   return is_wanted(left, top) || is_wanted(right, top) || is_wanted(left, bottom) || is_wanted(right, bottom);
 }
 
-// In Z-order, so that neighbouring rays of a batch are neighbours in the image both ways. That of the whole tile,
-// whatever part of it is rendered: sums depend on the order.
+// Pixels are in Z-order, so that neighbouring rays of a batch are neighbours in the image in both directions. The order
+// is always that of the whole tile, even if only a part is rendered, because sums depend on it.
 void TileRenderer::place_pixels(std::size_t tile, TileScratch& scratch) const {
   const PixelRect whole = tiles_.whole_at(tile), part = tiles_.at(tile);
   scratch.pixels.clear();
@@ -213,7 +213,7 @@ void TileRenderer::add_guides(TileScratch& scratch) const {
   }
 }
 
-// Holdouts stay without colour and alpha: they cut through the backdrop too.
+// Holdouts have no colour and alpha: they also cut through the backdrop.
 void TileRenderer::fill_background(TileScratch& scratch) const {
   scratch.colors.assign(scratch.pixels.size(), Rgba{});
   if (!mode_->has_backdrop() || inputs_.appearance.film_transparent) return;
@@ -228,12 +228,12 @@ void TileRenderer::fill_background(TileScratch& scratch) const {
   }
 }
 
-// What pixels' own samples show: of the film's pixels what a denoiser takes, of others all.
+// Stores the means of pixels' own samples: for pixels of the film, the denoiser's input; for others, everything.
 void TileRenderer::store_own(const TileScratch& scratch) const {
   const float share = 1.0f / static_cast<float>(sample_count_);
   for (std::size_t i = 0; i < scratch.pixels.size(); ++i) {
     const auto [x, y] = scratch.pixels[i];
-    if (!border_.contains(x, y) || !is_wanted(x, y)) continue;  // they count on the film alone
+    if (!border_.contains(x, y) || !is_wanted(x, y)) continue;  // these only count on the film
     const Rgba& sum = scratch.sums[i];
     const Rgba mean{sum.r * share, sum.g * share, sum.b * share, sum.a * share};
     const std::size_t row = row_of(scratch.pixels[i]);

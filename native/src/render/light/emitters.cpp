@@ -14,8 +14,8 @@
 namespace perfect_bvh {
 namespace {
 
-// What emits less is left to rays that are spread by the surface: it makes no specks, and a ray to it costs as much as
-// one to a lamp.
+// Weaker emission is left to rays that the surface scatters: it makes no specks, and a ray to it costs as much as one
+// to a lamp.
 constexpr float kLeastBrightness = 10.0f;
 constexpr std::size_t kMostTriangles = std::size_t{1} << 18;
 
@@ -25,7 +25,7 @@ Hit hit_on(std::uint32_t instance, std::uint32_t primitive) noexcept {
   return hit;
 }
 
-// While it moves: what has no area at first may shine later.
+// The largest area during the motion: a triangle without area at first may shine later.
 double largest_area(const Instance& instance, TriangleIndices corners) noexcept {
   const auto area = [&](float time) { return 0.5 * length(place_triangle(instance, corners, time).scaled_normal()); };
   if (instance.motion == 0) return area(0.0f);
@@ -85,12 +85,12 @@ bool EmissiveTriangles::list(std::uint32_t instance_index) {
   return true;
 }
 
-// Where a triangle is smaller than it is listed it is chosen too often, and its light is less by that.
+// A triangle smaller than its listed area is chosen too often, and its light is reduced accordingly.
 EmissivePoint EmissiveTriangles::choose(float pick, Point2 place, float time) const {
   const auto found = std::upper_bound(powers_.begin(), powers_.end() - 1, static_cast<double>(pick) * power());
   const Triangle& triangle = triangles_[static_cast<std::size_t>(found - powers_.begin())];
   Hit hit = hit_on(triangle.instance, triangle.primitive);
-  // Even over the triangle.
+  // Uniform over the triangle.
   const float rest = std::sqrt(place.x);
   hit.u = 1.0f - rest, hit.v = place.y * rest;
   const Instance& instance = snapshot_.instances[triangle.instance];
@@ -106,19 +106,18 @@ EmissivePoint EmissiveTriangles::choose(float pick, Point2 place, float time) co
 
 namespace {
 
-constexpr float kBright = 4.0f;  // times the mean: what is less bright makes no specks where surfaces' rays find it
+constexpr float kBright = 4.0f;  // times the mean: darker light makes no specks when surfaces' rays find it
 constexpr int kMostColumns = 2048;
 constexpr double kPi = std::numbers::pi;
 
-// A colour that is not finite stands for black: one such pixel would be the mean of all.
+// A colour that is not finite counts as black: one such pixel would determine the mean of all.
 Vec3f color_of(const Rgba& pixel) noexcept {
   return std::isfinite(pixel.r + pixel.g + pixel.b) ? Vec3f{pixel.r, pixel.g, pixel.b} : Vec3f{0, 0, 0};
 }
 
 float largest(Vec3f color) noexcept { return std::max({color.x, color.y, color.z}); }
 
-// The part of a pixel's light that falls on itself and on each neighbour, along one axis, when images are looked up
-// bilinearly.
+// The parts of a pixel's light for itself and for each neighbour, along one axis, under bilinear lookup.
 float tent(int step) noexcept { return step == 0 ? 0.75f : 0.125f; }
 
 Vec3f turned(Vec3f direction, float angle) noexcept {
@@ -157,7 +156,7 @@ BrightSky::BrightSky(const Texture& image, int threads) : width_(image.width), h
   list(spread(image, strips));
 }
 
-// The sine of the latitude of a row's lower border.
+// Returns the sine of the latitude of a row's lower border.
 double BrightSky::height_at(double row) const noexcept {
   return sine(kPi * (std::clamp(row / height_, 0.0, 1.0) - 0.5));
 }
@@ -182,7 +181,7 @@ BrightSky::Strip BrightSky::sum(std::span<const Rgba> pixels, int y) const noexc
   return {0.5 * (height_at(y + 1) - height_at(y)), to_double(total) * (1.0 / width_), largest(most)};
 }
 
-// What is bright of the image, over the pixels of each cell. Takes it from the mean of the rest.
+// Sums the bright part of the image over the pixels of each cell, and subtracts it from the mean of the rest.
 std::vector<float> BrightSky::spread(const Texture& image, const std::vector<Strip>& strips) {
   const int rows = (height_ + cell_ - 1) / cell_;
   const auto columns = static_cast<std::size_t>(columns_);

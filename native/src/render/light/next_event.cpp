@@ -9,15 +9,15 @@
 namespace perfect_bvh {
 namespace {
 
-// What the camera sees asks each of a few lights, or two of many. Surfaces further on ask one: a ray to each, at each
-// bounce, would cost most of the time and be seen in little of the light.
+// Surfaces seen by the camera sample each of a few lights, or two of many. Later surfaces sample one: a ray to each at
+// each bounce would take most of the time and contribute little of the light.
 constexpr std::size_t kFewLights = 4;
 constexpr std::uint8_t kPicksSeen = 2, kPicks = 1;
-// Rays ask every light whether they meet it; of more than these, none.
+// Rays test every light for a hit; if there are more than this, none.
 constexpr std::size_t kMostMet = 64;
-// Rays end short of the light: what it hangs on should not put it out.
+// Rays end just before the light, so that a mesh around it does not block it.
 constexpr float kShort = 1.0f - 1e-5f;
-// Further on than those of the lights.
+// Dimensions after those of the lights.
 constexpr std::uint32_t kEmissiveDimensions = 8, kSkyDimension = 10;
 
 bool is_black(Vec3f color) noexcept { return !(color.x > 0.0f || color.y > 0.0f || color.z > 0.0f); }
@@ -34,7 +34,7 @@ LightRay look(const Light& light, const Vertex& vertex, Point2 random) noexcept 
   return look_at_light(light, point.beyond, -vertex.path.normal, random);
 }
 
-// Of the light from a direction, what falls on the surface; on strands all.
+// The share of light from a direction that falls on the surface; for strands, all of it.
 float slant_of(const Vertex& vertex, Vec3f direction) noexcept {
   return vertex.bsdf.is_strand() ? 1.0f : std::abs(dot(direction, vertex.point.light_normal));
 }
@@ -72,7 +72,7 @@ void NextEvent::aim(std::span<Vertex> vertices, std::uint32_t index, std::uint32
   if (environment_.can_be_aimed_at()) aim_at_sky(vertices, index, first_dimension + kSkyDimension, shadows);
 }
 
-// Light by light, so that rays next to each other go the same way.
+// Light by light, so that consecutive rays have similar directions.
 void NextEvent::aim_at_each(std::span<Vertex> vertices, std::uint32_t index, std::uint32_t first_dimension,
                             ShadowRays& shadows) const {
   for (std::uint32_t number = 0; number < appearance_.lights.size(); ++number) {
@@ -127,7 +127,7 @@ void NextEvent::aim_at(const Vertex& vertex, std::uint32_t row, const Light& lig
   const float counts = may_be_met ? balance(to_light.density * tries, seen.density) : 1.0f;
   const Vec3f carried = vertex.path.throughput * to_light.light * seen.share * (counts / tries);
   if (is_black(carried)) return;
-  // What throws no shadow is not hidden by anything.
+  // A light that casts no shadow is never blocked.
   const float reach = light.casts_shadow ? to_light.length * kShort : -1.0f;
   shadows.add(shadow_ray(vertex.point, to_light.direction, reach, appearance_.shadow_mask), row, carried);
 }
@@ -192,7 +192,7 @@ void NextEvent::aim_at_sky(std::span<const Vertex> vertices, std::uint32_t index
 
 namespace {
 
-// Surface after surface takes its share, until nothing is left or nothing is in the way.
+// Each transparent surface takes its share, until nothing is left or nothing is in the way.
 void pass_layers(const Snapshot& snapshot, const Appearance& appearance, std::span<const Vertex> vertices,
                  int most_layers, CancelToken& cancel, ShadowRays& shadows) {
   for (int layer = 0; layer <= most_layers; ++layer) {

@@ -10,9 +10,9 @@
 namespace perfect_bvh {
 namespace {
 
-constexpr float kLeastThrough = 1 / 256.0f;  // of transparent surfaces: less than that cannot be seen
-// Dimensions of a depth: which lobe and whether the path ends, the direction, whether it passes a transparent surface,
-// next-event estimation. The camera's come before them.
+constexpr float kLeastThrough = 1 / 256.0f;  // of transparent surfaces: less cannot be seen
+// Dimensions of each depth: the choice of the lobe and of ending the path, the direction, the choice at a transparent
+// surface, next-event estimation. The camera's come before them.
 constexpr std::uint32_t kFirstDimension = 16, kPickDimension = 0, kDirectionDimension = 1, kPassDimension = 2;
 constexpr std::uint32_t kLightDimension = 3;
 constexpr std::uint32_t kDimensionsPerDepth = kLightDimension + NextEvent::kDimensions;
@@ -63,7 +63,7 @@ Vec3f PathTracer::clamped(Vec3f color, int bounces) const noexcept {
   return most > 0.0f && sum > 3.0f * most ? color * (3.0f * most / sum) : color;
 }
 
-// A material that emits no number at all shows nothing.
+// A material whose emission is not a number shows nothing.
 void PathTracer::add(const Step& step, const Path& path, Vec3f color, int bounces) const {
   if (!is_finite(color)) return;
   const Vec3f bright = clamped(color, bounces);
@@ -71,7 +71,7 @@ void PathTracer::add(const Step& step, const Path& path, Vec3f color, int bounce
   to = {to.r + bright.x, to.g + bright.y, to.b + bright.z, to.a};
 }
 
-// By the law of Beer and Lambert. Lights inside are seen as from as far away as what is behind them.
+// Absorption by the law of Beer and Lambert. Lights inside a medium are treated as far away as the surface behind them.
 void PathTracer::absorb(Wave& wave) const {
   for (std::size_t row = 0; row < wave.paths.size(); ++row) {
     Path& path = wave.paths[row];
@@ -139,8 +139,8 @@ void PathTracer::see_surfaces(const Step& step, Scratch& scratch) const {
   scatter(step, scratch);
 }
 
-// The surface's own light, what passes by it, and the vertex, if anything is scattered there. What the camera sees is
-// split, so that it is exact; elsewhere chance decides.
+// Adds the surface's emission and the light passing through it, and makes a vertex if something is scattered there. For
+// camera rays the path is split, so that the result is exact; otherwise one part is chosen by chance.
 void PathTracer::see_surface(const Step& step, const SurfacePoint& point, Material& material, Scratch& scratch) const {
   const Wave& wave = scratch.wave;
   Path path = wave.paths[point.ray];
@@ -183,7 +183,7 @@ void PathTracer::see_surface(const Step& step, const SurfacePoint& point, Materi
   if (vertex.bsdf.is_black()) scratch.vertices.pop_back();
 }
 
-// Hair has no inner side, as in Cycles: what looks at it looks out.
+// Hair has no inner side, as in Cycles: a viewer is always outside.
 void PathTracer::pass_hair(const Path& path, const Ray& ray, const Hit& hit, Wave& next) const {
   Ray rest = ray;
   rest.t_min = std::nextafter(hit.t, kInfiniteDistance);
@@ -200,7 +200,7 @@ Vec3f PathTracer::emitted(const Path& path, const Ray& ray, const Hit& hit, cons
   return material.emission * balance(path.density, chosen * hit.t * hit.t / slant);
 }
 
-// On behind the surface.
+// Continues behind the surface.
 void PathTracer::pass(Path behind, const Ray& ray, const Hit& hit, const SurfacePoint& point, float share,
                       Wave& next) const {
   cross_border(behind, point);
@@ -234,8 +234,7 @@ void PathTracer::scatter(const Step& step, Scratch& scratch) const {
     const Bsdf::Sample scattered = vertex.bsdf.sample(chance.x, (direction ^ directions.offset(path.place)).to_unit());
     if (!goes_on(path, scattered, chance.y)) continue;
     const bool goes_beyond = scattered.kind == Scatter::kTranslucent || scattered.kind == Scatter::kRefracted;
-    // Of a surface, what leaves on one side of the smooth normal and on the other of the triangle is lost, as in
-    // Cycles.
+    // Light that leaves on one side of the smooth normal and on the other of the triangle is lost, as in Cycles.
     const bool is_below = dot(scattered.direction, vertex.point.geometric_normal) < 0.0f;
     if (!scattered.is_strand && is_below != goes_beyond) continue;
     if (goes_beyond) cross_border(path, vertex.point);
@@ -262,7 +261,7 @@ bool PathTracer::goes_on(Path& path, const Bsdf::Sample& scattered, float roulet
   return true;
 }
 
-// Light that a wide-spread ray finds in a narrow lobe is rare and bright: the lobe is widened, as Cycles does it.
+// If a widely scattered ray finds light in a narrow lobe, that is rare and bright: the lobe is widened, as in Cycles.
 Bsdf::Limits PathTracer::limits_of(const Path& path) const noexcept {
   Bsdf::Limits limits;
   if (path.is_seen()) return limits;
@@ -288,7 +287,7 @@ void PathTracer::guide(const Step& step, const Path& path, Vec3f albedo, Vec3f n
   normals = normals + normal * ((share.x + share.y + share.z) / 3.0f);
 }
 
-// By the first surface that is not mostly a mirror or a pane: through those the guides are looked for behind them.
+// Guides come from the first surface that is not mostly a mirror or a pane; mirrors and panes are looked through.
 void PathTracer::guide_by(const Step& step, const Bsdf& bsdf, const SurfacePoint& point, Vec3f emission,
                           Path& path) const {
   if (!path.guides) return;

@@ -12,8 +12,8 @@
 namespace perfect_bvh {
 namespace {
 
-// How far away surfaces are, in world units: along the view axis (depth) or along the ray (distance). The number
-// stands in all three colours; where nothing was hit it is the far value that Blender's depth pass uses too.
+// The distance of surfaces, in world units: along the view axis (depth) or along the ray (distance). All three channels
+// have the number. If nothing was hit, it is the far value that Blender's depth pass also uses.
 class DepthMode final : public ShadingMode {
  public:
   explicit DepthMode(bool along_ray) : along_ray_(along_ray) {}
@@ -43,8 +43,8 @@ class NormalMode final : public ShadingMode {
   }
 };
 
-// Where in its mesh's uv map each point lies: u in red, v in green, and 1 in blue where there is a map, as in Blender's
-// own UV pass. Numbers, not colours: they leave 0..1 where the map does.
+// The position of each point in its mesh's uv map: u in red, v in green, and 1 in blue if there is a map, as in
+// Blender's UV pass. These are numbers, not colours: they exceed 0..1 where the map does.
 class UvMode final : public ShadingMode {
  public:
   explicit UvMode(const ModeInputs& inputs) : snapshot_(inputs.snapshot), appearance_(inputs.appearance) {}
@@ -61,7 +61,7 @@ class UvMode final : public ShadingMode {
   const Appearance& appearance_;
 };
 
-// A colour for each instance, the same in every image and on every frame: it follows from the instance's id alone.
+// A colour for each instance, the same in every image and frame, because it only depends on the instance's id.
 class InstanceMode final : public ShadingMode {
  public:
   explicit InstanceMode(const Snapshot& snapshot) : snapshot_(snapshot) {}
@@ -70,7 +70,7 @@ class InstanceMode final : public ShadingMode {
     Vec3f color{0, 0, 0};
     for (const SurfacePoint& point : task.points) {
       const std::uint32_t index = task.hits[point.ray].instance_index;
-      if (index != known) {  // neighbours mostly see the same one
+      if (index != known) {  // neighbours usually see the same one
         color = id_color(static_cast<std::uint32_t>(snapshot_.instances[index].id));
         known = index;
       }
@@ -82,7 +82,7 @@ class InstanceMode final : public ShadingMode {
   const Snapshot& snapshot_;
 };
 
-// A colour for each material, from its row in the material table; grey where there is none.
+// A colour for each material, from its row in the material table; grey without a material.
 class MaterialMode final : public ShadingMode {
  public:
   [[nodiscard]] SurfaceNeeds needs() const noexcept override { return {.materials = true}; }
@@ -91,7 +91,7 @@ class MaterialMode final : public ShadingMode {
     std::int32_t known = kNoMaterial;
     Vec3f color = kNone;
     for (const SurfacePoint& point : task.points) {
-      if (point.material != known) {  // neighbours mostly show the same one
+      if (point.material != known) {  // neighbours usually show the same one
         known = point.material;
         color = known == kNoMaterial ? kNone : id_color(static_cast<std::uint32_t>(known));
       }
@@ -100,7 +100,7 @@ class MaterialMode final : public ShadingMode {
   }
 };
 
-// What each camera ray cost: nodes visited plus triangles tested, on one fixed scale, so that images of different
+// The cost of each camera ray: nodes visited plus triangles tested, on a fixed scale, so that images of different
 // scenes, trees and builders can be compared.
 class CostMode final : public ShadingMode {
  public:
@@ -131,13 +131,13 @@ std::unique_ptr<ShadingMode> make_material_mode() { return std::make_unique<Mate
 std::unique_ptr<ShadingMode> make_cost_mode() { return std::make_unique<CostMode>(); }
 
 // Mode wireframe ------------------------------------------------------------------------------------------------------
-// The edges of the triangles that the tree holds, over softly lit surfaces without shadows. Lines keep their width in
-// pixels and are smooth with a single sample: their coverage follows from how fast the barycentric coordinates change
-// from pixel to pixel. Where triangles get as small as pixels the lines fade, or all would be one dark blot.
+// The edges of the tree's triangles, over softly lit surfaces without shadows. Lines have a constant width in pixels,
+// and are smooth with a single sample: their coverage is computed from the change of the barycentric coordinates from
+// pixel to pixel. If triangles are as small as pixels, the lines fade, so that the image is not a dark blot.
 
 namespace {
 
-// How fast a barycentric coordinate changes over one pixel to the right and one down.
+// The change of a barycentric coordinate over one pixel to the right and one down.
 struct Slope {
   double x, y;
   [[nodiscard]] double size() const noexcept { return std::sqrt(x * x + y * y); }
@@ -264,7 +264,7 @@ Vec3f color_from_lch(double lightness, double chroma, double hue) noexcept {
 }
 
 Vec3f id_color(std::uint32_t id) noexcept {
-  // Golden-ratio steps keep the hues of any run of ids apart; lightness tells apart those that come close again.
+  // Golden-ratio steps separate the hues of consecutive ids; lightness distinguishes those that come close again.
   const std::uint32_t hue = id * 0x9e3779b9u;
   const std::uint32_t hash = sampling::mix(id + 1u);
   const double lightness = 0.58 + 0.26 * static_cast<double>(hash >> 16) * 0x1p-16;

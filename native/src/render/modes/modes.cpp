@@ -1,7 +1,7 @@
-// Matt clay in a studio: a soft sky dimmed by ambient occlusion, and a soft key light that throws short shadows.
-// What is near keeps light away and what is farther less so, to nothing at a limited distance (the obscurances of
-// Zhukov et al. 1998): rays stay short and rooms stay light. A ray's nearest hit tells how much it keeps away: that has
-// from a half to a ninth of the variance of asking yes or no over a random length, for 1.0 to 1.4 times the work.
+// Matt clay in a studio: a soft sky dimmed by ambient occlusion, and a soft key light with short shadows.
+// Near surfaces block light, and farther ones less, down to nothing at a limited distance (the obscurances of Zhukov et
+// al. 1998), so rays stay short and rooms stay bright. The blocked share is computed from a ray's nearest hit. That has
+// from a half to a ninth of the variance of a yes-or-no test over a random length, for 1.0 to 1.4 times the work.
 #include <algorithm>
 #include <optional>
 
@@ -18,7 +18,7 @@ namespace {
 
 constexpr float kDefaultReach = 0.35f;  // of occlusion, in diagonals of the scene
 constexpr float kKeyReach = 2.5f;       // of the key light's shadows, in reaches of occlusion
-// What a blocked direction still gives, in parts of the open dome and the colour of what blocks it: light that bounced.
+// The light of a blocked direction, relative to the open dome and the colour of the blocking surface: bounced light.
 constexpr float kBounce = 0.32f;
 
 float default_distance(const Snapshot& snapshot) noexcept {
@@ -65,11 +65,11 @@ class ClayMode final : public ShadingMode {
 
  private:
   [[nodiscard]] Vec3f lit(Vec3f color, Vec3f normal, const StudioLight& light) const noexcept {
-    const Vec3f sky = max(light.sky, Vec3f{0, 0, 0});  // few rays may find more missing than there is
+    const Vec3f sky = max(light.sky, Vec3f{0, 0, 0});  // few rays may find more blocked light than there is
     return settings_.color.value_or(color) * (Studio::dome_mean(normal.z) * sky + Studio::kKey * light.key);
   }
 
-  // One ray for each point, spread like the cosine over its hemisphere.
+  // One ray for each point, with a cosine distribution over its hemisphere.
   void add_sky(const ShadeTask& task, std::uint32_t index, float share) const {
     ShadeScratch& scratch = task.scratch;
     const FixedPoint2 shared = sky_.sample(index);
@@ -81,7 +81,7 @@ class ClayMode final : public ShadingMode {
     }
     trace(scratch);
     for (std::size_t row = 0; row < task.points.size(); ++row) {
-      // The open sky's mean is known, so rays only say what is missing from it: open places are free of noise.
+      // The open sky's mean is known, so rays only measure the blocked part: open places have no noise.
       Vec3f sky{1, 1, 1};
       if (const Hit& hit = scratch.hits[row]; hit.found()) {
         const Vec3f mean = Studio::dome_mean(task.points[row].light_normal.z);
@@ -104,7 +104,7 @@ class ClayMode final : public ShadingMode {
       if (!(studio_.key_cosine(point.light_normal) > 0.0f)) continue;
       const Point2 flat = uniform_disk((shared ^ key_.offset(task.places[point.ray])).to_unit());
       Vec3f direction = normalized(key_frame_.world({flat.x * Studio::kKeyRadius, flat.y * Studio::kKeyRadius, 1.0f}));
-      // The part of the disk below the horizon gives nothing; its rays help to learn about the part above.
+      // The part of the disk below the horizon contributes nothing, but its rays help to estimate the part above.
       const float cosine = dot(direction, point.light_normal);
       if (cosine < 0.0f) direction = direction - point.light_normal * (2.0f * cosine);
       scratch.rays.push_back(shadow_ray(point, direction, reach, shadow_mask_));
@@ -124,7 +124,7 @@ class ClayMode final : public ShadingMode {
     trace_closest(snapshot_, cancel_, scratch.rays, scratch.hits);
   }
 
-  // How much of a direction's light something at t keeps away: all at 0, nothing at `reach`, without a kink there.
+  // The share of a direction's light that a surface at t blocks: all at 0, nothing at `reach`, with a smooth end.
   static float obstruction(float t, float reach) noexcept {
     const float part = 1.0f - t / reach;
     return part * part;
@@ -152,10 +152,10 @@ class ClayMode final : public ShadingMode {
 std::unique_ptr<ShadingMode> make_clay_mode(const ModeInputs& inputs) { return std::make_unique<ClayMode>(inputs); }
 
 // Mode matcap ---------------------------------------------------------------------------------------------------------
-// Form at one glance: light that follows from the normal as the viewer sees it and from nothing else, as if every
-// surface were a piece of one ball that was photographed in a studio. A soft key light from the upper left, a cool fill
-// from the right, a bright rim and a highlight, worked out instead of looked up in a picture. No shadows, no further
-// rays: it costs what the normal costs.
+// Form at a glance: light that depends only on the normal in the viewer's frame, as if every surface were a piece of
+// one ball photographed in a studio. A soft key light from the upper left, a cool fill from the right, a bright rim and
+// a highlight are computed, not looked up in a picture. There are no shadows and no further rays: the cost is that of
+// the normal.
 
 namespace {
 
@@ -208,7 +208,7 @@ class MatcapMode final : public ShadingMode {
 std::unique_ptr<ShadingMode> make_matcap_mode(const ModeInputs& inputs) { return std::make_unique<MatcapMode>(inputs); }
 
 // Mode preview --------------------------------------------------------------------------------------------------------
-// The scene as it will look: its materials under its own lights and world, by path tracing (light/path_tracer.h).
+// The final look of the scene: its materials under its own lights and world, by path tracing (light/path_tracer.h).
 
 namespace {
 
@@ -263,9 +263,9 @@ class PreviewMode final : public ShadingMode {
     task.albedos[row] = min(Vec3f{color.r, color.g, color.b}, Vec3f{1, 1, 1});
   }
 
-  // Shadow catchers show the light that they get beside that which they get by the same rays where nothing but catchers
-  // is: what no shadow reaches is without noise. The mean of these quotients is shown, which can be added to later;
-  // Cycles has the quotient of the means. It differs where light that bounces is more than what shadows take.
+  // Shadow catchers show the ratio of their light to the light that the same rays bring if only catchers exist: areas
+  // without shadow have no noise. The mean of these ratios is shown, to which samples can be added later; Cycles uses
+  // the ratio of the means. They differ where bounced light is more than the light that shadows remove.
   void show_shadows(const ShadeTask& task) const {
     ShadeScratch& scratch = task.scratch;
     const std::span<const CaughtPoint> caught = scratch.paths.caught;
@@ -291,7 +291,7 @@ class PreviewMode final : public ShadingMode {
 
   const Appearance& appearance_;
   PathTracer paths_;
-  Appearance catchers_;  // the same, where rays for light meet shadow catchers alone
+  Appearance catchers_;  // the same, but rays for light only hit shadow catchers
   std::optional<PathTracer> open_;
 };
 

@@ -31,7 +31,7 @@ void store_surface(const PassTargets& targets, const Snapshot& snapshot, const A
   }
 }
 
-// What pixels show, seen when the shutter opens, in its middle and when it closes.
+// The motion of pixels' surfaces: their positions when the shutter opens, in its middle and when it closes.
 class PixelMotions {
  public:
   explicit PixelMotions(const ShutterRays& shutter)
@@ -47,7 +47,7 @@ class PixelMotions {
   }
 
  private:
-  // What lies behind the camera at one of both times has no place in an image.
+  // A point behind the camera at one of both times has no image position.
   [[nodiscard]] Point2 way(const ImagePoint& from, const ImagePoint& to) const noexcept {
     double x = to.x - from.x;
     if (const auto round = here_.round_trip()) x -= *round * std::round(x / *round);
@@ -58,7 +58,7 @@ class PixelMotions {
   RayMaker before_, here_, after_;
 };
 
-// As if nothing was hit.
+// Sets the values for no hit.
 void clear(const PassTargets& targets, std::size_t pixel) {
   const auto set = [pixel](auto target, auto value) {
     if (!target.empty()) target[pixel] = value;
@@ -81,7 +81,7 @@ void store_counts(const PassTargets& targets, std::size_t pixel, const RayCounts
   set(targets.primitives_tested, counts.primitives_tested);
 }
 
-// Whether passes show what is behind. A holdout hides that.
+// Returns whether passes look through this surface. Holdouts are not looked through.
 bool is_passed(const Snapshot& snapshot, const Appearance& appearance, const Ray& ray, const Hit& hit) {
   if (!hit.found()) return false;
   const Instance& instance = snapshot.instances[hit.instance_index];

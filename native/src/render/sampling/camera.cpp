@@ -17,7 +17,7 @@ Vec3d unit_axis(Vec3d axis, const char* name) {
   return axis * (1.0 / size);
 }
 
-// Single precision and truncation, because that is how Blender turns a border into pixels.
+// Uses single precision and truncation, because Blender converts a border to pixels in that way.
 int border_edge(float fraction, int size) noexcept {
   return std::clamp(static_cast<int>(fraction * static_cast<float>(size)), 0, size);
 }
@@ -75,7 +75,7 @@ ImagePoint RayMaker::place_of(Vec3d point) const noexcept {
   return place(arc_tangent(aside, ahead), arc_tangent(above, hypotenuse(aside, ahead)), length(way));
 }
 
-// A panorama's lens faces each ray; its width lies on the side of the middle of the image, as in Cycles.
+// A panorama's lens faces each ray; its width is on the side towards the middle of the image, as in Cycles.
 void RayMaker::bend(Ray& ray, Point2 on_lens) const noexcept {
   const double x = static_cast<double>(on_lens.x), y = static_cast<double>(on_lens.y);
   if (projection_ != Projection::kEquirectangular) {
@@ -141,7 +141,7 @@ float ShutterRays::open_time(float chance) const noexcept {
   return times[before] * (1.0f - share) + times[before + 1] * share;
 }
 
-// As in Cycles: while a row is seen, which is for a part of the time, the shutter opens and closes; the first row
+// As in Cycles: the shutter opens and closes within the part of the time in which a row is exposed. The first row
 // begins with the shutter, the last one ends with it.
 float ShutterRays::time_at(float chance, int row) const noexcept {
   if (!is_open()) return kShutterOpens;

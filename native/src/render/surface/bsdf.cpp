@@ -12,7 +12,7 @@ namespace {
 constexpr float kPi = std::numbers::pi_v<float>;
 constexpr float kLeastCosine = 1e-4f;
 constexpr Vec3f kWhite{1, 1, 1};
-constexpr float kSharpest = 0.075f;  // roughness of what a denoiser's guides look through, as in Cycles
+constexpr float kSharpest = 0.075f;  // roughness up to which a denoiser's guides look through, as in Cycles
 
 float largest(Vec3f color) noexcept { return std::max({color.x, color.y, color.z}); }
 
@@ -132,18 +132,18 @@ float Bsdf::add_dielectric(const Material& material, float share) noexcept {
   const Vec3f risen = dielectric_.risen(tables.dielectric_rise(view_.z, roughness_, dielectric_.ior()));
   const Vec3f albedo = risen * gain * mirrors.here;
   dielectric_share_ = gain * share, glossy_albedo_ = glossy_albedo_ + albedo * share;
-  // As in Cycles, light that is lost between facets does not reach the base.
+  // As in Cycles, the base does not get the light that is lost between facets.
   return share * (1.0f - largest(albedo + risen * ((1.0f - kept_) * (1.0f - mirrors.here))));
 }
 
 void Bsdf::add_glass(const Material& material, float share, bool inside, const Limits& limits) noexcept {
   glass_ = DielectricFresnel(inside ? 1.0f / material.ior : material.ior, material.specular_tint);
   const float plain = share * material.plain_refraction;
-  // Most of its colour is that of what it lets through.
+  // Its colour is mostly that of the transmitted light.
   const FacetShare panes = share_of_panes(view_.z, roughness_, glass_.ior());
   const Vec3f gain = with_what_bounces(min(material.tint, kWhite), panes, kept_);
   const Vec3f rest = gain * (share - plain);
-  // Some facets of rough glass let light through wherever they are seen from.
+  // Some facets of rough glass transmit light at any viewing angle.
   constexpr float kMost = 0.75f;
   const Vec3f reflected = is_smooth() ? glass_(view_.z) : min(glass_(view_.z), Vec3f{kMost, kMost, kMost});
   if (!limits.no_reflection) {
@@ -173,7 +173,7 @@ float Bsdf::seen_of_bent(Vec3f out) const noexcept {
   return 2.0f / (1.0f + std::sqrt(1.0f + alpha * std::max(slope(dot(out, mesh_normal_)), 0.0f)));
 }
 
-// Where not all is reflected.
+// Used if not all light is reflected.
 Vec3f Bsdf::passed(float cosine) const noexcept {
   return glass_refraction_ * (kWhite - glass_(cosine)) + plain_refraction_;
 }
@@ -261,7 +261,7 @@ Bsdf::Value Bsdf::evaluate_diffuse(Vec3f direction) const noexcept {
   return hair_ ? evaluate_strand(direction, value, {}) : value;
 }
 
-// In the frame; the weight is that of a smooth surface.
+// Directions are in the frame; the weight is that of a smooth surface.
 Bsdf::Sample Bsdf::sample_facet(Point2 random, bool refract) const noexcept {
   const Vec3f facet = is_smooth() ? Vec3f{0, 0, 1} : facets_.choose_seen(view_, random);
   const float slant = dot(view_, facet);
@@ -293,7 +293,7 @@ Bsdf::Sample Bsdf::sample_strand(float pick, Point2 random) const noexcept {
           value.share * (1.0f / (kPi * value.density)), value.density, true};
 }
 
-// left: of the sum of the chances but that of hair.
+// left: the part of the sum of all chances except that of hair.
 Bsdf::Sample Bsdf::sample_surface(float left, Point2 random) const noexcept {
   Sample sample;
   float chance = 0.0f;

@@ -28,9 +28,9 @@ Vec3f fiber_normal_of(const Material& material, const Finish& finish, const Coat
   return normalized(place.normal + (material.coat_normal - place.normal) * std::min(finish.coat, 1.0f));
 }
 
-// A linear spline in cosine and roughness, fitted to what Cycles renders (tests/blender/fit_sheen.py): the square root
-// of the albedo's negative logarithm, the scale and the shear. From a roughness of .25 on a ball reflects as much light
-// as Cycles' to 2 %; below that fibers are hardly seen.
+// A linear spline in cosine and roughness, fitted to renders of Cycles (tests/blender/fit_sheen.py): the square root of
+// the albedo's negative logarithm, the scale and the shear. From a roughness of .25 on, a ball reflects as much light
+// as in Cycles to 2 %; below that fibers are hardly visible.
 constexpr std::array kCosines{0.0f, 0.1f, 0.2f, 0.35f, 0.5f, 0.7f, 1.0f};
 constexpr std::array kAlbedoRoughnesses{0.1f, 0.15f, 0.2f, 0.26f, 0.33f, 0.42f, 0.54f, 0.68f, 0.84f, 1.0f};
 constexpr std::array kShapeRoughnesses{0.1f, 0.2f, 0.35f, 0.6f, 1.0f};
@@ -76,7 +76,7 @@ float look_up(std::span<const Row> table, Knot cosine, Knot roughness) noexcept 
 SheenLobe sheen_lobe(float cosine, float roughness) noexcept {
   const Knot column = knot_at(kCosines, cosine), shape = knot_at(kShapeRoughnesses, roughness);
   float depth = look_up(kDepths, column, knot_at(kAlbedoRoughnesses, roughness));
-  // Smoother fibers than the table's first reflect hardly anything.
+  // Fibers smoother than the table's first row reflect almost nothing.
   const float smoother = kAlbedoRoughnesses[0] / std::clamp(roughness, 1e-3f, kAlbedoRoughnesses[0]);
   if (smoother > 1.0f) depth *= power(smoother, 0.75f);
   const auto albedo = static_cast<float>(exponential(-static_cast<double>(depth * depth)));
@@ -95,7 +95,7 @@ Coating::Coating(const Material& material, const Finish& finish, const Place& pl
   if (!(finish.coat > 0.0f)) return;
   if (has_coat) add_coat(finish);
   if (finish.coat_tint == Vec3f{1, 1, 1}) return;
-  // Light crosses the coat along the refracted way to the viewer.
+  // Light crosses the coat along the refracted direction to the viewer.
   const float sine_square = (1.0f - view_.z * view_.z) / (ior_ * ior_);
   const float depth = 1.0f / std::sqrt(std::max(1.0f - sine_square, kLeastCosine));
   const auto left = [&](float tint) { return 1.0f + (power(std::max(tint, 0.0f), depth) - 1.0f) * finish.coat; };

@@ -15,13 +15,12 @@ constexpr int kPoints = 8;  // in each cell
 constexpr float kLeastFrequency = 1e-3f;
 constexpr float kDeviations = 6.0f;  // the range of values, in standard deviations, that becomes 0 to 1
 
-// A wave of unit amplitude, and the same a quarter of a turn on.
+// A wave of unit amplitude, and the same wave shifted by a quarter period.
 struct Phasor {
   float real = 0.0f, imaginary = 0.0f;
 };
 
-// The unit vector along which a point's wave runs, turned by chance; `seed` is the cell, and what tells the point
-// apart.
+// Returns the unit vector of a point's wave, turned randomly. `seed` is the cell, and the number of the point in it.
 Coordinates<2> way_of(const GaborSettings& settings, float isotropy, const Coordinates<3>& seed) noexcept {
   const float chance = (random_of(seed[0], seed[1], seed[2]) - 0.5f) * kPi;
   const auto [sine, cosine] = sine_cosine(settings.angle + chance * isotropy);
@@ -44,7 +43,7 @@ Coordinates<3> random_place(const Coordinates<4>& seed) noexcept {
   return {place.x, place.y, place.z};
 }
 
-// A wave under a bell that a Hann window ends at the distance of 1; nothing beyond it.
+// A wave under a Gaussian, which a Hann window ends at distance 1; zero beyond it.
 template <std::size_t N>
 Phasor kernel(const Coordinates<N>& offset, float square, const Coordinates<N>& waves) noexcept {
   const float window = 0.5f + 0.5f * cosine(kPi * square);
@@ -89,7 +88,7 @@ Phasor noise(const Coordinates<N>& p, const GaborSettings& settings) noexcept {
 }  // namespace
 
 Vec3f gabor_noise(const GaborSettings& settings, Vec3f p) noexcept {
-  // Of weights of one size and of the squared kernel's integral, for waves that are short beside the bell.
+  // For weights of one magnitude and the integral of the squared kernel, if waves are short compared with the Gaussian.
   const float integral = settings.is_flat ? 0.25f : 0.25f / std::numbers::sqrt2_v<float>;
   const float range = kDeviations * std::sqrt(static_cast<float>(kPoints) * 0.5f * integral);
   const Phasor sum = settings.is_flat ? noise(coordinates_of<2>(p, 0.0f, settings.scale), settings)

@@ -35,8 +35,8 @@ double scaled_bessel(double x) noexcept {
   return series::sum(kFar, kBorder / x) / std::sqrt(x);
 }
 
-// Along the fiber: over the sine of the one angle, given the other (d'Eon et al. 2011), in a form that does not
-// overflow.
+// The distribution along the fiber: over the sine of one angle, given the other (d'Eon et al. 2011), in a form that
+// does not overflow.
 double spread_along(double sine, double cosine, const HairDirection& view, double variance) noexcept {
   const double a = cosine * view.cosine / variance, b = sine * view.sine / variance;
   const double narrow = variance * (1.0 - exponential(-2.0 / variance));
@@ -45,7 +45,7 @@ double spread_along(double sine, double cosine, const HairDirection& view, doubl
 
 double logistic_below(double x, double scale) noexcept { return 1.0 / (1.0 + exponential(-x / scale)); }
 
-// Around the fiber, from -pi to pi.
+// The distribution around the fiber, from -pi to pi.
 double spread_around(double angle, double scale) noexcept {
   const double away = exponential(-std::abs(angle) / scale);
   return away / (scale * square(1.0 + away) * (1.0 - 2.0 * logistic_below(-kPi, scale)));
@@ -70,13 +70,13 @@ double width_of(float roughness) noexcept { return std::clamp(static_cast<double
 
 double mean(Vec3f color) noexcept { return (static_cast<double>(color.x) + color.y + color.z) / 3.0; }
 
-// Across the strand, towards the viewer; any such direction where one looks along it.
+// Returns the direction across the strand towards the viewer; any perpendicular direction if the view is along it.
 Vec3f across_strand(Vec3f along, Vec3f view) noexcept {
   const Vec3f flat = view - along * dot(view, along);
   return dot(flat, flat) > 1e-12f ? normalized(flat) : Frame(along).x;
 }
 
-// Where the viewer looks across the strand: -1 one edge, 1 the other.
+// Returns the position across the strand that the viewer sees: -1 at one edge, 1 at the other.
 double aside_of(const HairBsdf::Place& place, Vec3f y, Vec3f z) noexcept {
   const auto towards = static_cast<double>(dot(place.normal, y)), aside = static_cast<double>(dot(place.normal, z));
   const double size = std::sqrt(towards * towards + aside * aside);
@@ -103,7 +103,7 @@ HairFiber::HairFiber(const Hair& hair, Vec3f absorption, const HairDirection& vi
     : view_(view) {
   const auto ior = static_cast<double>(hair.ior);
   const double inside = cosine_from(view_.sine / ior);
-  // Seen along the fiber it refracts more strongly (Bravais).
+  // Viewed along the fiber, it refracts more strongly (Bravais).
   const double bravais = view_.cosine / std::sqrt(std::max(ior * ior - view_.sine * view_.sine, 1e-12));
   const double aside_inside = std::clamp(aside * bravais, -1.0, 1.0);
   const double way = 2.0 * cosine_from(aside_inside) / std::max(inside, 1e-6);
@@ -129,7 +129,7 @@ void HairFiber::set_widths(const Hair& hair, float least) noexcept {
   lobes_[3].scale = 0.0;
 }
 
-// The scales of the cuticle turn the lobes by twice their tilt, by once, and by four times of it.
+// The scales of the cuticle rotate the lobes by twice, once and four times their tilt.
 void HairFiber::set_tilts(const Hair& hair) noexcept {
   constexpr std::array kTurns{2.0, -1.0, -4.0, 0.0};
   for (std::size_t i = 0; i < kTurns.size(); ++i) {
@@ -145,12 +145,12 @@ void HairFiber::set_middles(double aside, double aside_inside) noexcept {
   }
 }
 
-// passed: what is left of light on its way through; reflected: what the wall reflects, from either side.
+// passed: the transmittance of a path through the fiber. reflected: the reflectance of the wall, from either side.
 void HairFiber::set_shares(const Hair& hair, Vec3f passed, double reflected) noexcept {
   const Vec3f white{1, 1, 1};
   const Vec3f inside = passed * static_cast<float>(1.0 - reflected);
   const Vec3f again = inside * passed * static_cast<float>(reflected);
-  // The series of what is reflected inside again and again.
+  // The series of repeated internal reflections.
   const auto rest = [&](float channel) {
     const double left = static_cast<double>(channel) * reflected;
     return static_cast<float>(left * (1.0 - reflected) / std::max(1.0 - left, 1e-6));

@@ -8,8 +8,8 @@
 namespace perfect_bvh {
 namespace {
 
-// How far beside a hit heights are looked at for a bump, in shares of the way to the viewer and of the coordinates:
-// where there is no camera, whose pixels count else, and at least.
+// The distance from a hit at which a bump's heights are evaluated, relative to the distance to the viewer and to the
+// coordinates. The first is used without a camera, whose pixels otherwise count; the second is a minimum.
 constexpr double kAside = 1e-4, kLeastAside = 3e-5;
 
 void put(NodeChannel* channels, std::size_t lane, Vec3f v) noexcept {
@@ -42,7 +42,8 @@ void HitInputs::prepare(const NodeNeeds& needs) {
   }
 }
 
-// The two ways span the triangle's plane in the world, as Cycles turns them; their ends are the same steps in u and v.
+// The two vectors span the triangle's plane in the world, oriented as in Cycles; their ends are the same steps in u and
+// v.
 void HitInputs::find_sides(Lane& lane, float pixels) const {
   const Affine& map = lane.instance->object_to_world;
   const ObjectTriangle triangle = object_triangle(*lane.instance, lane.sides[0], lane.ray->time);
@@ -71,7 +72,7 @@ double HitInputs::way_aside(const Lane& lane, Vec3d position, float pixels) cons
   return std::max(static_cast<double>(pixels) * pixel, kLeastAside * (way + size));
 }
 
-// Where the camera's image has a place.
+// Returns the position in the camera's image.
 Vec3f HitInputs::in_image(Vec3d position) const {
   if (!appearance_.view) return {0, 0, 0};
   const ImagePoint at = appearance_.view->rays.place_of(position);
@@ -82,7 +83,7 @@ Vec3f HitInputs::in_image(Vec3d position) const {
 Affine HitInputs::to_world(const Lane& lane, VectorSpace space) const {
   if (space == VectorSpace::kCamera) return appearance_.view ? appearance_.view->rays.frame() : Affine{};
   if (space == VectorSpace::kWorld) return {};
-  Affine map = lane.instance->object_to_world;  // of places in the mesh's stored frame
+  Affine map = lane.instance->object_to_world;  // from the mesh's stored frame
   map.translation = map.point(-lane.instance->blas->mesh.centre);
   return map;
 }

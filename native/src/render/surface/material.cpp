@@ -1,4 +1,4 @@
-// Materials of hits: rows of tables, and what programs of nodes make of them.
+// The materials of hits, from rows of tables and programs of nodes.
 #include <algorithm>
 #include <cmath>
 
@@ -12,7 +12,7 @@ namespace {
 constexpr float kPlainRoughness = 0.5f;
 constexpr float kLeastIor = 1e-5f, kLeastStretch = 1e-2f;
 
-// What a table without rows stands for is in the last two arguments.
+// The last two arguments are the default for an empty table.
 Vec3f tinted(const TintTable& table, std::size_t row, Vec3f base, Vec3f color, float power) noexcept {
   if (!table.colors.empty()) color = table.colors[row];
   if (!table.powers.empty()) power = table.powers[row];
@@ -40,7 +40,7 @@ void set_scattering(const Appearance& appearance, std::size_t index, Material& m
   material.translucent = tinted(appearance.translucent_tints, index, material.color, {0, 0, 0}, 0.0f);
 }
 
-// What tables say of the base; the rest follows from its colour.
+// Reads the base from tables; the rest depends on its colour.
 Material base_of(const Appearance& appearance, std::int32_t row) noexcept {
   Material material;
   material.color = material_color(appearance, row);
@@ -69,13 +69,13 @@ void set_rest(const Appearance& appearance, std::int32_t row, Material& material
 }
 
 float in_unit(float value) noexcept { return value > 0.0f ? std::min(value, 1.0f) : 0.0f; }
-// No light is negative, nor without a number.
+// Light that is negative or NaN becomes zero.
 Vec3f as_light(Vec3f color) noexcept {
   const auto kept = [](float value) { return value > 0.0f && std::isfinite(value) ? value : 0.0f; };
   return {kept(color.x), kept(color.y), kept(color.z)};
 }
 
-// What one hit's nodes came to.
+// The results of one hit's nodes.
 class ProgramValues {
  public:
   ProgramValues(const NodeProgram& program, const NodeRun& run, std::size_t lane) noexcept
@@ -87,7 +87,7 @@ class ProgramValues {
   void set_color(MaterialSlot slot, Vec3f& value) const noexcept {
     if (const NodeOperand* const operand = program_.output(slot)) value = as_light(run_.vector(*operand, lane_));
   }
-  // least: the number is above 0, and at least this.
+  // least: the result is above 0, and at least this.
   void set_number(MaterialSlot slot, float least, float& value) const noexcept {
     const NodeOperand* const operand = program_.output(slot);
     if (operand == nullptr) return;
@@ -174,7 +174,7 @@ Ray ray_onto(const Snapshot& snapshot, const Hit& hit, float time) noexcept {
 
 namespace {
 
-// Of one hit.
+// Evaluates one hit.
 const NodeRun& run_alone(const Snapshot& snapshot, const Appearance& appearance, const Ray& ray, const Hit& hit,
                          const NodeProgram& program, const NodePart& part) {
   static thread_local NodeRun run;
@@ -235,7 +235,7 @@ std::span<Material> MaterialReader::read(const Snapshot& snapshot, const Appeara
     std::size_t last = first;
     for (; last < order_.size() && points[order_[last]].material == row && inputs.count() < kNodeLanes; ++last) {
       SurfacePoint& point = points[order_[last]];
-      point.light_normal = point.mesh_normal;  // what was bent before is bent anew
+      point.light_normal = point.mesh_normal;  // resets the normal before it is bent again
       inputs.add(snapshot.instances[hits[point.ray].instance_index], rays[point.ray], hits[point.ray], point);
     }
     inputs.prepare(program.whole().needs);

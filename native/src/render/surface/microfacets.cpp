@@ -6,7 +6,7 @@ namespace {
 constexpr int kSamples = 128;
 constexpr float kLeastAlpha = 1e-4f, kLeastCosine = 1e-3f;
 
-// The fourth root of the reflectance: even steps of it are even steps of the eye.
+// The fourth root of the reflectance: equal steps of it look equal.
 float ior_at(float place) noexcept {
   const float root = std::min(place, 0.995f);
   return (1.0f + root * root) / (1.0f - root * root);
@@ -48,7 +48,7 @@ float sum_of_panes(const Facets& facets, Vec3f view, float ior) noexcept {
   return sum / kPaneSamples;
 }
 
-// The mean over the cosines of a row, each as likely as itself: trapezoids.
+// The mean over the cosines of a row, weighted by the cosine: trapezoids.
 float mean_of(const FacetRow& row) noexcept {
   float sum = 0.0f, weight = 0.0f;
   for (std::size_t cosine = 0; cosine < kFacetSteps; ++cosine) {
@@ -67,7 +67,7 @@ float look_up_mean(const FacetRow& means, float roughness) noexcept {
   return between(means[row.low], means[row.high], row.part);
 }
 
-// By index, of glass seen from outside or from inside.
+// By index, for glass seen from outside or from inside.
 struct PaneTables {
   std::array<FacetTable, kFacetSteps> shares;
   std::array<FacetRow, kFacetSteps> means;
@@ -85,10 +85,10 @@ struct PaneTables {
   }
 };
 
-// Of Ashikhmin and Shirley's lobe (2000), from the width of slopes that it has about.
+// The exponent of Ashikhmin and Shirley's lobe (2000), from its approximate width of slopes.
 float exponent_of(float alpha) noexcept { return 2.0f / (alpha * alpha) - 2.0f; }
 
-// Smith's of Beckmann's slopes, by the fit of Walter et al. 2007.
+// Smith's function for Beckmann's slopes, by the fit of Walter et al. 2007.
 float hidden_of_beckmann(float steepness) noexcept {
   const float a = 1.0f / std::sqrt(std::max(steepness, 1e-12f));
   return a < 1.6f ? (1.0f - 1.259f * a + 0.396f * a * a) / (3.535f * a + 2.181f * a * a) : 0.0f;

@@ -1,4 +1,4 @@
-// The functions of node_maths.h that are of colours.
+// The functions of node_maths.h for colours.
 #include <algorithm>
 #include <cmath>
 
@@ -38,7 +38,7 @@ struct Spread {
 };
 Spread spread_of(Vec3f c) noexcept { return {std::max({c.x, c.y, c.z}), std::min({c.x, c.y, c.z})}; }
 
-// 0 to 1; 0 of what is grey.
+// Returns 0 to 1; 0 for grey.
 float hue_of(Vec3f c, Spread spread) noexcept {
   const float delta = spread.most - spread.least;
   if (delta == 0.0f) return 0.0f;
@@ -49,7 +49,7 @@ float hue_of(Vec3f c, Spread spread) noexcept {
   return hue < 0.0f ? hue + 1.0f : hue;
 }
 
-// How full each channel is at a hue, 0 to 1.
+// Returns the value of each channel at a hue, 0 to 1.
 Vec3f fullness(float hue) noexcept {
   const auto fall = [hue](float place) { return std::clamp(std::abs(hue * 6.0f - place) - 1.0f, 0.0f, 1.0f); };
   return {fall(3.0f), 1.0f - fall(2.0f), 1.0f - fall(4.0f)};
@@ -64,7 +64,7 @@ Vec3f to_hsv(Vec3f c) noexcept {
 
 Vec3f from_hsv(Vec3f hsv) noexcept {
   if (hsv.y == 0.0f) return even(hsv.z);
-  // Hues beyond are all of the last sector, as Blender has them.
+  // Hues beyond the range belong to the last sector, as in Blender.
   const float sector = hsv.x * 6.0f;
   const bool is_beyond = sector < 0.0f || sector > 6.0f;
   const Vec3f full = is_beyond ? Vec3f{1.0f, 0.0f, 1.0f - (sector - std::floor(sector))} : fullness(hsv.x);
@@ -142,7 +142,7 @@ float blended(Blend mode, float share, float a, float b) noexcept {
   }
 }
 
-// What takes something of the second colour's hue, saturation and value.
+// For modes that take hue, saturation or value from the second colour.
 Vec3f tuned(Blend mode, float share, Vec3f a, Vec3f b) noexcept {
   Vec3f hsv = to_hsv(a);
   const Vec3f other = to_hsv(b);

@@ -87,9 +87,9 @@ enum class VectorMath : std::uint8_t {
   kTangent,
 };
 enum class Range : std::uint8_t { kLinear, kStepped, kSmoothstep, kSmootherstep };
-constexpr std::uint8_t kVectorRanges = 4;  // the first of the same for vectors
+constexpr std::uint8_t kVectorRanges = 4;  // the first vector mode of a range
 
-// A function of doubles, in floats.
+// Applies a function of doubles to floats.
 template <class Function, class... Floats>
 float by_double(Function function, Floats... values) noexcept {
   return static_cast<float>(function(static_cast<double>(values)...));
@@ -97,7 +97,7 @@ float by_double(Function function, Floats... values) noexcept {
 
 float divided(float a, float b) noexcept { return b != 0.0f ? a / b : 0.0f; }
 
-// Negative bases have powers by integers.
+// Negative bases only have integer powers.
 float power_of(float a, float b) noexcept {
   if (b == 0.0f) return 1.0f;
   if (a >= 0.0f) return power(a, b);
@@ -181,7 +181,7 @@ float trigonometric(Math mode, float a, float b) noexcept {
   }
 }
 
-// By component.
+// Applies per component.
 template <class Function, class... Vectors>
 Vec3f each(Function function, Vectors... v) noexcept {
   return {function(v.x...), function(v.y...), function(v.z...)};

@@ -1,4 +1,4 @@
-// The functions of node_maths.h that turn vectors.
+// The functions of node_maths.h that rotate vectors.
 #include <cmath>
 
 #include "math/elementary.h"
@@ -25,7 +25,7 @@ struct Turn {
   [[nodiscard]] Vec3f back(Vec3f v) const noexcept { return {dot(x, v), dot(y, v), dot(z, v)}; }
 };
 
-// About x, then y, then z.
+// Rotates about x, then y, then z.
 Turn turn_of(Vec3f angles) noexcept {
   const auto [sx, cx] = sine_cosine(angles.x);
   const auto [sy, cy] = sine_cosine(angles.y);

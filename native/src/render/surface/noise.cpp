@@ -13,19 +13,20 @@ namespace {
 
 constexpr float kPeriod = 1e5f;  // beyond which a float's fraction is too coarse
 
-// The number, or its negative if the hash has this bit. Neither this nor a slope has a branch: none could be foreseen.
+// Returns the number, or its negative if the hash has this bit. This and slopes avoid branches, which could not be
+// predicted.
 constexpr float signed_by(float value, std::uint32_t hash, int bit) noexcept {
   return std::bit_cast<float>(std::bit_cast<std::uint32_t>(value) ^ (hash >> bit) << 31);
 }
 
-// Multiplies the offset from a corner with the corner's gradient, which the low bits of its hash choose: in two
+// Multiplies the offset from a corner by the corner's gradient, which the low bits of its hash choose: in two
 // dimensions (1, 2) or (2, 1), in three and four the middle of an edge, all with any signs.
 float slope(std::uint32_t hash, const Coordinates<2>& offset) noexcept {
   const std::size_t first = hash >> 2 & 1u;
   return signed_by(offset[first], hash, 0) + signed_by(2.0f * offset[1 - first], hash, 1);
 }
 float slope(std::uint32_t hash, const Coordinates<3>& offset) noexcept {
-  // Of 16 numbers for 12 edges the last four are (y, x) and (y, z) once more.
+  // There are 16 numbers for 12 edges: the last four repeat (y, x) and (y, z).
   constexpr std::array<std::uint8_t, 16> kFirst{0, 0, 0, 0, 0, 0, 0, 0, 1, 1, 1, 1, 1, 1, 1, 1};
   constexpr std::array<std::uint8_t, 16> kSecond{1, 1, 1, 1, 2, 2, 2, 2, 2, 2, 2, 2, 0, 2, 0, 2};
   const std::size_t edge = hash & 15u;
@@ -37,12 +38,12 @@ float slope(std::uint32_t hash, const Coordinates<4>& offset) noexcept {
   return signed_by(at(0), hash, 0) + signed_by(at(1), hash, 1) + signed_by(at(2), hash, 2);
 }
 
-// The integers below a point, and how far it is above them.
+// Returns the integers below a point, and its distance above them.
 template <std::size_t N>
 struct Lattice {
   explicit Lattice(const Coordinates<N>& p) noexcept {
     for (std::size_t i = 0; i < N; ++i) {
-      // Half a cell aside where all floats are integers: noise is 0 there.
+      // Where all floats are integers, uses half a cell: noise is 0 there.
       float inside = std::abs(p[i]) < kPeriod ? p[i] : std::fmod(p[i], kPeriod);
       if (std::abs(p[i]) >= 1e6f) inside += 0.5f;
       const float below = std::floor(inside);
@@ -61,13 +62,13 @@ bool is_finite(const Coordinates<N>& p) noexcept {
 // 6 t^5 - 15 t^4 + 10 t^3, divided by t^2 or t^3.
 float fade_factor(float t) noexcept { return multiply_add(t, multiply_add(t, 6.0f, -15.0f), 10.0f); }
 
-// Gradient noise from -1 to 1, 0 at integers; periodic. Rounded as in Cycles' kernels: a distorted texture is one of
-// points that are moved by it, and where these are far out a last bit may change its value by a tenth.
+// Gradient noise from -1 to 1, 0 at integers; periodic. Rounded as in Cycles' kernels: a distorted texture is evaluated
+// at points moved by it, and far out a last bit may change its value by a tenth.
 float perlin(const Coordinates<1>& p) noexcept {
   if (!is_finite(p)) return 0.0f;
   const Lattice<1> lattice(p);
   const float t = lattice.fraction[0], fade = t * t * t * fade_factor(t);
-  const auto gradient = [&](std::int32_t step) {  // 1 to 8, of any sign
+  const auto gradient = [&](std::int32_t step) {  // 1 to 8, with either sign
     const std::uint32_t hash = lookup3(Words<1>{static_cast<std::uint32_t>(lattice.cell[0] + step)});
     return signed_by(1.0f + static_cast<float>(hash & 7u), hash, 3);
   };
@@ -79,7 +80,7 @@ float perlin(const Coordinates<N>& p) noexcept {
   constexpr std::array<float, 3> kRange{0.6616f, 0.9820f, 0.8344f};  // about 1 / the largest value
   if (!is_finite(p)) return 0.0f;
   const Lattice<N> lattice(p);
-  // Corners are blended along w at first, then x, y, z. Bit k of a corner's number is its step along axis_of(k).
+  // Corners are interpolated along w first, then x, y, z. Bit k of a corner's number is its step along axis_of(k).
   const auto axis_of = [](std::size_t k) { return N == 4 ? (k + 3) % 4 : k; };
   std::array<float, std::size_t{1} << N> corners{};
   for (std::size_t corner = 0; corner < corners.size(); ++corner) {
@@ -102,7 +103,7 @@ float perlin(const Coordinates<N>& p) noexcept {
 }
 
 // Fractals ------------------------------------------------------------------------------------------------------------
-// An octave is the noise of a finer scale. The last one counts as much as the fraction of `detail`.
+// An octave is noise of a finer scale. The last one is weighted by the fraction of `detail`.
 
 struct Octaves {
   explicit Octaves(float detail) noexcept : whole(static_cast<int>(detail)), rest(detail - std::floor(detail)) {}
@@ -135,7 +136,7 @@ float multifractal(Coordinates<N> p, const NoiseSettings& settings, Octaves octa
   return octaves.rest != 0.0f ? value * (octaves.rest * amplitude * perlin(p) + 1.0f) : value;
 }
 
-// The higher a point, the more its finer octaves count.
+// The higher a point, the larger the weight of its finer octaves.
 template <std::size_t N>
 float hetero_terrain(Coordinates<N> p, const NoiseSettings& settings, Octaves octaves) noexcept {
   float value = settings.offset + perlin(p), amplitude = settings.roughness;
@@ -164,7 +165,7 @@ float hybrid_multifractal(Coordinates<N> p, const NoiseSettings& settings, Octav
   return value;
 }
 
-// Has no fraction of an octave.
+// Does not use a fractional octave.
 template <std::size_t N>
 float ridged_multifractal(Coordinates<N> p, const NoiseSettings& settings, Octaves octaves) noexcept {
   const auto ridge = [&] {
@@ -200,7 +201,7 @@ float fractal(const Coordinates<N>& p, const NoiseSettings& settings) noexcept {
 
 // The node ------------------------------------------------------------------------------------------------------------
 
-// Moves a point to another part of the noise, 100 to 200 aside, where nothing is like it.
+// Moves a point to another part of the noise, 100 to 200 away, where values are unrelated.
 template <std::size_t N>
 Coordinates<N> elsewhere(const Coordinates<N>& p, float seed) noexcept {
   return each_axis<N>([&](std::size_t i) {
@@ -209,7 +210,7 @@ Coordinates<N> elsewhere(const Coordinates<N>& p, float seed) noexcept {
   });
 }
 
-// Rounds as Cycles, which adds the first of one or two products unrounded.
+// Rounds as Cycles does, which adds the first of one or two products unrounded.
 template <std::size_t N>
 Coordinates<N> distorted(const Coordinates<N>& p, float distortion) noexcept {
   if (distortion == 0.0f) return p;

@@ -14,16 +14,16 @@ namespace {
 
 constexpr float kPi = std::numbers::pi_v<float>, kTurn = 2.0f * kPi;
 
-// Scales a point and moves it off the steps that it may be upon.
+// Scales a point and moves it off steps of the pattern.
 Vec3f off_steps(Vec3f p, float scale) noexcept {
   const auto moved = [scale](float x) { return multiply_add(x, scale, 1e-6f) * 0.999999f; };
   return {moved(p.x), moved(p.y), moved(p.z)};
 }
 
-// The integer below; what is out of an integer's range is brought into it.
+// Returns the integer below; values out of range are clamped.
 std::int32_t floor_of(float x) noexcept { return static_cast<std::int32_t>(clamped(std::floor(x), -0x1p30f, 0x1p30f)); }
 
-// A number from 0 to 1: the integer noise of libnoise (Bevins 2003), whose constants Cycles has too.
+// Returns a number from 0 to 1: the integer noise of libnoise (Bevins 2003), whose constants Cycles also uses.
 float random_brick(std::uint32_t number) noexcept {
   constexpr std::uint32_t kMask = 0x7fffffffu;
   std::uint32_t n = (number + 1013u) & kMask;
@@ -35,7 +35,7 @@ float random_brick(std::uint32_t number) noexcept {
 }  // namespace
 
 float checker_factor(float scale, Vec3f p) noexcept {
-  const Vec3f cell = off_steps(p * scale, 1.0f);  // unlike waves, a rounded product
+  const Vec3f cell = off_steps(p * scale, 1.0f);  // unlike in waves, the product is rounded
   const auto is_odd = [](float x) { return floor_of(x) % 2 != 0; };
   return (is_odd(cell.x) == is_odd(cell.y)) == is_odd(cell.z) ? 1.0f : 0.0f;
 }
@@ -52,7 +52,7 @@ BrickTexture brick_texture(const BrickSettings& settings, Vec3f point) noexcept 
   const std::uint32_t number = (static_cast<std::uint32_t>(row) << 16) + (static_cast<std::uint32_t>(column) & 0xffffu);
   const float tint = clamped(random_brick(number) + settings.bias, 0.0f, 1.0f);
 
-  const float inside = std::min({x, y, width - x, settings.row_height - y});  // how far from the brick's edge
+  const float inside = std::min({x, y, width - x, settings.row_height - y});  // distance from the brick's edge
   if (inside >= settings.mortar_size) return {0.0f, tint};
   if (settings.mortar_smooth == 0.0f) return {1.0f, tint};
   const float share = (1.0f - inside / settings.mortar_size) / settings.mortar_smooth;
@@ -87,7 +87,7 @@ float gradient_factor(GradientKind kind, Vec3f p) noexcept {
 }
 
 Vec3f magic_color(const MagicSettings& settings, Vec3f point) noexcept {
-  // Step by step one of x, y and z becomes a sine or cosine of their sum with signs.
+  // In each step, one of x, y and z becomes a sine or cosine of their signed sum.
   struct Step {
     int target;
     bool is_sine;

@@ -27,8 +27,9 @@ Point2 projected(ImageProjection projection, Vec3f v) noexcept {
   return {place.x, projection == ImageProjection::kTube ? (centred.z + 1.0f) * 0.5f : place.y};
 }
 
-// How much of each axis' two sides shows where the shares `n` of a normal add up to 1. These are places in a triangle:
-// near its corners one side shows, along its edges two are mixed, and three in a smaller triangle in the middle.
+// Returns the weight of each axis' two sides for the shares `n` of a normal, which add up to 1. The shares are a
+// position in a triangle: one side is visible near its corners, two are blended along its edges, and three in a smaller
+// triangle in the middle.
 Vec3f box_weights(Vec3f n, float blend) noexcept {
   constexpr int kPairs[3][3] = {{0, 1, 2}, {1, 2, 0}, {0, 2, 1}};  // two axes, and the third
   const float limit = 0.5f * (1.0f + blend);

@@ -13,7 +13,7 @@
 namespace perfect_bvh {
 namespace {
 
-// What one instruction reads and writes.
+// The operands and outputs of one instruction.
 struct Step {
   const NodeInstruction& instruction;
   float* channels;
@@ -33,7 +33,7 @@ struct Step {
   }
   [[nodiscard]] std::uint8_t mode() const noexcept { return instruction.mode; }
 
-  // `work` gives a number or a vector for each lane.
+  // `work` returns a number or a vector for each lane.
   template <class Work>
   void numbers(Work work) const {
     float* const to = *out();
@@ -49,7 +49,7 @@ struct Step {
   }
 };
 
-// numbers: the image; with a second operand, the normal, it is that of a box, whose second number is the blend.
+// numbers: the image. With a second operand, the normal, the projection is a box, and the second number is the blend.
 void look_up_image(const Step& step, const Texture& image) {
   NodeChannel* const to = step.out();
   const auto projection = static_cast<ImageProjection>(step.mode());
@@ -62,7 +62,7 @@ void look_up_image(const Step& step, const Texture& image) {
   }
 }
 
-// Where a place of 0 to 1 lies in a table: a row, and how far on to the next one.
+// The position of a value from 0 to 1 in a table: a row, and the fraction to the next one.
 struct TablePlace {
   std::size_t row;
   float rest;
@@ -86,7 +86,7 @@ void look_up_table(const Step& step) {
   }
 }
 
-// One channel of curves, whose table holds three from `numbers[2]` on, over the range that the first two say.
+// One channel of curves. Their table has three from `numbers[2]` on, over the range given by the first two numbers.
 float through_curve(std::span<const float> numbers, std::size_t channel, float value, bool extrapolates) noexcept {
   const std::size_t rows = (numbers.size() - 2) / 3;
   const float place = (value - numbers[0]) / (numbers[1] - numbers[0]);
@@ -121,7 +121,7 @@ Vec3f unit_or(Vec3f v, Vec3f fallback) noexcept {
   return size > 0.0f && std::isfinite(size) ? v * (1.0f / size) : fallback;
 }
 
-// Operands: strength, colour, tangent, its sign, the mesh's normal, the normal of shading, whether its back is seen.
+// Operands: strength, colour, tangent, its sign, the mesh's normal, the shading normal, whether the back is visible.
 enum class NormalSpace : std::uint8_t { kTangent, kObject, kWorld };
 
 void map_normals(const Step& step, const NodeInputs& inputs) {
@@ -133,7 +133,7 @@ void map_normals(const Step& step, const NodeInputs& inputs) {
     const bool is_tangent = space == NormalSpace::kTangent;
     if (is_tangent) {
       const Vec3f tangent = step.vector(2, lane), own = step.vector(4, lane);
-      if (step.number(3, lane) == 0.0f) return normal;  // there is no such uv map
+      if (step.number(3, lane) == 0.0f) return normal;  // the uv map does not exist
       const float up = std::clamp(strength, 0.0f, 1.0f);
       const Vec3f across = cross(own, tangent) * step.number(3, lane);
       color = (tangent * (color.x * strength) + across * (color.y * strength)) + own * (1.0f + (color.z - 1.0f) * up);
@@ -146,8 +146,8 @@ void map_normals(const Step& step, const NodeInputs& inputs) {
   });
 }
 
-// Operands: strength, distance, the height here and at both sides, the normal, the ways to the sides (Mikkelsen 2010,
-// "Bump Mapping Unparametrized Surfaces on the GPU").
+// Operands: strength, distance, the height here and at both shifted points, the normal, the vectors to these points
+// (Mikkelsen 2010, "Bump Mapping Unparametrized Surfaces on the GPU").
 void bump(const Step& step) {
   step.vectors([&](std::size_t lane) {
     const float strength = std::max(step.number(0, lane), 0.0f), distance = step.number(1, lane);
@@ -162,8 +162,8 @@ void bump(const Step& step) {
   });
 }
 
-// Operands: the index of refraction or how much of the layer is seen, the normal, towards the viewer, whether the back
-// is seen.
+// Operands: the index of refraction or the layer's visibility, the normal, the direction to the viewer, whether the
+// back is visible.
 void reflect_by_angle(const Step& step) {
   const bool is_layer = step.mode() == 1;
   step.numbers([&](std::size_t lane) {
@@ -174,9 +174,9 @@ void reflect_by_angle(const Step& step) {
   });
 }
 
-// Procedural textures: operands in the order of the nodes' inputs, without colours that are mixed after them.
+// Procedural textures: operands in the order of the nodes' inputs, without colours that are mixed later.
 
-// numbers: dimensions, whether it is normalized, whether more than the red is wanted.
+// numbers: dimensions, whether it is normalized, whether more than the red channel is needed.
 void run_noise(const Step& step) {
   const std::span<const float> n = step.instruction.numbers;
   NodeChannel* const to = step.out();

@@ -16,22 +16,22 @@ namespace perfect_bvh {
 
 namespace {
 
-// A corner normal that points this far to the other side of its triangle is not a curved surface's: the triangle is
-// wound the other way than its neighbours.
+// A corner normal that points this far to the other side of its triangle does not belong to a curved surface: the
+// triangle is wound opposite to its neighbours.
 constexpr double kTurnedCosine = -0.3;
 
-// The ways from the hit point to the curved surface that the corner normals suggest, as Cycles has it: rays that leave
-// a coarse mesh from its flat triangles would hit its neighbours.
+// The vectors from the hit point to the curved surface implied by the corner normals, as in Cycles: rays that leave a
+// coarse mesh from its flat triangles would hit its neighbours.
 struct Lifts {
-  Vec3d over, beyond;  // on the side that the normals point to, and on the other
+  Vec3d over, beyond;  // on the side of the normals, and on the other
 };
 
-// `side` is -1 when the viewer sees the inner side. The curve is a parabola along each edge. On either side the surface
-// is as far off as the nearest of three planes across the corners' normals, each through the corner that is farthest
-// along its normal, or half as far as the curve if that is more.
+// `side` is -1 if the viewer sees the inner side. The curve is a parabola along each edge. On either side, the distance
+// of the surface is that of the nearest of three planes perpendicular to the corners' normals, each through the corner
+// that is farthest along its normal; or half the distance of the curve if that is larger.
 Lifts lifts_of(const CornerNormals& normals, const ObjectTriangle& triangle, double side) noexcept {
   const Vec3d point = triangle.point();
-  std::array<Vec3d, 3> away;  // the corners as seen from the point
+  std::array<Vec3d, 3> away;  // the corners relative to the point
   for (std::size_t i = 0; i < 3; ++i) away[i] = triangle.corners[i] - point;
   Vec3d between{0, 0, 0};
   double curve = 0.0;
@@ -48,9 +48,9 @@ Lifts lifts_of(const CornerNormals& normals, const ObjectTriangle& triangle, dou
   return {between * std::max(over, 0.5 * curve), between * -std::max(beyond, -0.5 * curve)};
 }
 
-// A bound of how far rounding may move a point of this triangle on its way to a kernel and back. In the mesh's frame
-// kernels work in single precision: a coordinate is off by at most half a unit in its last place, 2^-24 of the
-// largest one; a triangle test adds a few of the same size. The map to the world scales that.
+// Returns a bound of how far rounding may move a point of this triangle to a kernel's frame and back. In the mesh's
+// frame, kernels use single precision: a coordinate is off by at most half a unit in its last place, 2^-24 of the
+// largest one, and a triangle test adds a few of the same size. The map to the world scales that.
 double clearance(const Instance& instance, const ObjectTriangle& triangle) noexcept {
   constexpr double kUnits = 8.0 * 0x1p-24;
   const auto reach = [&](int axis) {
@@ -64,11 +64,11 @@ double clearance(const Instance& instance, const ObjectTriangle& triangle) noexc
   return kUnits * (sum(map.x) * reach(0) + sum(map.y) * reach(1) + sum(map.z) * reach(2)) + world;
 }
 
-// Of curves and points, which kernels find in double precision.
+// The same for curves and points, which kernels compute in double precision.
 void set_round_normals(const Instance& instance, const Ray& ray, const Hit& hit, bool with_origin,
                        SurfacePoint& point) {
   const RoundPoint round = RoundPlacer().place(instance, hit, ray);
-  // A tip has no normal: the way back is as good as any.
+  // A tip has no normal: the direction back is as good as any.
   const bool degenerate = round.normal == Vec3d{0, 0, 0};
   const Vec3d facing = degenerate ? normalized(-ray.direction) : round.normal * (round.is_entry ? 1.0 : -1.0);
   point.geometric_normal = to_float(facing);
@@ -88,10 +88,10 @@ void set_normals(const Appearance& appearance, const Instance& instance, const R
   if (instance.blas->mesh.is_round()) return set_round_normals(instance, ray, hit, with_origin, point);
   const ObjectTriangle triangle = object_triangle(instance, hit, ray.time);
   const MeshAttributes* attributes = appearance.attributes_of(instance);
-  // What a transform has flattened is a plane, whatever its corner normals were.
+  // A flattened mesh is a plane: its corner normals are ignored.
   const bool smooth = attributes != nullptr && !attributes->corner_normals.empty() && !instance.baked;
   const Vec3d outer = outer_normal(instance, triangle);
-  // A triangle without area has no normal: the way back is as good as any.
+  // A triangle without area has no normal: the direction back is as good as any.
   const bool degenerate = outer == Vec3d{0, 0, 0};
   const double side = dot(outer, ray.direction) > 0.0 ? -1.0 : 1.0;
   const Vec3d facing = degenerate ? normalized(-ray.direction) : outer * side;

@@ -29,7 +29,7 @@ struct Grid {
   [[nodiscard]] Cell<N> neighbour(const Cell<N>& step) const noexcept {
     return each_axis<N>([&](std::size_t i) { return cell[i] + step[i]; });
   }
-  // The random point of a neighbouring cell, seen from this cell's corner.
+  // The random point of a neighbouring cell, relative to this cell's corner.
   [[nodiscard]] Coordinates<N> point(const Cell<N>& step) const noexcept {
     const Coordinates<N> begin = each_axis<N>([&](std::size_t i) { return static_cast<float>(step[i]); });
     if constexpr (N == 1) return {begin[0] + random_of(corner[0] + begin[0]) * random};
@@ -45,7 +45,7 @@ struct Grid {
     }
   }
 
-  Coordinates<N> corner, local;  // local: the point, seen from the corner
+  Coordinates<N> corner, local;  // local: the point relative to the corner
   Cell<N> cell;
   float random;
 };
@@ -66,7 +66,7 @@ void for_each_step(int reach, const Body& body) noexcept {
 
 // Distances -----------------------------------------------------------------------------------------------------------
 
-// What orders distances as they are, but costs less.
+// A cheaper function with the same order as distances.
 template <std::size_t N>
 float measure(const Coordinates<N>& offset, const VoronoiSettings& settings) noexcept {
   if constexpr (N == 1) return std::abs(offset[0]);
@@ -103,7 +103,7 @@ struct Octave {
   Coordinates<N> position{};
 };
 
-// The nearest point, or the second nearest.
+// Finds the nearest point, or the second nearest.
 template <std::size_t N>
 Octave<N> nearest(const Coordinates<N>& p, const VoronoiSettings& settings, bool is_second) noexcept {
   struct Found {
@@ -127,7 +127,7 @@ Octave<N> nearest(const Coordinates<N>& p, const VoronoiSettings& settings, bool
   return {distance_of<N>(found.measured, settings), grid.color(found.step), found.point + grid.corner};
 }
 
-// Blends from point to point where distances differ by less than the smoothness.
+// Blends points whose distances differ by less than the smoothness.
 template <std::size_t N>
 Octave<N> smooth(const Coordinates<N>& p, const VoronoiSettings& settings) noexcept {
   const Grid<N> grid(p, settings.randomness);
@@ -150,7 +150,7 @@ Octave<N> smooth(const Coordinates<N>& p, const VoronoiSettings& settings) noexc
   return result;
 }
 
-// The distance to the half plane between the nearest point and another.
+// Returns the distance to the half plane between the nearest point and another.
 template <std::size_t N>
 float distance_to_edge(const Coordinates<N>& p, const VoronoiSettings& settings) noexcept {
   constexpr float kSamePoint = N == 1 ? 0.0f : 1e-4f;
@@ -171,7 +171,7 @@ float distance_to_edge(const Coordinates<N>& p, const VoronoiSettings& settings)
   return distance;
 }
 
-// Half the distance between the nearest point and that point's nearest neighbour.
+// Returns half the distance between the nearest point and that point's nearest neighbour.
 template <std::size_t N>
 float n_sphere_radius(const Coordinates<N>& p, const VoronoiSettings& settings) noexcept {
   const Grid<N> grid(p, settings.randomness);
@@ -239,7 +239,7 @@ Octave<N> fractal(const Coordinates<N>& p, const VoronoiSettings& settings, bool
 template <std::size_t N>
 float fractal_edges(const Coordinates<N>& p, const VoronoiSettings& settings, bool has_octaves) noexcept {
   const float farthest = 0.5f + 0.5f * settings.randomness;
-  float distance = 8.0f, range = farthest;  // 8: farther than any edge
+  float distance = 8.0f, range = farthest;  // 8: larger than any distance to an edge
   if (!has_octaves) {
     distance = distance_to_edge(p, settings);
   } else {
