@@ -34,7 +34,7 @@ class Stopwatch {
 };
 
 // Cancel --------------------------------------------------------------------------------------------------------------
-// Reports the progress of a long operation, and tells it to stop.
+// Reports the progress of a long operation, and stops it on request.
 // In: any thread reports work done. The owner's callback runs only on the thread that made the token (it may hold
 // Python's lock). Out: `Cancelled` is thrown on every thread that polls after a stop was requested.
 

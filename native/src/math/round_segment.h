@@ -326,7 +326,7 @@ static inline void ribbon_normal(const double direction[3], const double tangent
                                  double normal[3]) noexcept {
   double across[3], out[3];
   cross_of(tangent, direction, across);
-  cross_of(across, tangent, out);  // along the direction, without what is along the curve
+  cross_of(across, tangent, out);  // the direction, without its part along the curve
   const double width = __builtin_sqrt(dot_of(across, across)), depth = __builtin_sqrt(dot_of(out, out));
   const double sine = width > 0.0 ? smaller(share, 1.0) : 0.0, cosine = __builtin_sqrt(1.0 - sine * sine);
   const double length = __builtin_sqrt(dot_of(direction, direction));

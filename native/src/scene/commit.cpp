@@ -76,7 +76,7 @@ PlacedMeshes Scene::meshes_to_place(std::span<const BlasResult> results) const {
 }
 
 // Returns the start of the next snapshot: the last one with its arrays, which are the largest part of a scene of many
-// instances, or a copy of its trees if another owner holds it. While edits are pending, nobody can request the last
+// instances, or a copy of its trees if another owner holds it. While edits are pending, no caller can request the last
 // snapshot. If a tree is only replaced by a better one, it can still be requested, and stays.
 std::shared_ptr<Snapshot> Scene::take_last_snapshot() {
   const std::lock_guard lock(state_mutex_);

@@ -13,7 +13,7 @@ namespace {
 struct PointFrame {
   double r[6];                             // rows 00 01 02, 11 12, 22, from the tree's stored units
   double q[3];                             // the point, rotated
-  double low[3], high[3];                  // minus and plus the rounding of a box' projection
+  double low[3], high[3];                  // minus and plus the rounding of a box's projection
   std::size_t lower_row[6], upper_row[6];  // byte offsets in a node: the planes that make a projection's ends
 };
 

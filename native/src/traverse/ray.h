@@ -157,7 +157,7 @@ static inline bool bring_near(ObjectRay& ray, double reach) noexcept {
     if (moves == kMostMoves) return false;
     ray.time.is_direct = false;
     const double rounding = move_near(ray, reach);
-    // If the origin is outside the box' corners, the line misses the box.
+    // If the origin is outside the box's corners, the line misses the box.
     if (!(largest_component(ray.origin) <= 2.0 * reach + rounding)) return false;
   }
   return true;

@@ -227,7 +227,7 @@ class JointFilter {
     }
   }
 
-  // Limits a pixel that is much brighter than all eight around it to this factor of the brightest of them.
+  // Limits a pixel that is much brighter than all eight around it to kSpeck times the brightest of them.
   void remove_specks(int y) noexcept {
     for (int x = 0; x < images_.width; ++x) {
       float most = 0.0f;

@@ -58,7 +58,7 @@ class Bsdf {
   // The values for a denoiser's guides.
   struct Albedo {
     Vec3f plain{0, 0, 0}, mirrored{0, 0, 0};
-    float plain_share = 0.0f, mirrored_share = 0.0f;  // of what is scattered, by its weight
+    float plain_share = 0.0f, mirrored_share = 0.0f;  // of the scattered light, by its weight
   };
 
   // Parts that are left out.
