@@ -141,10 +141,10 @@ def _other_copy() -> str | None:
 
 
 def register() -> None:
-    """Make the engine, its settings and its panels known to Blender; does nothing if they are already.
+    """Registers the engine, its settings and its panels with Blender; does nothing if they are already registered.
 
-    Raises RuntimeError if another copy of the add-on (pip's beside the extension's) is registered. A native engine that
-    cannot be loaded is no error here: the panel and each render say why.
+    Raises RuntimeError if another copy of the add-on (pip's in addition to the extension's) is registered. A native
+    engine that cannot be loaded is no error here: the panel and each render say why.
     """
     if _registered:
         return

@@ -44,10 +44,10 @@ SHOWS_ROUNDS = not bpy.app.background
 
 @dataclass(slots=True)
 class RenderJob:
-    """What a caller of `bpy.ops.render.render` wants besides the Render Result, and what comes back to it.
+    """The extra inputs and outputs of a caller of `bpy.ops.render.render`, in addition to the Render Result.
 
-    A headless Render Result cannot be read, and operators take no callbacks: scripts leave a job with `attend` and find
-    the last frame in it. progress: called with 0..1, returns False to cancel.
+    A headless Render Result cannot be read, and operators take no callbacks: scripts register a job with `attend` and
+    find the last frame in it. progress: called with 0..1, returns False to cancel.
     """
 
     progress: Progress | None = None
@@ -60,7 +60,7 @@ _job: RenderJob | None = None
 
 @contextmanager
 def attend(job: RenderJob) -> Iterator[RenderJob]:
-    """Renders of this engine meanwhile report to `job`."""
+    """While this is active, renders of this engine report to `job`."""
     global _job
     previous, _job = _job, job
     try:
@@ -70,7 +70,7 @@ def attend(job: RenderJob) -> Iterator[RenderJob]:
 
 
 class RenderStatus:
-    """Says what a render does in the render window, the status bar and the console, in the form that Cycles uses."""
+    """Shows a render's progress in the render window, the status bar and the console, in Cycles' format."""
 
     def __init__(self, engine: bpy.types.RenderEngine, sync: SceneSync) -> None:
         self._engine, self._sync = engine, sync
@@ -86,7 +86,7 @@ class RenderStatus:
             self.show(0.0)
 
     def show(self, done: float) -> None:
-        """At most every STATUS_SECONDS, but each new stage at once. done: of the frame, 0 to 1."""
+        """Updates at most every STATUS_SECONDS, but each new stage at once. done: of the frame, 0 to 1."""
         now = time.monotonic()
         if now < self._next:
             return
@@ -125,7 +125,7 @@ class PerfectBVHRenderEngine(bpy.types.RenderEngine):
     def render(self, depsgraph: bpy.types.Depsgraph) -> None:
         """Render one view layer of one frame, with each eye if there are several; or a preview, or a reading."""
         if self.is_preview:
-            self._render_preview(depsgraph)  # no render of the scene: nothing is kept or told of it
+            self._render_preview(depsgraph)  # no render of the scene: nothing is kept or reported of it
             return
         scene, layer_name = depsgraph.scene, depsgraph.view_layer.name
         if (error := native_error()) is not None:
@@ -137,7 +137,7 @@ class PerfectBVHRenderEngine(bpy.types.RenderEngine):
         if serve_visit(self, depsgraph):
             return
         self._begin_part(scene, layer_name)
-        edits = edits_of(scene)  # while it renders on a thread of its own, users go on
+        edits = edits_of(scene)  # users continue to edit while it renders on another thread
         plan, views = plan_layer(depsgraph), _view_names(scene)
         try:
             plan.check_memory()  # before Blender allocates the image
@@ -174,7 +174,7 @@ class PerfectBVHRenderEngine(bpy.types.RenderEngine):
     # The viewport ----------------------------------------------------------------------------------------------------
 
     def view_update(self, context: bpy.types.Context, depsgraph: bpy.types.Depsgraph) -> None:
-        """Something of what a viewport shows has changed."""
+        """Something that a viewport shows has changed."""
         if self._can_view():
             self._attempt(depsgraph.scene, lambda: self._viewport().update(context, depsgraph))
 
@@ -215,7 +215,7 @@ class PerfectBVHRenderEngine(bpy.types.RenderEngine):
     # The parts of a render -------------------------------------------------------------------------------------------
 
     def _begin_part(self, scene: bpy.types.Scene, layer_name: str) -> None:
-        """Of what was rendered before, only the other layers of the same image count."""
+        """Drops earlier results, except other layers of the same image."""
         part = (scene.original.session_uid, scene.frame_current_final, layer_name)
         goes_on = part not in self._rendered and any(part[:2] == other[:2] for other in self._rendered)
         self._rendered = (self._rendered if goes_on else frozenset()) | {part}
@@ -243,7 +243,7 @@ class PerfectBVHRenderEngine(bpy.types.RenderEngine):
         return frame is not None
 
     def _read_camera(self, plan: RenderPlan, depsgraph: bpy.types.Depsgraph) -> CameraRecord | None:
-        """Where the eye of the active view stands, as Blender has it; None if it is no camera that can be rendered."""
+        """Returns the camera of the active view, from Blender; None if it is no camera that can be rendered."""
         from .extract.camera import Eye, read_camera
 
         camera = self.camera_override
@@ -295,7 +295,7 @@ class PerfectBVHRenderEngine(bpy.types.RenderEngine):
         return job.frame
 
     def _complain(self, scene: bpy.types.Scene, statistics: FrameStatistics) -> None:
-        """Of an image that is there: for a few seconds, and where it can be read until the next one."""
+        """Reports problems of a finished image: for a few seconds, and in the panels until the next one."""
         not_shown = statistics.report.not_shown
         tell(scene, not_shown, goes_on=len(self._rendered) > 1)
         listed = {str(row) for row in not_shown}
@@ -321,7 +321,7 @@ class PerfectBVHRenderEngine(bpy.types.RenderEngine):
 
 
 def _view_names(scene: bpy.types.Scene) -> tuple[str, ...]:
-    """Of the eyes that a render of the scene is made with, one after the other; "" where it has but one."""
+    """Returns the names of a multiview render's views, in order; "" if the render has only one view."""
     render = scene.render
     if not render.use_multiview:
         return ("",)

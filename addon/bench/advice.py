@@ -1,4 +1,4 @@
-"""What the measurements of a user's scene advise: a sentence for each part that was measured. Knows no Blender."""
+"""The advice from measurements of a user's scene: a sentence for each measured part. Does not depend on Blender."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from ..statistics.words import number
 Figures = dict[str, Any]
 FIXED_POLICIES = ("refit", "rebuild")
 ALL_POLICIES = (*FIXED_POLICIES, "governed")
-# What the governor does to trees beyond refitting them.
+# The governor's actions on trees other than refits.
 RESTRUCTURED = ("rebuilt", "partly_rebuilt", "rotated")
 NOTHING_MOVES = "Nothing moves in these frames: trees are built once and kept."
 NOTICEABLE = 1.05  # a difference below that is not worth a change
@@ -30,7 +30,7 @@ TOO_LITTLE = "Too few rounds to tell builders apart: let it run longer."
 
 
 def advice(figures: Figures) -> dict[str, str]:
-    """By the part's name; one for each part that was measured."""
+    """Returns the sentences by the part's name; one for each measured part."""
     makers: dict[str, tuple[str, Callable[[Figures], str]]] = {
         "builders": ("builders", _builder_advice),
         "total_time": ("builders", _time_advice),
@@ -45,12 +45,12 @@ def advice(figures: Figures) -> dict[str, str]:
 
 
 def rays_per_second(figures: Figures, row: Figures, which: str = "typical") -> float:
-    """In millions. which: of the times: "typical", or their quartiles "low" and "high"."""
+    """Returns millions of rays per second. which: of the times: "typical", or their quartiles "low" and "high"."""
     return float(figures["rays"] / row["trace_ms"][which] / 1e3)
 
 
 def total_ms(figures: Figures, row: Figures, rays: float, which: str = "typical") -> float:
-    """Milliseconds of a builder's trees and of so many rays through them."""
+    """Returns the milliseconds of a builder's trees and of this number of rays through them."""
     return float(row["build_ms"][which] + rays / figures["rays"] * row["trace_ms"][which])
 
 
@@ -111,7 +111,7 @@ def _time_advice(figures: Figures) -> str:
 
 
 def _reliably_best(figures: Figures, rows: dict[str, Figures], rays: float) -> str:
-    """The builder with the least work, unless what is chosen anyway does not take noticeably and reliably more."""
+    """Returns the builder with the least work, unless the default's is not noticeably and reliably more."""
     best = min(rows, key=lambda name: total_ms(figures, rows[name], rays))
     is_noticeable = total_ms(figures, rows["auto"], rays) > NOTICEABLE * total_ms(figures, rows[best], rays)
     is_reliable = total_ms(figures, rows["auto"], rays, "low") > total_ms(figures, rows[best], rays, "high")
@@ -146,7 +146,7 @@ def _frame_advice(figures: Figures) -> str:
 
 
 def _decay_advice(figures: Figures) -> str:
-    """What rays cost in the last frame, where trees were worst, and what the governor did about it."""
+    """Returns the cost of rays in the last frame, where trees were worst, and the governor's actions."""
     rows = figures["frames"]
     if not _moves(rows):
         return NOTHING_MOVES
@@ -178,7 +178,7 @@ def _moves(rows: list[Figures]) -> bool:
 
 
 def _rays(count: float) -> str:
-    """To two digits."""
+    """Formats to two digits."""
     unit = 10.0 ** math.floor(math.log10(count) - 1.0)
     rounded = round(count / unit) * unit
     return f"{rounded / 1e6:,.3g} million" if rounded >= 1e6 else f"{rounded:,.0f}"

@@ -25,7 +25,7 @@ INK, DIM, GRID = "#1A1A1A", "#555555", "#E6E6E6"
 COLORS = {"fast": "#56B4E9", "auto": "#0072B2", "sweep": "#CC79A7", "spatial": "#009E73"}
 POLICY_COLORS = {"refit": "#E69F00", "rebuild": "#D55E00", "governed": "#0072B2"}
 ACTIONS = dict(zip(RESTRUCTURED, "sD^", strict=True))
-BUILT_AS = {"binned": "auto"}  # what the planner calls the builder that "auto" names
+BUILT_AS = {"binned": "auto"}  # the planner's names of builders, and the settings that choose them
 MOST = 3.0  # times the least total time, that is shown
 
 
@@ -39,7 +39,7 @@ def draw(figures: Figures, titles: Mapping[str, str]) -> dict[str, Figure]:
 
 
 def draw_overview(figures: Figures, titles: Mapping[str, str]) -> Figure:
-    """All of them, one above another."""
+    """Draws all charts, one above another."""
     names = _named(titles)
     whole = Figure((INCHES[0], INCHES[1] * len(names)), dpi=DOTS, layout="constrained")
     for name, part in zip(names, whole.subfigures(len(names), 1, squeeze=False)[:, 0], strict=True):
@@ -48,7 +48,7 @@ def draw_overview(figures: Figures, titles: Mapping[str, str]) -> Figure:
 
 
 def save(figure: Figure, path: Path) -> None:
-    """As a PNG that says nothing of who made it when."""
+    """Saves a PNG without metadata about its author or date."""
     FigureCanvasAgg(figure).print_png(str(path), metadata={"Software": None})
 
 
@@ -163,7 +163,7 @@ def _most_triangles(choice: Figures) -> tuple[float, str]:
 
 
 def _say_plainly(axis: Axis) -> None:
-    """Of a logarithmic axis: ticks as 20, 1k or 5M, and enough of them where it spans little."""
+    """Formats the ticks of a logarithmic axis as 20, 1k or 5M, with enough of them on a short range."""
     low, high = axis.get_view_interval()
     decades = math.log10(high / low)
     steps = (1.0,) if decades > 2.5 else (1.0, 2.0, 5.0) if decades > 0.8 else (1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0)
@@ -185,7 +185,7 @@ def _point(axes: Axes, figures: Figures, row: Figures, x: float, color: str, x_s
 
 def _name_ends(axes: Axes, ends: Mapping[str, tuple[float, str]]) -> None:
     """Behind the last points, one under another where these are too near."""
-    axes.get_ylim()  # settles what the places below depend on
+    axes.get_ylim()  # fixes the limits on which the positions below depend
     to_axes = axes.transData - axes.transAxes
     places = {name: min(to_axes.transform((axes.get_xlim()[1], y))[1], 1.0) for name, (y, _) in ends.items()}
     height = -math.inf

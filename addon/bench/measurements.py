@@ -1,4 +1,4 @@
-"""What is measured: a scene's records, the rays that its camera would cast, and each way to build its trees."""
+"""Measurements: a scene's records, the rays that its camera would cast, and each build of its trees."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from ..sync.state import SceneState
 if TYPE_CHECKING:
     import bpy
 
-# What is measured: a scene as plain records, the rays that its camera would cast, and its frames.
+# The subject: a scene as plain records, the rays that its camera would cast, and its frames.
 
 
 Float64Array = npt.NDArray[np.float64]
@@ -35,7 +35,7 @@ PIXELS = (400, 225)  # of the picture whose rays are cast
 
 @dataclass(frozen=True, slots=True)
 class Subject:
-    """record: the frame to measure. frames: of the animation; read: one of them, after which Blender stands at it."""
+    """record: the frame to measure. frames: of the animation; read: reads one of them, at which Blender then stays."""
 
     name: str
     record: SceneRecord
@@ -44,12 +44,12 @@ class Subject:
 
     @property
     def triangle_count(self) -> int:
-        """Of the distinct meshes."""
+        """The triangles of the distinct meshes."""
         return sum(len(mesh.triangles) for mesh in self.record.meshes)
 
 
 def make_scene(record: SceneRecord, config: BuildConfig | None = None) -> perfect_bvh.Scene:
-    """All meshes and instances, not committed. config: of every mesh; None: as the planner wants."""
+    """Adds all meshes and instances, without a commit. config: of every mesh; None: the planner's choice."""
     scene = perfect_bvh.Scene()
     build: Any = "auto" if config is None else config
     meshes = np.array([mesh_edits.add(scene, mesh, build=build) for mesh in record.meshes], np.int32)
@@ -59,9 +59,9 @@ def make_scene(record: SceneRecord, config: BuildConfig | None = None) -> perfec
 
 
 def bounced_rays(record: SceneRecord, scene: perfect_bvh.Scene) -> tuple[Float64Array, Float64Array]:
-    """Origins and directions (R, 3): from what the camera sees on into a random direction, as light goes.
+    """Returns origins and directions (R, 3): from the camera's hits in random directions, as light bounces.
 
-    Without a camera, or where it sees nothing: from all around towards random places of the scene.
+    Without a camera, or if it sees nothing: from all around towards random points of the scene.
     """
     random = np.random.default_rng(5)
     if record.camera is not None:
@@ -130,7 +130,7 @@ def subject_of(scene: bpy.types.Scene, *, for_viewport: bool = False) -> Subject
 
 
 # Measurements --------------------------------------------------------------------------------------------------------
-# What is measured of a user's scene, step by step, each part within its share of the time; what is there stays.
+# Measurements of a user's scene, step by step, each part within its share of the time; existing results are kept.
 
 
 Figures = dict[str, Any]
@@ -150,7 +150,7 @@ NANOSECONDS_PER_CHECK = 8.0  # of a ray with a triangle in an audit, with room t
 
 
 class SceneBench:
-    """figures: what has been measured so far, ready for JSON."""
+    """figures: the measurements so far, ready for JSON."""
 
     def __init__(self, subject: Subject, seconds: float = 60.0, clock: Callable[[], float] = time.perf_counter) -> None:
         self._subject, self._seconds, self._clock = subject, seconds, clock
@@ -217,7 +217,7 @@ class SceneBench:
         }
 
     def _planner(self) -> Generator[Step, None, None]:
-        """What each number of expected rays makes of the meshes: triangles by builder."""
+        """Measures the builders that each number of expected rays leads to: triangles by builder."""
         for rays in RAY_COUNTS:
             if self._is_over("planner"):
                 return
@@ -230,7 +230,7 @@ class SceneBench:
             self.figures.setdefault("planner", []).append({"rays": rays, "triangles": counts})
 
     def _frames(self) -> Generator[Step, None, None]:
-        """Each policy over the animation: what updates take, and a million rays after each; what a ray visits."""
+        """Measures each policy over the animation: updates and a million rays after each; a ray's visits."""
         if self._subject.read is None or len(self._subject.frames) < 2:
             return
         states = {
@@ -260,14 +260,14 @@ class SceneBench:
     # Long work ------------------------------------------------------------------------------------------------------
 
     def _commit(self, scene: perfect_bvh.Scene, what: str) -> Generator[Step, None, float]:
-        """Its milliseconds."""
+        """Commits, and returns its milliseconds."""
         return self._aside(lambda progress: self._timed(lambda: scene.commit(progress=progress)), what)
 
     def _audit(self, scene: perfect_bvh.Scene, share: float, progress: Progress) -> Any:
         return scene.cast_rays(*self._rays, audit=share, progress=progress).audit
 
     def _aside(self, work: Callable[[Progress], Made], what: str) -> Generator[Step, None, Made]:
-        """What the work returns; meanwhile there are more steps, and closing their iterator stops it."""
+        """Returns the result of the work; yields steps during it, and closing their iterator stops it."""
         running = BackgroundWork(work, lambda made: made)
         try:
             while not running.wait(STEP_SECONDS):
@@ -326,13 +326,13 @@ class _Row:
 
 
 def _spread(values: list[float]) -> Figures:
-    """typical: the lower third, since whatever else the machine does only adds time; and the quartiles."""
+    """Sums up values. typical: the lower third, since other load on the machine only adds time; and the quartiles."""
     low, typical, high = np.quantile(values, [0.25, 1.0 / 3.0, 0.75], method="nearest")
     return {"typical": float(typical), "low": float(low), "high": float(high), "count": len(values)}
 
 
 def describe_machine() -> Figures:
-    """What the figures depend on beside the scene."""
+    """Describes the conditions of the figures other than the scene."""
     return {
         "processor": platform.processor() or platform.machine(),
         "threads": perfect_bvh.thread_count(),

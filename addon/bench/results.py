@@ -13,11 +13,11 @@ from ..statistics.words import duration, rate
 from ..support.files import reachable, replacing
 from .advice import LABELS, POLICY_LABELS, Figures, advice, better_builder, rays_per_second
 
-# What was measured, as the rows of a table: of each builder and policy what it costs and what it gains.
+# The measurements, as the rows of a table: the cost and the gain of each builder and policy.
 
 
 DIGITS = 3  # rows are compared with one another
-HEADINGS = {  # of what the rows of each part cost and gain
+HEADINGS = {  # of the cost and gain columns of each part
     "Builder": ("Build", "Rays"),
     "Policy": ("Update", "Rays"),
     "Answers": ("Checked", "Wrong"),
@@ -39,12 +39,12 @@ class Row:
 
 
 def table(figures: Figures) -> tuple[Row, ...]:
-    """Of what has been measured so far: rows of one part stand together."""
+    """Returns a table of the measurements so far: rows of one part are adjacent."""
     return (*_builder_rows(figures), *_policies(figures), *_answer_rows(figures))
 
 
 def format_table(rows: Sequence[Row]) -> str:
-    """As lines of text, the columns below one another."""
+    """Formats as lines of text with aligned columns."""
     lines = []
     for part, group in groupby(rows, key=lambda row: row.part):
         lines += [(part, *HEADINGS[part]), *((f"  {row.name}", row.cost, row.gain) for row in group)]
@@ -60,7 +60,7 @@ def _builder_rows(figures: Figures) -> Iterator[Row]:
 
 
 def _policies(figures: Figures) -> Iterator[Row]:
-    """In the mean over the frames after the first, in which each policy builds all trees."""
+    """Averages over the frames after the first, in which each policy builds all trees."""
     frames = figures.get("frames", ())[1:]
     rays = sum(row["rays"] for row in frames)
     rows_of = {
@@ -92,10 +92,10 @@ HOW_TO_GET_CHARTS = "matplotlib is not installed, so no charts are drawn: pip in
 
 @dataclass(frozen=True, slots=True)
 class Results:
-    """advice: a sentence for each part, by its name. pictures: of the parts that a chart tells more of, by its name.
+    """advice: a sentence for each part, by its name. pictures: of the parts that have a chart, by its name.
 
-    overview: all charts in one image. can_draw: whether matplotlib is there; if not, there are no pictures.
-    better: the builder, as `BuildConfig` names it, that is advised instead of Automatic; None: none is.
+    overview: all charts in one image. can_draw: whether matplotlib is available; if not, there are no pictures.
+    better: the builder, as `BuildConfig` names it, that is advised instead of Automatic; None if none is.
     """
 
     json: Path
@@ -111,7 +111,7 @@ _last: dict[int, Results] = {}  # by the scene's session uid, which no other sce
 
 
 def write(figures: dict[str, Any], folder: Path) -> Results:
-    """All of it, the JSON first. Each file is whole, or as it was before. Errors: OSError."""
+    """Writes everything, the JSON first. Each file is replaced as a whole or not at all. Errors: OSError."""
     reachable(folder).mkdir(parents=True, exist_ok=True)
     sentences = advice(figures)
     path, better = folder / JSON_NAME, better_builder(figures)
@@ -134,15 +134,15 @@ def write(figures: dict[str, Any], folder: Path) -> Results:
 
 
 def remember(session_uid: int, results: Results) -> None:
-    """What the panel shows of this scene from now on."""
+    """Stores the results that the panel shows of this scene from now on."""
     _last[session_uid] = results
 
 
 def last_results(session_uid: int) -> Results | None:
-    """Of the last measurement of this scene, None if there was none since Blender was started."""
+    """Returns the last measurement of this scene, None if there was none since Blender was started."""
     return _last.get(session_uid)
 
 
 def forget() -> None:
-    """All of it."""
+    """Drops all results."""
     _last.clear()

@@ -93,7 +93,7 @@ def _add_quiet(parser: argparse.ArgumentParser) -> None:
 
 
 def _add_pieces(parser: argparse.ArgumentParser) -> None:
-    """Options of what is done in pieces, by workers or not."""
+    """Adds options of work in chunks, with or without workers."""
     parser.add_argument("--piece", type=POSITIVE, metavar="N", help="most frames of a piece (default: 10)")
     parser.add_argument("--resume", action="store_true", help="keep the pieces that are there and whole")
     parser.add_argument(

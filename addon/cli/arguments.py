@@ -1,4 +1,4 @@
-"""What the command line's arguments mean: frames, sizes, file names. Imports neither Blender nor numpy."""
+"""The meaning of the command line's arguments: frames, sizes, file names. Imports neither Blender nor numpy."""
 
 from __future__ import annotations
 
@@ -89,7 +89,7 @@ def parse_seed(text: str) -> int:
 def number_type(
     name: str, kind: type[int] | type[float], is_allowed: Callable[[float], bool], range_words: str
 ) -> Callable[[str], float]:
-    """A type for `argparse`. name: of what the text is to be, for messages. range_words: what is allowed."""
+    """Return a type for `argparse`. name: of the value, for messages. range_words: the allowed range."""
 
     def parse(text: str) -> float:
         value = kind(text)
@@ -164,7 +164,7 @@ def check_name(argument: str, path: Path) -> None:
 
 
 def check_blend_file(text: str) -> Path:
-    """The absolute path of an existing .blend file; a CommandError that says what is wrong with any other."""
+    """Return the absolute path of an existing .blend file; raises CommandError with the reason for any other."""
     path = parse_path("FILE", text)
     if not path.exists():
         raise CommandError(f"{text}: no such file")
@@ -182,13 +182,13 @@ def check_blend_file(text: str) -> Path:
 
 @dataclass(frozen=True, slots=True)
 class Output:
-    """Where images go. pattern: absolute, with one run of # that stands for the frame number, or with none."""
+    """The files of images. pattern: absolute, with one run of # in place of the frame number, or with none."""
 
     pattern: Path
 
     @classmethod
     def parse(cls, text: str, frame_count: int) -> Output:
-        """From the argument of -o: an image, a pattern with #, or a folder (a name without an image suffix)."""
+        """Parses the argument of -o: an image, a pattern with #, or a folder (a name without an image suffix)."""
         path = parse_path("-o", text)
         suffix = path.suffix.lower()
         if text.endswith(("/", os.sep)) or path.is_dir() or not suffix:
@@ -212,7 +212,7 @@ class Output:
         return self.pattern.with_name(re.sub(r"#+", number, self.pattern.name))
 
     def describe(self, frames: tuple[int, ...]) -> str:
-        """Where these frames went, in few words."""
+        """Describes in few words where these frames were saved."""
         if len(frames) == 1:
             return str(self.path_of(frames[0]))
         return f"{self.path_of(frames[0])} ... {self.path_of(frames[-1]).name}"
@@ -238,7 +238,7 @@ class Output:
 
 
 # Ignored output ------------------------------------------------------------------------------------------------------
-# What a scene's Output properties ask for, and the command line, which writes the engine's own image, does not do.
+# A scene's Output settings that the command line, which writes the engine's own image, ignores.
 
 
 def find_ignored_output(scene: bpy.types.Scene, active: bpy.types.ViewLayer) -> Iterator[str]:

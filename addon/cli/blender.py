@@ -74,7 +74,7 @@ def _dotted(version: Sequence[int]) -> str:
 
 
 def _reason(error: RuntimeError) -> str:
-    """What an operator's error says, in one line. Blender gives each report a line, and some twice."""
+    """Returns an operator's error in one line. Blender puts each report on a line, and some twice."""
     lines = (" ".join(line.removeprefix("Error:").split()) for line in str(error).splitlines())
     return " ".join(dict.fromkeys(line for line in lines if line))
 
@@ -148,12 +148,12 @@ class StopRequest:
     def _set(self, _signal: int, _frame: FrameType | None) -> None:
         self.is_set = True
         for number in _INTERRUPTS:
-            signal.signal(number, signal.default_int_handler)  # a second one interrupts wherever it may be
+            signal.signal(number, signal.default_int_handler)  # a second one interrupts at any point
 
 
 @contextmanager
 def stop_on_interrupt() -> Iterator[StopRequest]:
-    """Catch Ctrl-C meanwhile."""
+    """Catch Ctrl-C while this is active."""
     request = StopRequest()
     try:
         before = [signal.signal(number, request._set) for number in _INTERRUPTS]

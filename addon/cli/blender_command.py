@@ -12,7 +12,7 @@ _handles: list[object] = []
 
 
 def run(argv: list[str]) -> int:
-    """What `perfect-bvh` does with the same arguments; Blender ends with the exit status."""
+    """Runs `perfect-bvh` with the same arguments; Blender ends with the exit status."""
     from . import main
 
     # Blender's own only sets a flag, which nothing reads outside its own renders. The process ends after the command.

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 
 def run_bench(arguments: argparse.Namespace) -> int:
-    """Measure, write the files and print the advice; the exit status, 130 if it was stopped and wrote what it had."""
+    """Measure, write the files and print the advice; returns the exit status, 130 if it was stopped with results."""
     path = check_blend_file(arguments.file)
     folder = parse_folder(arguments.output)
     with quiet_blender() as out, stop_on_interrupt() as stop:
@@ -120,7 +120,7 @@ def run_calibrate(arguments: argparse.Namespace) -> int:
             f"{name}: build {cost.build_nanoseconds:.0f} ns a triangle, trace {cost.trace_nanoseconds:.0f} ns a ray"
         )
     sys.stdout.write("\n".join([*lines, str(path)]) + "\n")
-    sys.stdout.flush()  # here it is noticed that nobody reads it
+    sys.stdout.flush()  # a missing reader is noticed here
     return 0
 
 
@@ -219,7 +219,7 @@ def _mesh_rows(sync: SceneSync, report: SyncReport, statistics: SceneStatistics)
 
 
 def _expected_costs(decision: MeshReport | None) -> tuple[str, str, str]:
-    """Of building, the number of rays that meet the mesh's box, and what they take in the commits that it serves."""
+    """Returns the costs of building, the number of rays that hit the mesh's box, and their costs in its commits."""
     if decision is None or decision.expected_rays is None:
         return "", "", ""
     chosen = [row for row in decision.alternatives if row.builder == decision.builder]
@@ -233,11 +233,11 @@ def _expected_costs(decision: MeshReport | None) -> tuple[str, str, str]:
 
 
 # Scan ----------------------------------------------------------------------------------------------------------------
-# `perfect-bvh scan`: what a sensor measures over the frames of a file, in pieces that a second run recognises.
+# `perfect-bvh scan`: the measurements of a sensor over the frames of a file, in chunks that a second run recognises.
 
 
 def run_scan(arguments: argparse.Namespace) -> int:
-    """Scan what the arguments say; the exit status."""
+    """Scan as the arguments say; returns the exit status."""
     if arguments.list_sensors:
         _list_sensors()
         return 0
@@ -288,7 +288,7 @@ def _list_sensors() -> None:
 
 
 def _sensor_name(name: str) -> str:
-    """What is known by it wherever a worker is: a sensor's own file by its whole path. Errors: CommandError."""
+    """Returns a name that is valid for all workers: for a sensor's own file its absolute path. Errors: CommandError."""
     _sensor(name)
     return str(Path(name).absolute()) if name.lower().endswith(".toml") else name
 

@@ -104,13 +104,13 @@ class ImageWriter:
 
 
 def warnings_of(frame: Frame) -> tuple[str, ...]:
-    """What a frame lacks, and what went wrong, as sentences."""
+    """Returns the things that a frame lacks, and its errors, as sentences."""
     report = frame.statistics.report
     return (*report.warnings, *map(str, report.not_shown), *frame.statistics.complaints)
 
 
 class RenderWork(PieceWork):
-    """Pieces of an animation, with `--resume` or by workers; each begins with trees of its own."""
+    """Chunks of an animation, with `--resume` or by workers; each begins with new trees."""
 
     def __init__(self, scene: bpy.types.Scene, stop: StopRequest, arguments: argparse.Namespace) -> None:
         from ..live.scene_view import SceneView
@@ -135,7 +135,7 @@ class RenderWork(PieceWork):
         self.place = PieceFolder(self._output.pattern.parent, inputs, before, "animation")
 
     def make(self, piece: Piece) -> Steps:
-        """By trees of its own: ids of instances, and what rays cost, do not depend on the pieces before."""
+        """Renders with new trees: ids of instances, and the cost of rays, do not depend on earlier chunks."""
         from ..live.sync_cache import clear_syncs
 
         if not self._know_scale(piece):
@@ -154,7 +154,7 @@ class RenderWork(PieceWork):
         yield Done({"frames": len(piece.frames)}, tuple(warnings))
 
     def hold(self, piece: Piece, work: Callable[[], T]) -> T:
-        """Each frame is a render of its own."""
+        """Runs `work`; each frame is a separate render."""
         return work()
 
     @property
@@ -178,7 +178,7 @@ class RenderWork(PieceWork):
         return True
 
     def _stem(self, frames: tuple[int, ...]) -> str:
-        """Of a manifest, which is told from other files of JSON by its name."""
+        """Returns the stem of a manifest, which distinguishes it from other JSON files."""
         name = re.sub("#+", f"{frames[0]:04d}-{frames[-1]:04d}", self._output.pattern.stem)
         return f"{name}.manifest"
 
@@ -191,7 +191,7 @@ Job = Callable[["bpy.types.Scene", StopRequest, argparse.Namespace], PieceWork]
 
 
 def run_pieces(job: Job, scene: bpy.types.Scene, stop: StopRequest, arguments: argparse.Namespace, out: TextIO) -> int:
-    """Does what is missing of a command's job, here or by workers, joins it and tells of it; the exit status."""
+    """Does the missing chunks of a command's job, here or by workers, and joins them; returns the exit status."""
     started = time.perf_counter()
     work = job(scene, stop, arguments)
     _prepare_folder(work, arguments)
@@ -211,9 +211,9 @@ def run_pieces(job: Job, scene: bpy.types.Scene, stop: StopRequest, arguments: a
 
 
 def do_piece(work: PieceWork, piece: Piece, stop: StopRequest, advance: Advance = lambda _: None) -> Done | None:
-    """Makes the files of a piece, and its manifest; None if it was stopped. advance: called with 0 to 1.
+    """Makes the files of a chunk, and its manifest; returns None if it was stopped. advance: called with 0 to 1.
 
-    Raises CommandError for what its user can mend; what is of files has that as its cause.
+    Raises CommandError for problems that its user can fix; file errors are its cause.
     """
 
     def go_on(done: float) -> bool:
@@ -234,7 +234,7 @@ def do_piece(work: PieceWork, piece: Piece, stop: StopRequest, advance: Advance 
 
 
 def _prepare_folder(work: PieceWork, arguments: argparse.Namespace) -> None:
-    """Refuses a folder of other work; what is there counts as done, or not, as is asked. Errors: CommandError."""
+    """Refuses a folder of other work; existing files count as done, or not, by the arguments. Errors: CommandError."""
     from ..pieces.piece import OtherInputsError
 
     try:
@@ -245,7 +245,7 @@ def _prepare_folder(work: PieceWork, arguments: argparse.Namespace) -> None:
 
 
 def _do_here(work: PieceWork, stop: StopRequest, arguments: argparse.Namespace) -> Outcome:
-    """All pieces that are not there, one after the other, in this process. Errors: CommandError."""
+    """Does all missing chunks, one after the other, in this process. Errors: CommandError."""
     import perfect_bvh
 
     outcome, teller = Outcome(), Teller()

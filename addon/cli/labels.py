@@ -1,4 +1,4 @@
-"""`perfect-bvh labels`: exact labels of frames of a file, each in files of its own, and one file for all masks."""
+"""`perfect-bvh labels`: exact labels of frames of a file, each in separate files, and one file for all masks."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ CHOICES = ("size", "category", "labels", "layers", "flow", "viewport", "format",
 
 
 def run_labels(arguments: argparse.Namespace) -> int:
-    """Label what the arguments say; the exit status."""
+    """Label as the arguments say; returns the exit status."""
     check_pieces(arguments)
     path = check_blend_file(arguments.file)
     _check_formats(arguments)
@@ -61,7 +61,7 @@ def _check_coco() -> None:
 
 
 def labels_work(scene: bpy.types.Scene, _stop: StopRequest, arguments: argparse.Namespace) -> PieceWork:
-    """The pieces of labelled frames: the files of each frame, and what the file of COCO's format needs of them."""
+    """Returns the chunks of labelled frames: the files of each frame, and its data for the file of COCO's format."""
     from ..extract.scene_in_time import has_simulations
     from ..labels.bop import FORMAT
     from ..labels.piece_labels import BEFORE, WHAT, LabelPlan, LabelWork

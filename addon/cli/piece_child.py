@@ -1,10 +1,10 @@
-"""A process with a Blender, which does pieces that it is asked for: `python -m perfect_bvh_addon.cli.piece_child DIR`.
+"""A process with a Blender, which does chunks on request: `python -m perfect_bvh_addon.cli.piece_child DIR`.
 
 It reads a request as a line of JSON on its standard input and answers by a line on its standard output. The scene is
-opened once and kept from piece to piece. Whatever is no mistake of the user's ends the process: then the piece is tried
-again elsewhere. It ends as well when nobody is there any more to ask it, be it in the middle of a piece. DIR was made
-for its temporary files alone, Blender's among them: its worker removes that when it is dead, or it does so itself if
-its worker has died first.
+opened once and kept from chunk to chunk. Any error that is not the user's ends the process: then the chunk is tried
+again elsewhere. It also ends when its worker is gone, even in the middle of a chunk. DIR is only for its temporary
+files, Blender's among them. Its worker removes it after the process has ended, or the process does so itself if
+its worker has ended first.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from .blender import StopRequest
     from .frames import Job
 
-IDLE_SECONDS = 600.0  # then nobody is taken to need it any more
+IDLE_SECONDS = 600.0  # without a request for this time the process ends
 EXIT_ALONE = 1
 
 Request = dict[str, Any]
@@ -41,9 +41,9 @@ class Workbench:
         self._work: PieceWork | None = None
 
     def answer(self, request: Request) -> dict[str, Any]:
-        """Does a piece: `done` with what is told of it; `stopped`; `refused`, or what is at `fault`, in words.
+        """Does a chunk: answers `done` with its report; `stopped`; `refused`, or the `fault`, in words.
 
-        seconds: what the piece took, without opening the scene; None if it was there.
+        seconds: of the chunk, without opening the scene; None if it existed.
         """
         from .arguments import CommandError
         from .frames import do_piece
@@ -69,7 +69,7 @@ class Workbench:
         return {"done": done.counts, "warnings": list(done.warnings), "seconds": time.monotonic() - started}
 
     def _work_of(self, job: dict[str, Any], number: int) -> PieceWork:
-        """With the scene open, and before the piece. Raises CommandError if this is no worker for that job."""
+        """Makes the work, opening the scene if necessary. Raises CommandError if this is no worker for that job."""
         if self._job_id != job["id"] or self._work is None or not self._work.can_do(self._work.pieces[number]):
             self._work, self._job_id = _open(job, self._stop), job["id"]
         return self._work
@@ -114,7 +114,7 @@ def _take_streams() -> tuple[TextIO, TextIO]:
 
 
 def _leave(folder: str, status: int) -> NoReturn:
-    """Ends this process whatever its other threads do, for which Blender cannot tidy up."""
+    """Ends this process with any running threads, for which Blender cannot clean up."""
     try:
         shutil.rmtree(folder, ignore_errors=True)
     finally:
@@ -133,7 +133,7 @@ def _listen(requests: TextIO, inbox: queue.SimpleQueue[Request], stop: StopReque
 
 
 def main(folder: str) -> None:
-    """Answers until nobody asks. folder: for temporary files, as the environment names it as well."""
+    """Answers requests until there are no more. folder: for temporary files, also set in the environment."""
     from .blender import StopRequest
 
     requests, answers = _take_streams()

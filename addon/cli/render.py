@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
 
 def run_render(arguments: argparse.Namespace) -> int:
-    """Render what the arguments say; the exit status."""
+    """Render as the arguments say; returns the exit status."""
     from ..extract.camera import has_camera
 
     check_mode(arguments.mode)
@@ -65,7 +65,7 @@ def _is_in_pieces(arguments: argparse.Namespace) -> bool:
 
 
 class RenderSession:
-    """One run over some frames: progress bar, files, what was learnt on the way."""
+    """One run over some frames: progress bar, files, and measurements for later frames."""
 
     def __init__(
         self, scene: bpy.types.Scene, output: Output, out: TextIO, stop: StopRequest, arguments: argparse.Namespace
@@ -84,7 +84,7 @@ class RenderSession:
         self._is_simulated = has_simulations(scene)
         self._times: list[FrameTimes] = []
         self._reports: list[SyncReport] = []
-        self._teller = Teller({str(row) for row in find_missing_libraries()})  # told when the file was opened
+        self._teller = Teller({str(row) for row in find_missing_libraries()})  # reported when the file was opened
         self._audits: list[Audit] = []
 
     def run(self, frames: tuple[int, ...]) -> int:

@@ -32,7 +32,7 @@ def _flush_c_streams() -> None:
 
 
 def write_any_text() -> None:
-    """From now on what the output's encoding lacks is written as an escape, as Python does for errors.
+    """Writes characters that the output's encoding lacks as escapes from now on, as Python does for errors.
 
     Names in a file are of any language; a redirected output on Windows has one code page, as other systems may.
     """
@@ -42,7 +42,7 @@ def write_any_text() -> None:
 
 
 def is_reader_gone(error: OSError) -> bool:
-    """Whether it comes of writing to a pipe that nobody reads any more, as `| head` leaves it."""
+    """Whether the error comes from writing to a pipe without a reader, as after `| head`."""
     if isinstance(error, BrokenPipeError):
         return True
     # Windows' C library knows but one of the two codes that a closed pipe has, and takes the other for a bad argument.
@@ -95,14 +95,14 @@ class Teller:
         self._told = told if told is not None else set()
 
     def tell(self, warnings: Iterable[str]) -> None:
-        """Those that were not told before."""
+        """Reports warnings that were not reported before."""
         for warning in warnings:
             if warning not in self._told:
                 self._told.add(warning)
                 self.say(warning)
 
     def say(self, sentence: str) -> None:
-        """Beside a progress bar."""
+        """Writes a sentence without breaking the progress bar."""
         from tqdm import tqdm
 
         tqdm.write(f"perfect-bvh: {sentence}", file=sys.stderr)
@@ -144,16 +144,16 @@ TIME_COLUMNS = (
 SAMPLES_COLUMN = ("samples", 8)
 RATE_COLUMN = ("Mrays/s", 8)
 MAX_NAMES = 4
-# What a run's summary tells of the steps of a frame.
+# The steps of a frame in a run's summary.
 SUMMED = ("blender", "read", "build", "trace", "denoise", "save")
 
 
 @dataclass(frozen=True, slots=True)
 class FrameTimes:
-    """Where one frame's milliseconds went.
+    """The milliseconds of one frame, by step.
 
     blender: Blender's own evaluation of the scene, and its render pipeline. read: the depsgraph into arrays.
-    compare: with the frame before. update: edits of the engine's scene. build: trees built and refitted.
+    compare: with the previous frame. update: edits of the engine's scene. build: trees built and refitted.
     An audit counts in `total` alone.
     """
 
@@ -169,7 +169,7 @@ class FrameTimes:
 
     @classmethod
     def of(cls, statistics: FrameStatistics, *, total: float, save: float) -> FrameTimes:
-        """From a frame's statistics and what the caller measured, in seconds, around it."""
+        """Combines a frame's statistics and the caller's measurements, in seconds, around it."""
         report = statistics.report
         known = report.milliseconds + statistics.trace_milliseconds + statistics.denoise_milliseconds
         known += statistics.audit_milliseconds + save * 1e3
@@ -212,7 +212,7 @@ def format_frame(number: int, statistics: FrameStatistics, times: FrameTimes) ->
 
 
 def describe_changes(report: SyncReport) -> list[str]:
-    """What happened to trees and instances, and why, a sentence each; empty if nothing did."""
+    """Describes the changes of trees and instances, and the reasons, a sentence each; empty without changes."""
     names = {mesh.mesh_id: mesh.name for mesh in report.meshes}
     groups: dict[tuple[str, str], list[str]] = {}
     for mesh in report.commit.meshes:
@@ -226,7 +226,7 @@ def describe_changes(report: SyncReport) -> list[str]:
 
 
 def stages_of(commit: CommitReport) -> list[str]:
-    """Where the time in trees went: a line for those of meshes, one for the top level; none for what took no time."""
+    """Describes the time in trees: a line for those of meshes, one for the top level; none for stages without time."""
     levels = (("trees of meshes", commit.mesh_stages), ("top level", commit.top_level.stages))
     lines = []
     for level, stages in levels:
@@ -242,7 +242,7 @@ def _shorten(names: Sequence[str]) -> str:
 
 
 def format_summary(reports: Sequence[SyncReport], times: Sequence[FrameTimes], where: str) -> str:
-    """What a run did in all. reports, times: one for each frame that was written, at least one."""
+    """Summarises a run. reports, times: one for each frame that was written, at least one."""
     total = sum(time.total for time in times)
     count = len(times)
     totals = {

@@ -1,4 +1,4 @@
-"""What Blender evaluates: asking for it, and the log of what it did."""
+"""Evaluations of Blender: requests for them, and their log."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ from typing import Any
 
 import bpy
 
-# Lets Blender evaluate what is pending, where it may be asked to.
+# Makes Blender evaluate pending changes, where that is allowed.
 #
-# It may be asked on its main thread, outside of evaluations and of renders, and while Python may use its context.
-# Inside a handler or a driver the evaluation that calls it would be entered a second time; a render reads the same
-# data on another thread. `changes.py` tells when evaluations and renders begin and end.
+# It is allowed on Blender's main thread, outside of evaluations and of renders, and while Python may use its context.
+# Inside a handler or a driver it would enter the running evaluation a second time; a render reads the same
+# data on another thread. `changes.py` reports when evaluations and renders begin and end.
 
 
 _Context = bpy.types.Context  # looking it up is slow
@@ -31,7 +31,7 @@ def end(what: str) -> None:
 
 
 def forget_all() -> None:
-    """For when an end may have been missed."""
+    """Resets the counts, for when an end may have been missed."""
     _under_way.clear()
 
 
@@ -40,7 +40,7 @@ def is_main_thread() -> bool:
 
 
 def may_ask() -> bool:
-    """Whether Blender may be asked here and now; a render in a window runs on a thread of its own, as a job."""
+    """Whether an evaluation may be requested here and now; a render in a window runs on another thread, as a job."""
     return (
         is_main_thread()
         and not _under_way
@@ -55,7 +55,7 @@ def is_render_job_running() -> bool:
 
 
 def evaluate_pending(view_layer: Any) -> bool:
-    """Evaluates what is pending for a `bpy.types.ViewLayer`; where nothing is, it costs a microsecond.
+    """Evaluates pending changes of a `bpy.types.ViewLayer`; without any, it costs a microsecond.
 
     False if Blender refuses, as it does while a driver is evaluated. (`evaluated_depsgraph_get` would wait for ever.)
     """
@@ -75,13 +75,13 @@ def is_asking() -> bool:
 
 
 # Evaluation log ------------------------------------------------------------------------------------------------------
-# What Blender has evaluated again, and since when that is known: what lets a sync pass over meshes and objects.
+# The evaluations of Blender, and since when they are known: so a sync can skip unchanged meshes and objects.
 #
-# The depsgraph names what it has evaluated only while its handlers run, and once for each depsgraph (a viewport's, a
-# render's, one a view layer). The log keeps that. Where anything may have happened unseen (an undo, a file, handlers
-# that were missing) it knows nothing from before, and says so.
+# The depsgraph names evaluated data-blocks only while its handlers run, and once for each depsgraph (a viewport's, a
+# render's, one a view layer). The log keeps them. If anything may have happened unseen (an undo, a file, handlers
+# that were missing), it drops all earlier entries, and says so.
 #
-# What it cannot know is an edit that Blender itself does not notice: Blender 4.2 lets `foreach_set` write into a mesh
+# It misses edits that Blender itself does not notice: Blender 4.2 lets `foreach_set` write into a mesh
 # without evaluating anything, and a script may write into evaluated data. `SceneSync.update(verify=True)` finds those.
 
 
@@ -95,7 +95,7 @@ _HARMLESS = (bpy.types.Action, bpy.types.Camera)
 
 @dataclass(slots=True)
 class _Times:
-    """When what was last evaluated in one depsgraph: by session uid, or of anything else, at all."""
+    """The times of last evaluations in one depsgraph: by session uid, or of anything else, or of all."""
 
     geometry: dict[int, int] = field(default_factory=dict)
     objects: dict[int, int] = field(default_factory=dict)  # their transforms or settings, and no geometry
@@ -111,7 +111,7 @@ class EvaluationLog:
         self._graphs: dict[int, _Times] = {}
 
     def add(self, depsgraph: Any) -> None:
-        """Notes what a depsgraph has just evaluated; only while its handlers run does it know."""
+        """Records a depsgraph's latest evaluation; only available while its handlers run."""
         times: _Times | None = None
         for update in depsgraph.updates:
             if times is None:
@@ -128,7 +128,7 @@ class EvaluationLog:
             self.forget()
 
     def forget(self) -> None:
-        """Whatever happened up to now may have been missed."""
+        """Drops all entries: earlier events may have been missed."""
         self._now += 1
         self._known_since = self._now
         self._graphs.clear()

@@ -1,15 +1,15 @@
-"""Tells its listeners that Blender has evaluated something, changed the frame, undone a step or loaded a file.
+"""Notifies its listeners that Blender has evaluated something, changed the frame, undone a step or loaded a file.
 
-Also keeps the log of what was evaluated, see `asking.py`, and counts the edits of each scene, for as long as
-anybody listens.
+Also keeps the log of evaluations, see `asking.py`, and counts the edits of each scene, while there are
+listeners.
 
 Blender's handlers are installed with the first listener and removed when the last one stops listening. Listeners are
-held weakly: a forgotten one costs nothing but handlers without a listener. A handler does no more: what to do about
-a change is the listener's business, and it must be little. Nor may it remove itself: Blender goes through its list by
-number, and would pass over the handler that comes next.
+held weakly: a dropped one costs nothing but handlers without a listener. Handlers only notify: the listener decides
+what to do about a change, which must be fast. A handler must not remove itself: Blender iterates over its list by
+index, and would skip the next handler.
 
-Listeners are told when an evaluation, a frame change or an undo begins, too: what other handlers and drivers ask
-meanwhile is then not answered from before. `asking.py` says why it must be known when they have ended.
+Listeners are also notified when an evaluation, a frame change or an undo begins. Queries of other handlers and drivers
+during it must not be answered from the old state. `asking.py` explains why the end must be known, too.
 """
 
 from __future__ import annotations
@@ -24,11 +24,11 @@ from bpy.app.handlers import persistent
 from . import asking
 from .asking import EvaluationLog
 
-# Which evaluations come of an edit.
+# Finds the evaluations that are caused by an edit.
 #
-# A selection evaluates the scene alone. When a screen goes, as an editor is no longer maximized or a window is closed,
-# Blender names the scene and all of its objects, as if their shading had changed. Edits of an object's settings look
-# nearly like that, so the screens tell which of the two it was.
+# A selection evaluates only the scene. When a screen is removed, as an editor is no longer maximized or a window is
+# closed, Blender reports the scene and all of its objects, as if their shading had changed. Edits of an object's
+# settings look nearly the same, so the screens are compared to distinguish the two.
 
 
 _screens: frozenset[int] = frozenset()  # the addresses of those that were shown at the last evaluation
@@ -85,23 +85,23 @@ _gap_count = 0  # how often Blender's handlers were found to be missing
 
 
 def listen(listener: ChangeListener) -> None:
-    """Tells the listener of every change from now on, for as long as it lives."""
+    """Notifies the listener of every change from now on, while it exists."""
     watch_again()
     _listeners.add(listener)
     _install()
 
 
 def stop_listening(listener: ChangeListener) -> None:
-    """Tells it no more."""
+    """Stops notifying it."""
     _listeners.discard(listener)
     if not _listeners:
         _remove()
 
 
 def watched_evaluations(depsgraph: Any) -> EvaluationLog | None:
-    """The log of what was evaluated, None without a listener: then nothing is known.
+    """Returns the log of evaluations, None without a listener: then none are recorded.
 
-    depsgraph: what is about to be read. Within a handler it may name changes that the log has yet to be told.
+    depsgraph: the one that will be read. Within a handler it may name changes that are not in the log yet.
     """
     if not _listeners:
         return None
@@ -111,9 +111,9 @@ def watched_evaluations(depsgraph: Any) -> EvaluationLog | None:
 
 
 def watch_again() -> None:
-    """Installs again what another script took from Blender's lists; listeners learn that they may have missed changes.
+    """Restores handlers that another script has removed; listeners learn that they may have missed changes.
 
-    Called before a scene is read, or what was read is shown.
+    Called before a scene is read, or a reading is shown.
     """
     global _gap_count
     if _listeners and not are_installed():
@@ -129,9 +129,9 @@ def are_installed() -> bool:
 
 
 def edit_count(scene_uid: int) -> int:
-    """How often something of a scene was seen to be edited so far. What renders evaluate for themselves is no edit.
+    """Returns the number of observed edits of a scene. Evaluations of renders are no edits.
 
-    Nor is a new frame, of which handlers are told in another way, or what the section on edits knows to be none.
+    Neither are frame changes, which have other handlers, nor the evaluations that the section on edits excludes.
     """
     return _edit_counts[scene_uid] + _gap_count
 
@@ -142,7 +142,7 @@ def _announce(what: str) -> None:
 
 
 def _told() -> list[Any]:
-    """All listeners. A render's thread tells of its frames while the main one lets others listen: so copied at once."""
+    """Returns a copy of all listeners, as a render's thread may notify while the main thread adds listeners."""
     return [listener for reference in _listeners.data.copy() if (listener := reference()) is not None]
 
 
@@ -225,7 +225,7 @@ def _on_load(*_: Any) -> None:
         listener.on_file_change()
 
 
-_FIRST = (  # of those that Blender calls, so that none asks before they have told of it
+_FIRST = (  # of Blender's handlers, so that no other handler queries before listeners are notified
     ("depsgraph_update_pre", _before_evaluation),
     ("frame_change_pre", _before_frame_change),
     ("undo_pre", _on_undo),
@@ -249,7 +249,7 @@ _PLACES = tuple((getattr(bpy.app.handlers, name), handler) for name, handler in 
 
 
 def _install() -> None:
-    """Adds what is missing; the log knows nothing of what came before."""
+    """Adds missing handlers; the log then knows nothing of earlier events."""
     for entry in _HANDLERS:
         name, handler = entry
         handlers = getattr(bpy.app.handlers, name)

@@ -143,7 +143,7 @@ def read_camera(camera: Any, frame: Frame, eye: Eye | None = None) -> tuple[Came
 
 
 def read_lens(camera: Any, matrix: Float64Array) -> LensRecord | None:
-    """What an evaluated camera object blurs; None if everything is sharp. matrix: (4, 4), where it looks from."""
+    """Read the lens of an evaluated camera object; None if everything is sharp. matrix: (4, 4), the camera's pose."""
     data = camera.data
     dof = data.dof
     if not dof.use_dof:
@@ -172,7 +172,7 @@ def _focus_distance(dof: Any, matrix: Float64Array) -> float:
 
 
 def panorama_settings(data: Any) -> Any:
-    """What holds a camera's panorama settings: itself since Blender 5.0, before it what Cycles adds; None without."""
+    """Returns the owner of a camera's panorama settings: itself since Blender 5.0, earlier Cycles' data, or None."""
     return data if hasattr(data, "panorama_type") else getattr(data, "cycles", None)
 
 
@@ -266,7 +266,7 @@ def camera_from_projection(matrix: Float64Array, projection: Float64Array, borde
         bottom, top = (-1.0 - p[1, 3]) / p[1, 1], (1.0 - p[1, 3]) / p[1, 1]
         clip_start, clip_end = (1.0 + p[2, 3]) / p[2, 2], (p[2, 3] - 1.0) / p[2, 2]
     if not is_perspective and clip_start < 0.0:
-        # An orthographic viewport sees what is behind its plane as well: step back to where it begins.
+        # An orthographic viewport also shows objects behind its plane: step back to its clip start.
         matrix = matrix.copy()
         matrix[:3, 3] -= matrix[:3, 2] * clip_start
         clip_start, clip_end = 0.0, clip_end - clip_start

@@ -9,7 +9,7 @@ from ..sync.not_shown import NotShown
 from ..sync.records import AttributeRequest
 from .geometry.hair_shape import MOST_SUBDIVISIONS
 
-# Of a view layer, what is written; "sample_count" and the like are no pictures of the scene.
+# The passes of a view layer that are written; "sample_count" and the like are no pictures of the scene.
 _WRITTEN_PASSES = frozenset(
     (
         "use_pass_combined",
@@ -26,9 +26,9 @@ _NO_PASSES = frozenset(("use_pass_cryptomatte_accurate", "use_pass_cryptomatte_a
 def find_ignored_settings(
     depsgraph: Any, attributes: AttributeRequest, for_viewport: bool, in_time: bool
 ) -> list[NotShown]:
-    """A row for each that is set to anything else than what is shown. for_viewport: no passes are written there.
+    """Return a row for each setting that differs from the shown value. for_viewport: no passes are written there.
 
-    in_time: what moves within the shutter is read as well.
+    in_time: motion within the shutter is read as well.
     """
     found = [_pieces_of_hair(depsgraph.scene)]
     if attributes.shading:

@@ -1,8 +1,8 @@
-"""Labels by name, read from Blender: custom properties, and who shows what with which material in which collection.
+"""Labels by name, read from Blender: custom properties, objects, instancers, materials and collections.
 
-The one place that says what the label NAME of an instance is, for point clouds and for label images. A custom property
-is asked of the object, then of the instancer that shows it, the outermost of several, of the object's data, of the
-instancer's data, and last of the material that a ray meets. Four names are no properties, but what they say: `object`,
+Only this module defines the label NAME of an instance, for point clouds and for label images. A custom property
+is looked up in the object, then in its instancer, the outermost of several, in the object's data, in the
+instancer's data, and last in the material that a ray hits. Four names are not properties: `object`,
 `instancer`, `material`, and `collection`, the first by name of those that hold the object itself, else of those that
 hold its instancer.
 """
@@ -22,19 +22,19 @@ from ..sync.records import SceneRecord
 
 OBJECT, INSTANCER, MATERIAL, COLLECTION = "object", "instancer", "material", "collection"
 BUILT_IN = (OBJECT, INSTANCER, MATERIAL, COLLECTION)
-# Objects that no ray can meet, whatever their modifiers do.
+# Objects that no ray can hit, with any modifiers.
 _NEVER_MET = frozenset({"EMPTY", "CAMERA", "LIGHT", "LIGHT_PROBE", "SPEAKER", "ARMATURE", "LATTICE"})
 _NONE: dict[int, float] = {}
 
 
 class LabelReader:
-    """Reads labels as often as a scene changes.
+    """Reads labels each time a scene changes.
 
-    Their tables come from the whole file, as it is now, and not from what is met: the same names have the same rows in
-    whatever part of a scan or frame. What gets another text later is added at the end. Numbers that are keyed are read
-    as they are at each moment. The beginning decides what a label is: texts, whole numbers, or floats.
+    Their tables come from the whole file in its current state, and not from the hits: the same names have the same rows
+    in any part of a scan or frame. New texts are added at the end. Animated numbers are read
+    at each time. The first reading decides the type of a label: texts, whole numbers, or floats.
 
-    what: who asks, for errors. names: of custom properties, or of `BUILT_IN`. as_names: numbers become names as well.
+    what: the caller, for errors. names: of custom properties, or of `BUILT_IN`. as_names: numbers become names as well.
     Raises ValueError for a name that nothing in the file has, and values that are no labels. An empty text is a text;
     numbers that are not finite count as none.
     """
@@ -47,23 +47,23 @@ class LabelReader:
 
     @property
     def tables(self) -> dict[str, LabelTable]:
-        """Of each name, with all that was read so far."""
+        """The table of each name, with all texts read so far."""
         return {name: column.table for name, column in self._columns.items()}
 
     def read(self, depsgraph: Any) -> LabelReading:
-        """Reads what Blender has now. depsgraph: evaluated, for what is keyed. Main thread only."""
+        """Reads Blender's current values. depsgraph: evaluated, for animated ones. Main thread only."""
         return LabelReading({name: column.read(depsgraph) for name, column in self._columns.items()}, self.tables)
 
 
 class LabelReading:
-    """What was read at one moment; asks nothing of Blender."""
+    """The labels at one time; does not read Blender."""
 
     def __init__(self, values: dict[str, OwnerValues], tables: dict[str, LabelTable]) -> None:
         self._values = values
         self._tables = tables
 
     def of(self, record: SceneRecord) -> dict[str, SceneLabel]:
-        """By the rows of a record of that moment."""
+        """Returns the labels by the rows of a record of that time."""
         return {name: values.of(record, self._tables[name]) for name, values in self._values.items()}
 
 
@@ -94,7 +94,7 @@ class _Names:
 
 
 class _BuiltIn:
-    """One of `BUILT_IN`: what the owners of this name are called."""
+    """One of `BUILT_IN`: the names of these owners."""
 
     def __init__(self, name: str) -> None:
         self._name = name
@@ -124,7 +124,7 @@ class _BuiltIn:
 
 
 class _Property:
-    """A custom property: texts if any value is one, or all are to be; else numbers, whole if all are and none is -1."""
+    """A custom property: texts if any value is one or `as_names`; else numbers, whole if all are and none is -1."""
 
     def __init__(self, what: str, name: str, *, as_names: bool) -> None:
         self._what, self._name = what, name
@@ -167,7 +167,7 @@ class _Property:
     def _number(self, owner: Any, depsgraph: Any) -> float | None:
         value = self._value(owner)
         if value is not None and depsgraph.mode == "RENDER" and owner.animation_data is not None:
-            value = self._value(owner.evaluated_get(depsgraph))  # a render does not write back what is keyed
+            value = self._value(owner.evaluated_get(depsgraph))  # a render does not write back animated values
         if value is None:
             return None
         if self._names is not None:
@@ -199,7 +199,7 @@ class _Property:
 
 
 def _owners() -> Iterator[Any]:
-    """All that may have a label."""
+    """Yields all data-blocks that may have a label."""
     seen = set()
     for obj in bpy.data.objects:
         yield obj
@@ -244,11 +244,11 @@ def _by_number(text: str) -> tuple[int, float, str]:
 
 
 # Libraries -----------------------------------------------------------------------------------------------------------
-# Linked libraries that Blender did not find: what was linked from them stands there as empties without anything.
+# Linked libraries that Blender did not find: their objects become empties without data.
 
 
 def find_missing_libraries() -> list[NotShown]:
-    """Of the file that is open, a row for each."""
+    """Returns a row for each missing library of the open file."""
     return [
         NotShown("library", library.name, library.session_uid, f"the linked library {path_of(library)} is missing")
         for library in bpy.data.libraries
@@ -257,7 +257,7 @@ def find_missing_libraries() -> list[NotShown]:
 
 
 def find_missing_blocks() -> list[NotShown]:
-    """What libraries that are there do not hold any more. Looks at every data-block: for once a file."""
+    """Returns rows for data-blocks that libraries no longer contain. It checks every data-block: once a file."""
     return [
         NotShown("library", block.name, block.session_uid, f"it is not in the linked library {path_of(library)}")
         for library in bpy.data.libraries
@@ -268,7 +268,7 @@ def find_missing_blocks() -> list[NotShown]:
 
 
 def path_of(library: Any) -> str:
-    """As the file system knows it."""
+    """Returns a library's path in the file system."""
     return str(bpy.path.abspath(library.filepath, library=library.parent))
 
 

@@ -1,11 +1,11 @@
-"""Bulk reading of Blender's arrays: by address where that is proven right, by `foreach_get` otherwise.
+"""Bulk reading of Blender's arrays: by address where a check has confirmed the layout, by `foreach_get` otherwise.
 
 Blender keeps mesh attributes in plain C arrays, and `as_pointer()` of an element is its address. A view over
-that memory costs microseconds where `foreach_get` costs a conversion per element. Nothing promises the layout,
-so it is checked: the distance between the first and the last element on every read, and the first values
+that memory costs microseconds where `foreach_get` costs a conversion per element. Blender does not guarantee the
+layout, so it is checked: the distance between the first and the last element on every read, and the first values
 of each kind of array against Blender's own accessors. A kind that fails is read by `foreach_get` from then on.
 
-Views die at the next evaluation of the depsgraph: whatever outlives a read is copied.
+Views become invalid at the next evaluation of the depsgraph: data that outlives a read is copied.
 """
 
 from __future__ import annotations
@@ -43,8 +43,8 @@ class _Memory:
 
 
 def view_of_memory(address: int, shape: tuple[int, ...], dtype: np.dtype[Any]) -> npt.NDArray[Any]:
-    """What lies there, read-only; who asks knows that it is there, and for how long."""
-    # An array interface tells nothing of a dtype's fields.
+    """View memory, read-only; the caller knows that it exists, and for how long."""
+    # An array interface does not contain a dtype's fields.
     raw = np.asarray(_Memory(address, (*shape[:-1], shape[-1] * dtype.itemsize), np.dtype(np.uint8)))
     return raw.view(dtype)
 

@@ -1,8 +1,8 @@
-"""Reads again a scene of plain objects of which Blender has evaluated nothing but places and settings.
+"""Reads a scene of plain objects again if Blender has only evaluated transforms and settings.
 
-Asking every object everything takes longer than all else of a frame in which one of ten thousand moved. Here all are
-asked who they are and where, and only those that Blender names are asked more. Whatever else may have changed, the
-scene is read as the first time.
+Reading all properties of all objects takes longer than everything else in a frame in which one of ten thousand moved.
+This module reads only the identity and the transform of all objects, and more of those that Blender reports. After any
+other change, the whole scene is read.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ _NOT_SHOWN = -1
 
 @dataclass(frozen=True, slots=True)
 class SceneParts:
-    """A reading but for the camera and the lights, which are read every time."""
+    """A reading without the camera and the lights, which are read every time."""
 
     meshes: tuple[MeshRecord, ...]
     objects: tuple[ObjectRecord, ...]
@@ -55,9 +55,9 @@ class SceneParts:
 
 @dataclass(frozen=True, slots=True)
 class PlainReading:
-    """A reading of nothing but plain objects, with what tells whether it still holds.
+    """A reading of only plain objects, with the data that decides whether it is still valid.
 
-    attributes, graph, look: what was read, of which depsgraph (its address), as who would see it. since: the log's
+    attributes, graph, look: the request, the depsgraph (its address), and the visibility. since: the log's
     time. uids: of all evaluated objects. rows: (N,) int32, of each of them, its row among the instances, or -1.
     """
 
@@ -78,9 +78,9 @@ def remember(
     visibility: VisibilityReader,
     log: EvaluationLog | None,
 ) -> PlainReading | None:
-    """None if it cannot be read again.
+    """Return a reading; None if it cannot be read again.
 
-    shown: which of the evaluated objects are instances; None if there are others.
+    shown: the evaluated objects that are instances; None if there are others.
     """
     look = visibility.look
     if shown is None or log is None or look is None:
@@ -89,7 +89,7 @@ def remember(
     if parts.instance_values is not None or parts.materials_follow:
         return None
     originals = [obj.original for obj in depsgraph.objects]
-    # What is edited or sculpted may change without a notice from Blender: it is read every time.
+    # Blender may not report changes of objects in edit or sculpt mode: they are read every time.
     if len(originals) != len(shown) or any(original.mode != "OBJECT" for original in originals):
         return None
     uids = [original.session_uid for original in originals]
@@ -134,7 +134,7 @@ def _is_as_before(obj: Any, row: int, parts: SceneParts, visibility: VisibilityR
         return False
     uid = obj.original.session_uid
     if lights_few(obj) or any(row.session_uid == uid for row in parts.not_shown if row.kind == "light"):
-        return False  # what is said of its light may be so no more
+        return False  # the reported settings of its light may have changed
     if row == _NOT_SHOWN:
         return obj.type in SILENT_TYPES
     record = parts.objects[parts.instances.object_indices[row]]

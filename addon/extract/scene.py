@@ -33,7 +33,7 @@ shared_reader = ArrayReader()
 
 @dataclass(slots=True)
 class ReadCache:
-    """What the last reading of a scene leaves for the next one, which is the faster for it and gives the same."""
+    """The data of the last reading that makes the next one faster, with the same result."""
 
     meshes: MeshCache = field(default_factory=MeshCache)
     instances: InstanceCache = field(default_factory=InstanceCache)
@@ -55,25 +55,25 @@ def read_scene(
     for_preview: bool = False,
     in_time: bool = False,
 ) -> SceneRecord:
-    """Copies everything that a render of an evaluated depsgraph needs. Nothing of Blender is kept.
+    """Copies everything that a render of an evaluated depsgraph needs. No references to Blender are kept.
 
-    attributes: what to read beside the triangles; by default the material slots and viewport colours.
-    for_viewport: whether viewport or render visibility counts; by default what the depsgraph was made for. A
-        viewport depsgraph that is asked for render visibility leaves out what a render hides, but has
-        neither what the viewport hides nor the modifiers' render settings.
-    camera: an object, a `CameraRecord`, or a function of the depsgraph that gives one or None, instead of the scene's
+    attributes: the data to read in addition to triangles; by default the material slots and viewport colours.
+    for_viewport: whether viewport or render visibility counts; by default the depsgraph's purpose. With render
+        visibility, a viewport depsgraph leaves out objects that a render hides, but has
+        neither objects that the viewport hides nor the modifiers' render settings.
+    camera: an object, a `CameraRecord`, or a function of the depsgraph that returns one or None, instead of the scene's
         active camera.
     size: (width, height) in pixels instead of the scene's render size.
     space: the 3D viewport (`SpaceView3D`) whose local view and filters count.
-    reader: how arrays are read; by default the process's own, see `ArrayReader`.
-    cache: what the last reading left; without it everything is read, whatever is known of changes.
-    in_time: this is for motion blur, which then is not named as a setting that is not asked.
-    for_preview: the depsgraph is of one of Blender's previews, and this a thread beside the user's edits: nothing but
-        the depsgraph is asked, neither the open file nor the log of changes, and of a cache only images are used.
+    reader: reads arrays; by default the process's own, see `ArrayReader`.
+    cache: the last reading's; without it everything is read, for any known changes.
+    in_time: the reading is for motion blur, which then is not listed as an ignored setting.
+    for_preview: the depsgraph is of one of Blender's previews, on a thread that runs while the user edits. Only
+        the depsgraph is used, neither the open file nor the log of changes, and only the images of a cache.
 
     Main thread only, or a render's own.
 
-    An empty scene is an empty record. What cannot be read is left out and named in the record's warnings.
+    An empty scene is an empty record. Data that cannot be read is left out and listed in the record's warnings.
     """
     if for_viewport is None:
         for_viewport = depsgraph.mode == "VIEWPORT"
@@ -81,7 +81,7 @@ def read_scene(
     cache = cache or ReadCache()
     attributes = attributes or AttributeRequest()
     if for_preview:
-        reader = ArrayReader(use_views=False)  # a few small meshes; what is found out of layouts is shared otherwise
+        reader = ArrayReader(use_views=False)  # a few small meshes; the check of layouts is shared otherwise
     visibility = VisibilityReader(depsgraph, for_viewport, space)
     with outside_viewports() if for_viewport else nullcontext():
         parts = read_again(cache.plain, depsgraph, attributes, visibility, log, cache.images)
@@ -102,7 +102,7 @@ def read_scene(
 def _record_of(
     depsgraph: Any, parts: SceneParts, hair: ShapedHair, lights: LightRecords, camera: Any, frame: Frame
 ) -> SceneRecord:
-    """The whole record but for its list of what is not shown. camera: as `read_scene` takes it."""
+    """Returns the whole record without its `not_shown`. camera: as `read_scene` takes it."""
     scene = depsgraph.scene_eval
     camera_record, complaint = read_any_camera(depsgraph, scene.camera if camera is None else camera, frame)
     return SceneRecord(
@@ -161,7 +161,7 @@ def _read_parts(
 
 
 def read_any_camera(depsgraph: Any, camera: Any, frame: Frame) -> tuple[CameraRecord | None, str | None]:
-    """What looks, and why it cannot if there is none. camera: as `read_scene` takes it."""
+    """Read the camera, and the reason if there is none. camera: as `read_scene` takes it."""
     if callable(camera):
         return camera(depsgraph), None
     if isinstance(camera, CameraRecord):

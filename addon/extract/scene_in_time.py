@@ -1,8 +1,8 @@
-"""One evaluated depsgraph through the moments of a shutter -> one `SceneRecord` with all that moves in it.
+"""One evaluated depsgraph through the time samples of a shutter -> one `SceneRecord` with all its motion.
 
-The frame is read, then each moment that anything asks for, once; and the frame once more when the scene is back there:
-what its keys say counts then, and the next reading knows that nothing has happened since. What Blender has not
-evaluated again at a moment is not read again, for which its changes are listened to meanwhile.
+The frame is read, then each needed time sample once; and the frame once more when the scene has returned to it: the
+values of its keys count then, and the next reading knows that nothing has changed since. Data that Blender has not
+evaluated again at a time sample is not read again; the log of evaluations records this.
 """
 
 from __future__ import annotations
@@ -47,9 +47,9 @@ _FARTHEST = 1_048_574  # frames of Blender, from zero
 
 @dataclass(frozen=True, slots=True)
 class Shutter:
-    """begin, end: in frames relative to the current one. steps: of what says nothing else; None: as Cycles has it.
+    """begin, end: in frames relative to the current one. steps: of objects without a setting; None: Cycles' default.
 
-    frame_set: called with a frame and a subframe, makes Blender evaluate what is read; None: the scene's own.
+    frame_set: called with a frame and a subframe, makes Blender evaluate the depsgraph; None: the scene's own.
     """
 
     begin: float
@@ -58,12 +58,12 @@ class Shutter:
     frame_set: FrameSet | None = None
 
     def offset(self, time: Fraction) -> float:
-        """Of a moment, 0 to 1, in frames from the current one."""
+        """Convert a time, 0 to 1, to frames from the current one."""
         return float(1 - time) * self.begin + float(time) * self.end
 
 
 def as_shutter(function: str, shutter: Any, steps: Any, frame_set: FrameSet | None) -> Shutter | None:
-    """What a caller's arguments say; None without a shutter. Raises ValueError for what is none."""
+    """Check a caller's arguments; None without a shutter. Raises ValueError for invalid ones."""
     if shutter is None:
         for name, value in (("steps", steps), ("frame_set", frame_set)):
             if value is not None:
@@ -93,7 +93,7 @@ def _as_range(function: str, shutter: Any) -> tuple[float, float]:
 
 
 def place_of(scene: Any) -> Place:
-    """Where a scene is, original or evaluated. Before frame 0 Blender counts subframes back, which it does not take."""
+    """Return the time of a scene. Before frame 0 Blender reports negative subframes, but does not accept them."""
     return _as_place(float(scene.frame_current) + float(scene.frame_subframe))
 
 
@@ -104,15 +104,15 @@ def _as_place(at: float) -> Place:
 
 
 def places_of(shutter: Shutter, times: Sequence[Fraction], here: Place) -> dict[Fraction, Place]:
-    """Where the scene is at each moment. here: where it is at the frame itself."""
+    """Return the scene's time at each time sample. here: its time at the frame itself."""
     return {time: _as_place(here[0] + here[1] + shutter.offset(time)) for time in times}
 
 
 @contextmanager
 def stepping(depsgraph: Any, shutter: Shutter) -> Iterator[Callable[[Place], None]]:
-    """Gives a function that goes to a place; in the end everything is as it was.
+    """Yield a function that goes to a time; at the end the scene's state is restored.
 
-    depsgraph: what is read. Raises ValueError where going there did not evaluate it.
+    depsgraph: the one that is read. Raises ValueError if the function did not evaluate it.
     """
     scene = depsgraph.scene.original
     here, camera = place_of(scene), scene.camera
@@ -137,7 +137,7 @@ def stepping(depsgraph: Any, shutter: Shutter) -> Iterator[Callable[[Place], Non
 
 
 def _return(depsgraph: Any, scene: Any, shutter: Shutter, here: Place, camera: Any) -> None:
-    """To where the scene was; a second Ctrl-C meanwhile does not leave it half-way."""
+    """Return to the previous frame; a second Ctrl-C during this does not leave it half-way."""
     try:
         _go_back(depsgraph, scene, shutter, here, camera)
     except KeyboardInterrupt:
@@ -162,7 +162,7 @@ def _go(scene: Any, shutter: Shutter, place: Place) -> None:
 
 
 def _are_same(first: Place, second: Place) -> bool:
-    """But for what is rounded: what is evaluated has one float32 number for both."""
+    """Whether both are equal up to rounding: Blender evaluates both at the same float32 number."""
     rounding = max(1e-6, float(np.spacing(np.float32(abs(first[0]) + 1))))
     return abs((first[0] - second[0]) + (first[1] - second[1])) <= rounding
 
@@ -188,9 +188,9 @@ def read_scene_in_time(
     space: Any,
     progress: Callable[[float], object] | None = None,
 ) -> SceneRecord:
-    """What `read_scene` reads, with the motion of all that moves within the shutter.
+    """Read the same as `read_scene`, with all motion within the shutter.
 
-    progress: called with the share of the moments that were read; returning False raises `perfect_bvh.Cancelled`.
+    progress: called with the share of the time samples that were read; returning False raises `perfect_bvh.Cancelled`.
     """
     view = {"for_viewport": for_viewport, "size": size, "space": space}
     listener = _Listener()
@@ -220,7 +220,7 @@ def read_scene_in_time(
 
 
 class _Listener:
-    """Of what is evaluated the log knows as long as anybody listens."""
+    """Keeps the evaluation log recording."""
 
     def on_change(self, what: str) -> None:
         """That the frame was changed is no news here."""
@@ -254,9 +254,9 @@ def read_moment(
     size: tuple[int, int] | None,
     space: Any,
 ) -> MomentRecord:
-    """Where things are in an evaluated depsgraph: of a mesh that is read again no attribute is.
+    """Read the positions in an evaluated depsgraph: meshes that are read again have no attributes.
 
-    cache: of the frame's reading, with these attributes; it stays as it is. The rest is as for `read_scene`.
+    cache: of the frame's reading, with these attributes; it is not changed. The rest is as for `read_scene`.
     """
     if for_viewport is None:
         for_viewport = depsgraph.mode == "VIEWPORT"
@@ -288,10 +288,10 @@ def _read_things(
 
 
 def read_motion_settings(record: SceneRecord, camera: Any, steps: int | None) -> MotionSettings:
-    """Read what users ask of motion blur: by Cycles' own switches and steps, where Cycles is enabled.
+    """Read the users' settings of motion blur: Cycles' own switches and steps, if Cycles is enabled.
 
-    record: of a scene with its objects. camera: the original object, None if it is none or cannot move.
-    steps: of what has no number of its own; None: Cycles' default.
+    record: of a scene with its objects. camera: the original object, None if there is none or it cannot move.
+    steps: of objects without a setting; None: Cycles' default.
     """
     count = _DEFAULT_STEPS if steps is None else steps
     if not hasattr(bpy.types.Object, "cycles"):
@@ -312,9 +312,9 @@ def read_motion_settings(record: SceneRecord, camera: Any, steps: int | None) ->
 
 
 def _of_object(obj: Any, count: int, is_asked: bool) -> tuple[int, bool]:
-    """Its steps, 0 if it is not to be blurred, and whether its shape may change. is_asked: whether count is no default.
+    """Return an object's steps, 0 for no blur, and whether its shape may change. is_asked: whether count is no default.
 
-    Who never set the steps has said nothing of them.
+    An object whose steps were never set has no setting of them.
     """
     cycles = obj.cycles
     if not cycles.use_motion_blur:
@@ -325,7 +325,7 @@ def _of_object(obj: Any, count: int, is_asked: bool) -> tuple[int, bool]:
 
 
 # Simulations ---------------------------------------------------------------------------------------------------------
-# Whether a frame depends on those before it: whatever is simulated has to be played in order.
+# Whether a frame depends on those before it: simulations must be played in order.
 
 
 SIMULATED = frozenset({"CLOTH", "SOFT_BODY", "FLUID", "DYNAMIC_PAINT", "PARTICLE_SYSTEM"})

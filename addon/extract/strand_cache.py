@@ -53,11 +53,11 @@ _SYSTEM = np.dtype(
 
 @dataclass(frozen=True, slots=True)
 class Strands:
-    """What one particle system shows as strands: the children, or the particles themselves where there are none.
+    """The strands of one particle system: the children, or the particles themselves if there are none.
 
-    points: (S, K, 3) float32 in the object's space; shorter strands repeat their last point. first: the number that
-    Blender has for the first of them, which goes through the particles and then the children. rounding: what points may
-    differ by that are read in the other way.
+    points: (S, K, 3) float32 in the object's space; shorter strands repeat their last point. first: Blender's number
+    of the first strand, which counts the particles and then the children. rounding: the possible difference of points
+    that are read by the other method.
     """
 
     points: Float32Array
@@ -68,9 +68,9 @@ class Strands:
 def read_strands(
     system: Any, obj: Any, reader: ArrayReader, for_render: bool, others: Callable[[], Iterable[Any]] = tuple
 ) -> Strands:
-    """Of an evaluated particle system of an evaluated object. for_render: whether the depsgraph is a render's.
+    """Read an evaluated particle system of an evaluated object. for_render: whether the depsgraph is a render's.
 
-    others: gives evaluated objects that stand elsewhere, without which `co_hair` cannot tell a tip in the world's
+    others: returns evaluated objects at other positions. Without them `co_hair` cannot distinguish a tip at the world's
     origin from a strand's end.
     """
     first, count = shown_strands(system, for_render)
@@ -92,13 +92,13 @@ def read_strands(
 
 @dataclass(frozen=True, slots=True)
 class Space:
-    """Of an object: out of the world into it. inverse: (4, 4) float64."""
+    """An object's space: from the world into it. inverse: (4, 4) float64."""
 
     inverse: Float64Array
 
     @classmethod
     def of(cls, obj: Any) -> Space | None:
-        """None where the object is scaled to nothing, or a number is not finite."""
+        """Returns None if the object is scaled to nothing, or a number is not finite."""
         world = np.array(obj.matrix_world, np.float64)
         if not np.isfinite(world).all() or np.linalg.matrix_rank(world[:3, :3]) < 3:
             return None
@@ -157,7 +157,7 @@ def _read_memory(system: Any, first: int, count: int, steps: int, space: Space) 
 
 
 def _name_of(system: Any) -> bytes | None:
-    """None for bytes that are no text, of which Blender says nothing."""
+    """Returns a system's name, None for bytes that are no text, for which Blender returns nothing."""
     try:
         return str(system.name).encode(errors="surrogateescape")
     except UnicodeDecodeError:
@@ -169,10 +169,10 @@ def _are_unmade(points: Float32Array, space: Space) -> bool:
 
 
 def _gather(pointers: npt.NDArray[np.int64], matrix: Float32Array, points: Float32Array) -> bool:
-    """Fills (S, K, 3) with points, mapped by the matrix, of strands that lie in memory one after another, in hundreds.
+    """Fill (S, K, 3) with points, mapped by the matrix, of strands that lie in memory one after another, in hundreds.
 
-    So many fit into a processor's cache. False if they do not lie as expected: no point is read before all strands
-    have said to be no longer than they lie apart, and than K.
+    A hundred fit into a processor's cache. Returns False if the layout is unexpected: no point is read before all
+    strands are known to be no longer than their distance in memory, and than K.
     """
     steps = points.shape[1]
     segment_count = int(view_of_memory(int(pointers[0]), (1,), _RECORD)["segments"][0])
@@ -202,7 +202,7 @@ def _gather(pointers: npt.NDArray[np.int64], matrix: Float32Array, points: Float
 
 
 def _shortened(points: Float32Array, segments: Int32Array) -> Float32Array:
-    """With the last point of each strand instead of all beyond."""
+    """Replaces points beyond the end of each strand by its last point."""
     last = points.shape[1] - 1
     if (segments == last).all():
         return points
@@ -211,9 +211,9 @@ def _shortened(points: Float32Array, segments: Int32Array) -> Float32Array:
 
 
 def _agrees(points: Float32Array, first: int, system: Any, obj: Any, space: Space) -> bool | None:
-    """Whether `co_hair` tells the same of some strands; what it tells nothing of is their last point, or the origin.
+    """Whether `co_hair` returns the same points of some strands; beyond a strand it returns its last, or the origin.
 
-    None if it tells nothing at all.
+    None if it returns nothing at all.
     """
     picked = sorted({*range(min(_CHECKED_STRANDS, len(points))), len(points) - 1})
     in_world = _ask(system, obj, [first + row for row in picked], points.shape[1])

@@ -31,7 +31,7 @@ _TYPE_SWITCHES = {
     "POINTCLOUD": "show_object_viewport_pointcloud",
 }
 
-# A render shows the children of such an object only as its instances, not where they stand themselves.
+# A render shows the children of such an object only as its instances, not the children themselves.
 _INSTANCES_CHILDREN = {"VERTS", "FACES"}
 
 
@@ -52,18 +52,18 @@ def _ray_mask(obj: Any) -> int:
 
 
 def _placed(obj: Any, parent: Any) -> Any:
-    """What has a place in the view layer, whose collections' settings count: of an instance, the instancer.
+    """Return the object whose collections' settings in the view layer count: for an instance, the instancer.
 
-    Cycles asks the duplicate, of which the view layer knows nothing, and then the instancer. Python may be given the
-    original in place of the duplicate, if anybody holds a reference to it, and would get its answer.
+    Cycles asks the duplicate, which is not in the view layer, and then the instancer. Python may get the
+    original in place of the duplicate, if any reference to it exists, and would get its answer.
     """
     return obj if parent is None else parent
 
 
 def outside_viewports() -> AbstractContextManager[Any]:
-    """Meanwhile `visible_get` answers for no 3D viewport.
+    """While this is active, `visible_get` answers for no 3D viewport.
 
-    Else it answers for that of the context, which may be any, and in local view: Blender brings all viewports in step
+    Otherwise it answers for the context's viewport, which may be any, even in local view: Blender updates all viewports
     while scripts and operators run, and keeps their context.
     """
     return nullcontext() if bpy.context.area is None else bpy.context.temp_override(area=None, region=None)
@@ -88,7 +88,7 @@ class VisibilityReader:
 
     @property
     def look(self) -> tuple[Any, ...] | None:
-        """What decides, beside the objects' own settings, who is seen; None where each object has to be asked again."""
+        """Return everything that decides visibility, except objects' own settings; None if each must be asked again."""
         if self._view_layer.material_override is not None or self._render_filter is not None:
             return None
         space = self._space
@@ -133,7 +133,7 @@ class VisibilityReader:
         return self._is_hidden_by_layer(parent)
 
     def _is_hidden_by_layer(self, obj: Any) -> bool:
-        """What the eye icon of a collection hides is still evaluated and listed."""
+        """Whether the eye icon of a collection hides the object, which is still evaluated and listed."""
         if obj.visible_get(view_layer=self._view_layer):
             return False
         if self._layer_uids is None:
@@ -143,11 +143,11 @@ class VisibilityReader:
 
 
 class RenderFilter:
-    """Leaves out of a viewport depsgraph what a render would not show.
+    """Removes from a viewport depsgraph the objects that a render would not show.
 
-    It cannot bring back what the viewport hides, nor give modifiers their render settings, and it shows members of
-    collections that nodes or particles instance even if they are hidden in renders: nothing in a
-    viewport depsgraph tells how such an instance came about. A render's own depsgraph needs none of this.
+    It cannot restore objects that the viewport hides, nor give modifiers their render settings. It shows members of
+    collections that nodes or particles instance even if they are hidden in renders: a viewport depsgraph does not tell
+    how such an instance was made. A render's own depsgraph needs none of this.
     """
 
     def __init__(self, depsgraph: Any) -> None:
@@ -182,7 +182,7 @@ class RenderFilter:
 
 
 def _is_own_surface_hidden(obj: Any) -> bool:
-    """Whether a render shows what an instancer instances, but not the instancer itself."""
+    """Whether a render shows an instancer's instances, but not the instancer itself."""
     return bool(obj.is_instancer and not obj.show_instancer_for_render)
 
 
@@ -197,7 +197,7 @@ def _collect_layer(layer: Any, found: set[int]) -> None:
 
 
 def _collect_instanced(collection: Any, found: set[int], entered: set[int]) -> None:
-    """Session uids of what an instanced collection shows in a render, through instancers inside it."""
+    """Collect session uids of objects that an instanced collection shows in a render, through instancers inside it."""
     if collection.hide_render or collection.session_uid in entered:
         return
     entered.add(collection.session_uid)

@@ -1,13 +1,13 @@
-"""Blender's previews of materials, lights and worlds: small images of a stage of its own.
+"""Blender's previews of materials, lights and worlds: small images of separate stages.
 
-Blender makes them on threads beside the user's edits, several at once, again and again while a value is dragged. So
-nothing is shared with renders: each reads its stage, builds its trees and forgets them, and nothing is told of it. All
-that is kept, until the add-on is disabled, are the images that the last one has read, large ones at a lower resolution
-(`ImageReader`): a preview takes them out while it reads, and another one meanwhile reads its own. Of UDIM images
+Blender makes them on threads while the user edits, several at once, again and again while a value is dragged. So
+nothing is shared with renders: each preview reads its stage, builds its trees and drops them, and reports nothing. Only
+the images that the last one has read are kept until the add-on is disabled, large ones at a lower resolution
+(`ImageReader`): a preview takes them while it reads, and another one at the same time reads its own. Of UDIM images
 previews show the first tile alone.
 
-Blender must not take an engine away while it makes previews with it, nor wait for them while Python is kept from
-running, which they need to end. As that is what it does when an add-on is disabled, they are ended before.
+Blender must not remove an engine while it makes previews with it, nor wait for them while it blocks Python, which they
+need to end. It does both when an add-on is disabled. Therefore they are ended before.
 """
 
 from __future__ import annotations
@@ -26,8 +26,8 @@ if TYPE_CHECKING:
     from ..extract.looks.images import ImageCache
     from .plan import RenderPlan
 
-# What is waited for at most when no more are to be made: previews that are being made, and those that Blender has begun
-# and not asked the engine for yet.
+# Limits of the waits before previews are disabled: for previews that are being made, and for those that Blender has
+# begun without calling the engine yet.
 ENDING_SECONDS, BEGINNING_SECONDS = 10.0, 0.5
 
 
@@ -80,9 +80,9 @@ _kept: list[ImageCache] = []  # at most one
 def render_preview(
     depsgraph: bpy.types.Depsgraph, plan: RenderPlan, is_cancelled: Callable[[], bool]
 ) -> npt.NDArray[np.float32] | None:
-    """(H, W, 4) float32 scene-linear, row 0 on top; None if there is to be none.
+    """Return (H, W, 4) float32 scene-linear, row 0 on top; None if there should be none.
 
-    is_cancelled: asked every now and then. Raises ValueError for a stage without a camera, and what the engine raises.
+    is_cancelled: asked at intervals. Raises ValueError for a stage without a camera, and the engine's errors.
     """
     import perfect_bvh
 
@@ -91,7 +91,7 @@ def render_preview(
             return None
         try:
             return _render(depsgraph, plan, lambda _: _gate.is_open and not is_cancelled())
-        except (perfect_bvh.Cancelled, ReferenceError):  # the latter where an image was deleted meanwhile
+        except (perfect_bvh.Cancelled, ReferenceError):  # the latter if an image was deleted in the meantime
             return None
 
 
@@ -141,7 +141,7 @@ def _take() -> ImageCache | None:
 
 
 def _is_job_there() -> bool:
-    """Blender notices only when it goes on that a job has ended."""
+    """Whether Blender has a preview job; it notices a job's end only when it continues."""
     return bool(bpy.app.is_job_running("RENDER_PREVIEW"))
 
 

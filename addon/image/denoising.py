@@ -1,6 +1,6 @@
-"""Images without noise: what was traced, denoised as a plan says. What fails leaves the image as it was, and says why.
+"""Images without noise: a traced image is denoised as a plan says. On failure it keeps its noise, and says why.
 
-What needs the native engine is imported where it is used: without it the add-on must still register, and say why.
+Modules that need the native engine are imported where they are used: without it the add-on must still register.
 """
 
 from __future__ import annotations
@@ -25,23 +25,23 @@ if TYPE_CHECKING:
 
 Image = npt.NDArray[np.float32]
 
-# How images are denoised, from so many samples a pixel on; viewports as if they had one. "high" lowers errors by some
-# 10 %, which is worth it where it is a small part of the whole (of images 480 pixels wide it takes 0.7 s more). Guides
-# are blended from so many samples, neighbours' too, that they soon pass for free of noise, but not where motion or a
+# How images are denoised, from this number of samples a pixel on; viewports as if they had one. "high" lowers errors by
+# some 10 %, which is worth it where its time is a small part of the whole (of images 480 pixels wide it takes 0.7 s
+# more). With many samples, neighbours' too, the blended guides soon count as free of noise, but not where motion or a
 # lens blurs them: there grain would stay in the image.
 WAYS: tuple[tuple[int, DenoiseQuality, Prefilter], ...] = ((1, "fast", "fast"), (16, "high", "none"))
-BLURRED: Prefilter = "accurate"  # of so many samples, instead of "none"
-# That tells how much noise comes through, of which a rough idea is enough.
+BLURRED: Prefilter = "accurate"  # with many samples, instead of "none"
+# For the measurement of the noise that comes through, which needs only a rough result.
 QUICK: DenoiseQuality = "fast"
-# Of OpenImageDenoise: the images, and what the layers of its network hold; it cuts large images into tiles.
+# Memory of OpenImageDenoise: the images, and the layers of its network; it cuts large images into tiles.
 BYTES_A_PIXEL, MOST_BYTES = 1100, 3 << 30
 
 
 @dataclass(frozen=True, slots=True)
 class Denoised:
-    """What came of it.
+    """The result.
 
-    image: without noise, or as it was. name: of what has denoised it, None if nothing has. complaint: if it is not as
+    image: without noise, or unchanged. name: of the denoiser that was used, None for none. complaint: if it is not as
     it should be, why, as a sentence for the user.
     """
 
@@ -136,7 +136,7 @@ class ImageDenoiser:
         noise: Mapping[str, Image] | None,
         progress: Callable[[float], object] | None,
     ) -> Image:
-        """What is no noise is put back, where it is known how much of that there is."""
+        """Restores real detail, if an estimate of the noise is available."""
         import perfect_bvh
         from perfect_bvh._arrays import share_of
 
@@ -154,7 +154,7 @@ class ImageDenoiser:
         return perfect_bvh.restore_detail(images["combined"], noise["combined"], denoised, let_through, **guides)
 
     def _denoiser(self, quality: DenoiseQuality, size: tuple[int, int]) -> Denoiser:
-        """Of images of the size that was asked for first."""
+        """Returns a denoiser for images of the size that was requested first."""
         if quality not in self._denoisers:
             self._denoisers[quality] = self._make(quality, size)
         return self._denoisers[quality]
@@ -174,7 +174,7 @@ class ImageDenoiser:
 
 
 def _arguments(images: Mapping[str, Image]) -> dict[str, Image]:
-    """Of a denoiser, by its names."""
+    """Returns a denoiser's arguments, by its names."""
     return {name.removeprefix("denoising_"): images[name] for name in GUIDES}
 
 

@@ -1,6 +1,6 @@
-"""What an image takes, worked out once: everything that has a part in making it is handed the same plan.
+"""The needs of an image, worked out once: all code that takes part in making it gets the same plan.
 
-Size and border, the attributes to read, the samples and rays to expect, the passes. Knows no RenderEngine and no sync.
+Size and border, the attributes to read, the expected samples and rays, the passes. Does not use RenderEngine or syncs.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 Window = tuple[int, int, int, int]
 
 CLAY_GREY = (0.8, 0.8, 0.8)
-# The renderer's names of what a denoiser takes: the image of pixels' own samples, and what guides it.
+# The renderer's names of a denoiser's input: the image of pixels' own samples, and its guides.
 NOISY = "denoising_color"
 GUIDES = (NOISY, "denoising_albedo", "denoising_normal")
 VECTOR = "vector"
@@ -80,7 +80,7 @@ DENOISING_PASSES = (
 
 
 def enabled_passes(view_layer: bpy.types.ViewLayer, scene: bpy.types.Scene) -> tuple[PassSpec, ...]:
-    """Returns the passes beside Combined that a view layer asks for.
+    """Returns the passes of a view layer, except Combined.
 
     With motion blur there are no vectors: a blurred image must not be blurred again. Blender's own engines do the same.
     """
@@ -96,12 +96,12 @@ def enabled_passes(view_layer: bpy.types.ViewLayer, scene: bpy.types.Scene) -> t
 
 @dataclass(frozen=True, slots=True)
 class RenderPlan:
-    """Of one image.
+    """The plan of one image.
 
     size: (width, height) in pixels. window: (left, right, bottom, top), the pixels to trace, from the lower left.
-    passes: the renderer's names of what is wanted beside "combined". is_cropped: whether files hold the
-    window alone. motion: what of the scene's motion is shown; None if no pixel shows any. frame: what the scene's
-    camera fills; None for a view. specs: of Blender's passes beside Combined.
+    passes: the renderer's names of the requested passes except "combined". is_cropped: whether files hold only the
+    window. motion: the shown part of the scene's motion; None if no pixel shows any. frame: the frame of the
+    scene's camera; None for a view. specs: of Blender's passes except Combined.
     """
 
     settings: RenderSettings
@@ -121,7 +121,7 @@ class RenderPlan:
 
     @property
     def mode(self) -> Mode:
-        """What it shows."""
+        """The mode of the image."""
         return find_mode(self.settings.mode)
 
     @property
@@ -131,11 +131,11 @@ class RenderPlan:
 
     @property
     def is_denoised(self) -> bool:
-        """Whether its noise is to be taken out."""
+        """Whether it will be denoised."""
         return self.settings.denoise and self.mode.is_noisy
 
     def make_sampling(self) -> AdaptiveSampling | None:
-        """What says where there are samples enough; None if all pixels get all of them."""
+        """Makes an adaptive sampling; None if all pixels get all samples."""
         import perfect_bvh
 
         threshold = self.settings.noise_threshold
@@ -145,12 +145,12 @@ class RenderPlan:
 
     @property
     def traced_passes(self) -> tuple[str, ...]:
-        """What the renderer is to make beside "combined": what is wanted, and what denoising needs."""
+        """The passes of the renderer except "combined": the requested ones, and those for denoising."""
         return tuple(dict.fromkeys((*self.passes, *(GUIDES if self.is_denoised else ()))))
 
     @property
     def expected_rays(self) -> int:
-        """About how many rays all of its samples cast: what building and refitting is weighed against."""
+        """The approximate number of rays of all its samples: builds and refits are weighed against it."""
         return round(self.pixel_count * self.samples * self._rays_per_sample)
 
     @property
@@ -167,7 +167,7 @@ class RenderPlan:
 
     @property
     def attributes(self) -> AttributeRequest:
-        """What the mode and the passes use; nothing else is read."""
+        """The attributes that the mode and the passes use; nothing else is read."""
         mode, passes = self.mode, self.passes
         return AttributeRequest(
             material_slots=mode.materials
@@ -201,9 +201,9 @@ class RenderPlan:
 def plan_render(
     scene: bpy.types.Scene, settings: RenderSettings, passes: tuple[str, ...] = (), *, is_blurred: bool = False
 ) -> RenderPlan:
-    """Of a render of `scene`, through its camera, inside its border.
+    """Plans a render of `scene`, through its camera, inside its border.
 
-    is_blurred: whether what moves is, where the mode shows light.
+    is_blurred: whether motion is blurred, if the mode shows light.
     """
     from ..extract.camera import border_pixels, is_cropped, read_frame
 
@@ -225,16 +225,16 @@ def plan_layer(depsgraph: bpy.types.Depsgraph) -> RenderPlan:
 
 
 def plan_view(settings: RenderSettings, size: tuple[int, int]) -> RenderPlan:
-    """Of an image that fills a region of the screen, or another of so many pixels."""
+    """Plans an image that fills a region of the screen, or another of this size."""
     return RenderPlan(settings, size, (0, size[0], 0, size[1]))
 
 
 # Costs ---------------------------------------------------------------------------------------------------------------
-# Which objects the camera rays of an image spend their work on, asked of a part of its pixels. Knows no Blender.
+# The objects on which an image's camera rays spend their work, by a part of its pixels. Does not depend on Blender.
 
 
 COST_PASSES = ("instance", "nodes_visited", "primitives_tested")
-# Of one pixel in so many, each way: counted rays take longer, and no one waits for shares to a thousandth.
+# The step of the sampled pixels, each way: counted rays take longer, and shares need no precision of a thousandth.
 COST_STEP = 4
 WHOLE = (0.0, 1.0, 0.0, 1.0)
 
@@ -295,7 +295,7 @@ def trace_visits(
 
 
 def owners_of(sync: SceneSync, costs: Passes | None = None) -> Owners:
-    """Which objects show which meshes of what a sync holds, with the shares of the work of these rays."""
+    """Returns which objects show which meshes of a sync, with the shares of the work of these rays."""
     record = sync.record
     instances = record.instances
     return Owners(

@@ -1,9 +1,9 @@
-"""In which order the image of one view is traced: resolutions, bands of rows, samples. Pure logic; traces nothing.
+"""The order in which the image of one view is traced: resolutions, bands of rows, samples. Pure logic; traces nothing.
 
-A coarse image comes first, as fine as the time for it allows, then finer ones, and over those the full one in bands of
-rows from the top. Finer ones cost time that the full image wants: unless that takes long, they get no more than a small
-share of it, and the half resolution covers the rows that come last, as far as that goes. Then samples follow in rounds
-of 1, 2, 4, 8 ..., as `perfect_bvh.render_progressively` adds them, where they are wanted. Knows no Blender.
+A coarse image comes first, as fine as its time allows, then finer ones, and over those the full one in bands of
+rows from the top. Finer ones delay the full image: unless that takes long, they get no more than a small
+share of its time, and the half resolution covers as many of the last rows as that allows. Then samples follow in rounds
+of 1, 2, 4, 8 ..., as `perfect_bvh.render_progressively` adds them, if requested. Does not depend on Blender.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ import numpy.typing as npt
 
 Rows = tuple[int, int]
 
-# A coarse image has so many pixels less on each side. They divide TILE_ROWS, so that each ends where a tile does.
+# Divisors of a coarse image's width and height. They divide TILE_ROWS, so that each ends where a tile does.
 DIVISORS = (1, 2, 4, 8, 16, 32)
 # Rows in a tile of the renderer: bands that end with one trace next to nothing twice.
 TILE_ROWS = 32
@@ -45,7 +45,7 @@ class Pace:
             self.seconds_per_pixel += 0.5 * (seconds / pixel_samples - self.seconds_per_pixel)
 
     def learn_from_stopped(self, seconds: float, pixel_samples: int) -> None:
-        """Of what was stopped before its end: it would have taken longer than that."""
+        """Learns from a step that was stopped: it would have taken longer than `seconds`."""
         if seconds > self.seconds_per_pixel * pixel_samples:
             self.learn(seconds, pixel_samples)
 
@@ -54,15 +54,15 @@ class Pace:
         return int(seconds / max(self.seconds_per_pixel, 1e-12))
 
     def seconds_for(self, pixel_samples: int) -> float:
-        """How long so many take."""
+        """Estimates the time for this number of samples."""
         return pixel_samples * self.seconds_per_pixel
 
 
 @dataclass(frozen=True, slots=True)
 class Step:
-    """What is traced in one go: `count` samples of some rows, counted from the top of the full image.
+    """A unit of tracing: `count` samples of some rows, counted from the top of the full image.
 
-    divisor: one pixel of it stands for so many of the full image each way.
+    divisor: one of its pixels covers this number of pixels of the full image each way.
     """
 
     divisor: int
@@ -73,9 +73,9 @@ class Step:
 
 @dataclass(slots=True)
 class Schedule:
-    """What comes next, and what is done.
+    """The next step, and the finished part.
 
-    columns: how many pixels a row has. rows: of the full image, those to trace. samples: of each pixel.
+    columns: the number of pixels of a row. rows: of the full image, those to trace. samples: of each pixel.
     in_parts: whether parts of images are shown; if not, no coarse image covers a part alone.
     """
 
@@ -102,7 +102,7 @@ class Schedule:
         return self.sample_count > 0 and self._row == self.rows[0] and not any(self._columns_left)
 
     def next_step(self, pace: Pace, seconds: float) -> Step:
-        """What to trace next, of about `seconds` if that is possible: what is ready sooner is not seen."""
+        """Returns the next step, of about `seconds` if possible: results that are ready sooner would not be seen."""
         step = None
         if self.sample_count == 0 and self._row == self.rows[0]:
             step = self._first_step(pace, seconds) if self._divisor == 0 else self._finer_step(pace, seconds)
@@ -120,7 +120,7 @@ class Schedule:
             self._row = self.rows[0]
 
     def note_left(self, columns: Sequence[int]) -> None:
-        """In how many columns of pixels each row of tiles of the full image, from its top, wants more samples."""
+        """Notes for each row of tiles of the full image, from its top, how many columns of pixels need more samples."""
         self._columns_left = columns
 
     def pixels_of(self, step: Step) -> int:
@@ -133,7 +133,7 @@ class Schedule:
         )
 
     def _pixels_left(self, row: int, end: int) -> int:
-        """Of a row and those below it in its tiles, before `end`."""
+        """Counts the unfinished pixels of a row and those below it in its tiles, before `end`."""
         tile = row // TILE_ROWS
         return int(self._columns_left[tile]) * (min((tile + 1) * TILE_ROWS, end) - row)
 
@@ -208,17 +208,17 @@ class Throttle(Generic[T]):
 
 
 # Canvas --------------------------------------------------------------------------------------------------------------
-# What there is of an image that is still being traced: fine rows over coarse ones, to be read while it grows.
+# The current state of an image that is being traced: fine rows over coarse ones, readable while it grows.
 #
-# One thread writes, another reads. Rows of the full image stand in it by the renderer's tiles; for each tile's rows
-# it is known how fine they are and when they last changed, so that a reader fetches only what it has not got. Knows
-# no Blender.
+# One thread writes, another reads. Rows of the full image are stored by the renderer's tiles. For each tile's rows
+# it stores their resolution and the time of their last change, so that a reader fetches only changed ones. Does not
+# depend on Blender.
 
 
 Image = npt.NDArray[np.float32]
 Pixels = npt.NDArray[np.bool_]
 
-# Full rows are read in pieces of so many tiles: one that has not changed stays with the reader.
+# Full rows are read in bands of this number of tiles; the reader keeps unchanged bands.
 STRIP_TILES = 4
 
 # Of changes, whichever canvas they belong to: no two have the same.
@@ -227,7 +227,7 @@ _numbers = itertools.count(1)
 
 @dataclass(frozen=True, slots=True)
 class Place:
-    """Rows of the full image, and how many of its pixels one of the patch stands for each way.
+    """Rows of the full image, and the number of its pixels that a pixel of the patch covers each way.
 
     A coarse patch may reach beyond the lower and right edge of the image.
     """
@@ -290,7 +290,7 @@ class Canvas:
 
         part = slice(*rows)
         with self._lock:
-            film = self._images.setdefault(0, np.zeros_like(made))  # 0: of the samples, whatever is shown
+            film = self._images.setdefault(0, np.zeros_like(made))  # 0: of the samples, even while others are shown
             if done == 0:
                 film[part] = made[part]
             else:
@@ -315,7 +315,7 @@ class Canvas:
             self._note((0, self.size[1]), 1)
 
     def show_samples(self) -> None:
-        """Shows the samples again instead of what has replaced them."""
+        """Shows the samples again instead of the image that has replaced them."""
         with self._lock:
             self._is_replaced = False
             self._images[1] = self._images[0]
@@ -337,7 +337,7 @@ class Canvas:
         return self._images[self._whole] if self._whole else None
 
     def patches(self, held: Mapping[Place, int]) -> list[Patch]:
-        """All that is to be shown, as copies. held: what the reader has, with its numbers."""
+        """Returns copies of all new patches. held: the reader's patches, with their numbers."""
         with self._lock:
             found = []
             for rows in self._runs():

@@ -1,7 +1,7 @@
-"""The image of one view on its way to being finished: what `progressive.py` plans is traced, step by step.
+"""The image of one view until it is finished: the plan of `progressive.py` is traced, step by step.
 
-It may be traced by any thread, one at a time, while another reads what there is: a view holds nothing of Blender. What
-comes out in the end is bit for bit what `perfect_bvh.render_progressively` makes in one go. Knows no Blender.
+Any thread may trace it, one at a time, while another reads the current image: a view holds nothing of Blender. The
+result is bit for bit that of `perfect_bvh.render_progressively` in one go. Does not depend on Blender.
 """
 
 from __future__ import annotations
@@ -30,12 +30,12 @@ if TYPE_CHECKING:
 # A step that is stopped is lost, so the next ones are shorter: an image that is stopped again and again gets done, too.
 SHORTEST_SECONDS = 0.03
 DEFAULT_INTERVAL = 0.1
-COARSEST_DENOISED = 4  # pixels that one of a coarse image stands for each way
+COARSEST_DENOISED = 4  # pixels that one of a coarse image covers each way
 
 
 @dataclass(frozen=True, slots=True)
 class View:
-    """What an image shows, and all that it depends on."""
+    """The content of an image, and all that it depends on."""
 
     snapshot: Snapshot
     appearance: Appearance
@@ -44,18 +44,18 @@ class View:
 
     @staticmethod
     def of(sync: SceneSync, camera: Camera, plan: RenderPlan) -> View:
-        """Of what a sync that is in step holds."""
+        """Makes the view of a sync that is up to date."""
         return View(sync.scene.snapshot(), sync.appearance, camera, plan)
 
 
 class Refinement:
-    """canvas: what there is of the image. view: what it shows.
+    """canvas: the current image. view: its content.
 
-    seconds, ray_count: what tracing it has taken so far, and how many camera rays that were. costs: once it is
-    finished, what `trace_costs` returns. is_finished: whether there is nothing left to do.
+    seconds, ray_count: the time of tracing so far, and its number of camera rays. costs: once it is
+    finished, the result of `trace_costs`. is_finished: whether all steps are done.
 
-    Where the plan says so images are shown without their noise: coarse ones but for the coarsest, the full one as soon
-    as it is whole, and again whenever its samples have doubled. complaint: why that is not done as it should be, as a
+    If the plan says so, images are shown denoised: coarse ones except the coarsest, the full one as soon
+    as it is complete, and again whenever its samples have doubled. complaint: why that does not work as it should, as a
     sentence for the user.
     """
 
@@ -66,12 +66,12 @@ class Refinement:
         self.costs: Images | None = None  # of the camera's rays; None before the first full image
         self.is_finished = False
         self.interval = DEFAULT_INTERVAL
-        """How long until something new can be shown, for whoever traces it: shorter steps would only cost more."""
+        """The time until something new can be shown, for the tracing code: shorter steps would only cost more."""
         self.complaint: str | None = None
         self._denoiser = ImageDenoiser(view.plan) if view.plan.is_denoised else None
         self._denoised_count = 0  # of how many samples the image was that was denoised last
         self._guides: Images = {}
-        self._noise: Images = {}  # of the image and what is denoised, from the second round of samples on
+        self._noise: Images = {}  # of the image and the denoiser's input, from the second round of samples on
         self._pace = pace
         self._clock = clock
         self._longest = float("inf")
@@ -109,7 +109,7 @@ class Refinement:
     def step(self, seconds: float, stop: StopFlag | None = None) -> bool:
         """Work for about `seconds`; whether the whole image has become better.
 
-        stop: ends it with `perfect_bvh.Cancelled`; what was done in earlier steps stays.
+        stop: ends it with `perfect_bvh.Cancelled`; the results of earlier steps stay.
         """
         if self.is_finished:
             return False
@@ -156,7 +156,7 @@ class Refinement:
 
     @property
     def _pixels(self) -> Pixels | None:
-        """Those of the full image that get more samples; None for all."""
+        """The pixels of the full image that get more samples; None for all."""
         return None if self._sampling is None else self._sampling.pixels()
 
     def _trace(self, step: Step, stop: StopFlag | None) -> Images:
@@ -236,7 +236,7 @@ class Refinement:
 
 
 def _seen_by(step: Step, camera: Camera, size: tuple[int, int]) -> tuple[Camera, tuple[int, int]]:
-    """What a step looks through, and the size of its image.
+    """Returns the camera of a step, and the size of its image.
 
     A coarse pixel covers exactly `divisor` pixels each way, so that coarse and full rows fit together: the coarse image
     reaches as far beyond the lower and right edge as that takes.
@@ -258,16 +258,16 @@ def _seen_by(step: Step, camera: Camera, size: tuple[int, int]) -> tuple[Camera,
 
 
 def _columns_of(camera: Camera, width: int) -> tuple[int, int]:
-    """Those within the border, as the renderer rounds."""
+    """Returns the columns within the border, as the renderer rounds."""
     left, right, _, _ = camera.border
     return int(np.float32(left) * width), int(np.float32(right) * width)
 
 
 # Tracer --------------------------------------------------------------------------------------------------------------
-# Refines one image after the other on a thread of its own, which is there only while there is something to trace.
+# Refines one image after the other on a separate thread, which exists only while there is something to trace.
 #
-# What it is given to trace holds nothing of Blender, so Blender goes on meanwhile, and may edit what is traced. All
-# methods are for one thread, `stop` for any. Knows no Blender.
+# Its images hold nothing of Blender, so Blender continues during the tracing, and may edit the scene. All
+# methods are for one thread, except `stop`, which is for any. Does not depend on Blender.
 
 
 # The first image of a view is awaited: it is made so coarse that it is there at once.
@@ -297,13 +297,13 @@ class Tracer:
         )
 
     def stop(self) -> None:
-        """Trace no more, from any thread; it waits for nothing. What was traced so far stays with the image."""
+        """Stop tracing, from any thread, without waiting. The part that was traced stays in the image."""
         work = self._work
         if work is not None:
             work.ask_to_stop()
 
     def wait_for_image(self, seconds: float = math.inf) -> None:
-        """Until there is anything to show or nothing is traced, at most so long."""
+        """Wait until there is anything to show or nothing is traced, at most `seconds`."""
         refinement, until = self._refinement, time.monotonic() + seconds
         while refinement is not None and self.is_running:
             left = min(until - time.monotonic(), LOOKING_SECONDS)
@@ -328,7 +328,7 @@ class Tracer:
 
 
 def _trace(refinement: Refinement, stop: StopFlag, before: BackgroundWork[None, None] | None) -> None:
-    """What the thread does. before: what has to end first."""
+    """Runs on the thread. before: work that must end first."""
     import perfect_bvh
 
     if before is not None:
@@ -339,4 +339,4 @@ def _trace(refinement: Refinement, stop: StopFlag, before: BackgroundWork[None, 
             has_image = refinement.canvas.has_image.is_set()
             refinement.step(refinement.interval if has_image else FIRST_SECONDS, stop)
     except perfect_bvh.Cancelled:
-        return  # not handed on: what is raised holds on to all that it has come through
+        return  # not raised again: the exception would keep all frames of its traceback alive

@@ -52,9 +52,9 @@ def _changed(owner: object, **values: object) -> Iterator[None]:
 
 @contextmanager
 def fixed_output(scene: bpy.types.Scene, view_transform: str) -> Iterator[None]:
-    """Files written from `scene` meanwhile go through `view_transform` on sRGB, without dithering and nothing else.
+    """While this is active, files written from `scene` use `view_transform` on sRGB, without dithering.
 
-    A scene that overrides its output's colours itself keeps its own choice.
+    A scene that overrides its output's colours keeps its choice.
     """
     image_settings = scene.render.image_settings
     if image_settings.color_management != "FOLLOW_SCENE":
@@ -98,8 +98,8 @@ def _reachable_by_blender(name: Path) -> Iterator[Path]:
 def save_image(path: Path, pixels: Image, scene: bpy.types.Scene, mode: Mode) -> None:
     """Write an (H, W, 4) float32 scene-linear image, row 0 on top, with associated alpha.
 
-    mode: says how the values are shown; a file of bytes holds what lies between 0 and 1. The format follows the
-    file name (`FILE_FORMATS`); OpenEXR keeps the values as they are. An older file is replaced once the new one is
+    mode: decides how the values are shown; a file of bytes holds values between 0 and 1. The format follows the
+    file name (`FILE_FORMATS`); OpenEXR keeps the values unchanged. An older file is replaced once the new one is
     complete. Errors: OSError if the file cannot be written.
     """
     height, width = pixels.shape[:2]
@@ -156,7 +156,7 @@ def register() -> None:
 
 
 def unregister() -> None:
-    """Stop watching. Scripts empty Blender's lists: what is not there any more need not go."""
+    """Stop watching. Scripts may empty Blender's lists of handlers: missing ones are not removed."""
     for handlers, handler in _handler_lists():
         if handler in handlers:
             handlers.remove(handler)

@@ -1,4 +1,4 @@
-"""One frame: an evaluated depsgraph goes in, images and what they cost come out. Knows no RenderEngine and no file."""
+"""One frame: from an evaluated depsgraph to images and their cost. Does not depend on RenderEngine or files."""
 
 from __future__ import annotations
 
@@ -27,17 +27,17 @@ FrameSet = Callable[[int, float], object]
 CameraReader = Callable[["bpy.types.Depsgraph"], "CameraRecord | None"]
 Images = dict[str, npt.NDArray[Any]]
 
-# Where a frame's progress bar stands when the trees are built, and when the last sample is traced if denoising follows.
+# The progress of a frame when the trees are built, and when the last sample is traced if denoising follows.
 BUILT, TRACED = 0.05, 0.9
 
 
 @dataclass(frozen=True, slots=True)
 class Frame:
-    """What a render has made.
+    """The result of a render.
 
-    images: arrays of the whole frame, row 0 on top, by the renderer's pass names; "combined" is denoised where that is
-    wanted. Empty if nothing was traced.
-    window: (left, right, bottom, top), what of it a file holds, in pixels from the lower left; None for all.
+    images: arrays of the whole frame, row 0 on top, by the renderer's pass names; "combined" is denoised if
+    requested. Empty if nothing was traced.
+    window: (left, right, bottom, top), the part that a file holds, in pixels from the lower left; None for all.
     """
 
     images: Images
@@ -45,7 +45,7 @@ class Frame:
     window: Window | None = None
 
     def cut(self, image: npt.NDArray[Any]) -> npt.NDArray[Any]:
-        """What a file holds of an image of the whole frame."""
+        """Returns the part that a file holds of an image of the whole frame."""
         if self.window is None:
             return image
         left, right, bottom, top = self.window
@@ -62,7 +62,7 @@ def bring_in_step(
     camera: CameraReader | None = None,
     frame_set: FrameSet | None = None,
 ) -> SyncReport:
-    """Reads of an evaluated depsgraph what the plan needs, and builds its trees. The arguments: see `render_frame`."""
+    """Reads the data that the plan needs from a depsgraph, and builds its trees. The arguments: see `render_frame`."""
     sync.request(plan.attributes, only=True)
     if tell is not None:
         tell("Reading")
@@ -91,9 +91,9 @@ def render_frame(
     """Synchronizes a scene with an evaluated depsgraph and traces the planned image.
 
     Args:
-        sync: Holds the scene; what stays from frame to frame is not read again.
+        sync: Holds the scene; data that does not change from frame to frame is not read again.
         depsgraph: The evaluated scene.
-        plan: What is traced.
+        plan: The image to trace.
         progress: Called with 0..1 of the whole frame; returning False cancels.
         tell: Called with a short text for users each time before `progress`: "Reading", "Building BVHs 40%",
             "Sample 3/16" or "Denoising".
@@ -115,7 +115,7 @@ def render_frame(
 def _part(
     progress: Progress | None, tell: Tell | None, span: tuple[float, float], text: Callable[[float], str]
 ) -> Progress | None:
-    """The progress of a stage, from 0 to 1, which covers a span of the frame's. text: what it tells."""
+    """Returns the progress of a stage, from 0 to 1, as a span of the frame's. text: the name of the stage."""
     if progress is None:
         return None
 
@@ -136,7 +136,7 @@ def _trace(
     tell: Tell | None,
     show: Callable[[Images], None] | None,
 ) -> Frame:
-    """The images of a scene that is in step, which has a camera. The arguments are those of `render_frame`."""
+    """Traces the images of a synced scene, which has a camera. The arguments are those of `render_frame`."""
     import perfect_bvh
 
     traced = TRACED if plan.is_denoised else 1.0
@@ -174,13 +174,13 @@ def _trace(
         share = 1.0 if sampling is not None and sampling.is_finished else done / plan.samples
         if sampled is not None and not sampled(share) and share < 1.0:
             raise perfect_bvh.Cancelled("the render was cancelled")
-    # Counting what the image cost is short, but can be cancelled.
+    # Counting the image's cost is short, but can be cancelled.
     at_end = None if progress is None else lambda _: progress(traced)
     costs = trace_costs(sync.scene, sync.camera, plan.size, sync.appearance, plan.settings.threads, at_end, shutter)
     seconds = time.perf_counter() - start - (audit.seconds if audit else 0.0)
     is_blurred = sync.camera.lens is not None or (plan.motion is not None and plan.motion.blurs)
     if plan.is_denoised and denoised_part is not None:
-        denoised_part(0.0)  # the built-in filter tells no progress
+        denoised_part(0.0)  # the built-in filter reports no progress
     denoised = _denoise(plan, images, noise if done > 1 else None, done, is_blurred, denoised_part)
     if progress is not None:
         progress(1.0)  # the denoiser may end without saying so; there is nothing left to cancel
@@ -212,7 +212,7 @@ def _denoise(
     is_blurred: bool,
     progress: Progress | None,
 ) -> Denoised:
-    """As the plan says."""
+    """Denoises as the plan says."""
     if not plan.is_denoised:
         return Denoised(images["combined"], None, 0.0)
     return ImageDenoiser(plan, samples, is_blurred=is_blurred).denoise(images, noise, progress)
@@ -220,7 +220,7 @@ def _denoise(
 
 def missing_camera(scene: bpy.types.Scene, sync: SceneSync) -> str:
     """Why a scene whose sync has no camera cannot be rendered through one, as a sentence for the user."""
-    # What is wrong with the camera that it has is the last of what could not be read.
+    # An unusable camera is the last warning.
     reason = f". {sync.warnings[-1]}" if scene.camera is not None and sync.warnings else ""
     way_out = reason or ": add one with Add > Camera, or choose one in the scene's properties"
     return f"scene {scene.name!r} has no camera that can be rendered{way_out}"
@@ -232,9 +232,9 @@ def write_passes(
     images: Images,
     window: Window,
 ) -> None:
-    """Copies what is traced of each image into its pass of a render result, whose rows begin at the bottom.
+    """Copies the traced images into their passes of a render result, whose rows begin at the bottom.
 
-    specs: of what the layer has beside Combined. images: (H, W) or (H, W, channels), row 0 on top, by the renderer's
+    specs: of the layer's passes except Combined. images: (H, W) or (H, W, channels), row 0 on top, by the renderer's
     names.
     window: (left, right, bottom, top) in pixels, from the lower left.
     """

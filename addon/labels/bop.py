@@ -83,13 +83,13 @@ class Models:
 def image_row(
     labels: Labels, record: SceneRecord, rows: npt.NDArray[np.int32], frame: int, depth_scale: float, models: Models
 ) -> tuple[Row, npt.NDArray[np.uint16], list[str]]:
-    """Make the row of an image, its depth, and sentences about what is left out.
+    """Make the row of an image, its depth, and sentences about the parts that are left out.
 
     Args:
-        record: What was labelled.
-        rows: Of the things among its instances.
+        record: The record that was labelled.
+        rows: The object instances' rows among its instances.
         depth_scale: World units a step of depth.
-        models: Those of the things are added.
+        models: Receives the models of the object instances.
 
     Raises:
         ValueError: Without a perspective camera.
@@ -149,12 +149,12 @@ def save_depth(path: Path, depth: npt.NDArray[np.uint16]) -> None:
 
 
 def join_rows(rows: Callable[[], Iterable[Row]], models: Iterable[Path], folder: Path) -> None:
-    """Write what all images have in common: poses, cameras, masks and models.
+    """Write the data that all images share: poses, cameras, masks and models.
 
     Args:
-        rows: Gives all rows, in order, as often as it is asked.
+        rows: Gives all rows, in order, each time it is called.
         models: The files of `Models.save`.
-        folder: Of the data set. Masks and models that it has are removed.
+        folder: Of the data set. Its existing masks and models are removed.
 
     Raises:
         OSError, ImportError.

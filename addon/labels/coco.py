@@ -1,6 +1,6 @@
-"""Labelled images as one JSON file of the format of COCO, with masks as run lengths. Knows no Blender.
+"""Labelled images as one JSON file of the format of COCO, with masks as run lengths. Does not depend on Blender.
 
-An image is a row, a line of JSON, which knows no other image. Rows of many images, from wherever they come, are joined
+An image is a row, a line of JSON, which does not refer to other images. Rows of many images from any source are joined
 in one pass for each list of the file, a row at a time: the file may be larger than memory.
 """
 
@@ -15,7 +15,7 @@ from typing import Any, TextIO
 from ..support.files import data_library, replacing
 from .labels import Labels, Masks, run_lengths
 
-# What of a row are things, and whether of what is seen: those that are hidden altogether stand apart.
+# A row's lists of object instances, and whether they are visible: fully hidden ones are in a separate list.
 SEEN, HIDDEN = "annotations", "hidden"
 
 Row = dict[str, Any]
@@ -86,7 +86,7 @@ def write_rows(rows: Iterable[Row], path: Path) -> None:
 
 
 def read_rows(paths: Iterable[Path]) -> Iterator[Row]:
-    """Of files that `write_rows` has written, one after the other. Raises OSError."""
+    """Reads files from `write_rows`, one after the other. Raises OSError."""
     for path in paths:
         with path.open(encoding="utf-8") as file:
             for line in file:
@@ -94,7 +94,7 @@ def read_rows(paths: Iterable[Path]) -> Iterator[Row]:
 
 
 def join_rows(rows: Callable[[], Iterable[Row]], path: Path) -> None:
-    """One file of the format of COCO. rows: gives all rows, in order, as often as it is asked. Raises OSError."""
+    """Writes one file of the format of COCO. rows: gives all rows, in order, each time it is called. Raises OSError."""
     with replacing(path) as name, name.open("w", encoding="utf-8") as file:
         file.write("{")
         _write_list(file, "images", _images(rows()))
@@ -121,7 +121,7 @@ def _images(rows: Iterable[Row]) -> Iterator[Row]:
 
 
 def _things(rows: Iterable[Row], which: str, categories: dict[str, int]) -> Iterator[Row]:
-    """Those that are seen, or those that are hidden; both are numbered together. categories: the rows' are added."""
+    """Yields the visible or the hidden instances; both are numbered together. categories: the rows' are added."""
     identifier = 0
     for image_id, row in enumerate(rows, 1):
         for name in row["categories"]:  # numbered as in images
@@ -137,11 +137,11 @@ def _things(rows: Iterable[Row], which: str, categories: dict[str, int]) -> Iter
 class CocoFile:
     """Gathers images and writes them: `coco.add(labels, "image_0001.png")` for each, then `coco.save(path)`.
 
-    Each thing that is seen is an annotation: `segmentation`, `bbox` and `area` of what is seen of it, beside them
-    `amodal_segmentation`, `amodal_bbox`, `amodal_area` and `visible_share`. What is hidden altogether stands in a list
-    of its own, `hidden`, with the same fields. `box3d` is as `Thing.box3d`. `attributes` are the labels that were asked
-    for, null where a thing has none, beside its `collections`. An image has its `camera`, as `Labels`. Categories are
-    all of the file, numbered from 1 in the order of the images' own, then "none" if a thing has none.
+    Each visible object instance is an annotation. `segmentation`, `bbox` and `area` describe its visible part;
+    `amodal_segmentation`, `amodal_bbox`, `amodal_area` and `visible_share` describe all of it. Fully hidden ones are in
+    a separate list, `hidden`, with the same fields. `box3d` is as `Thing.box3d`. `attributes` are the requested labels,
+    null for instances without them, and the instance's `collections`. An image has its `camera`, as `Labels`.
+    Categories are all of the file, numbered from 1 in the order of the images' own, then "none" if one has none.
 
     Raises:
         ImportError: Without pycocotools.

@@ -1,13 +1,13 @@
-"""Labelled images as files of several formats, and beside them what their numbers mean. Knows no Blender.
+"""Labelled images as files of several formats, and the meaning of their numbers. Does not depend on Blender.
 
     save_labels(labels, folder, "labels_0001", ("png", "exr"))
 
 npz  one file of everything
 npy  a folder of the frame's name, a file for each array
-png  16 bits of grey for each of depth, things, categories, materials and labels
+png  16 bits of grey for each of depth, object instances, categories, materials and labels
 exr  one file of several layers, 32-bit floats and whole numbers
 
-Of all but .npz the meaning stands in `STEM.json`, which is written last.
+All formats but .npz have the meaning of their numbers in `STEM.json`, which is written last.
 """
 
 from __future__ import annotations
@@ -27,10 +27,10 @@ from ..support.files import data_library, prepare_folder, replacing
 from ..sync.lookup import LabelColumn
 from .labels import ARRAYS, Labels
 
-# Labels as an OpenEXR file of several layers, as Blender and compositors read them. Knows no Blender.
+# Labels as an OpenEXR file of several layers, as Blender and compositors read them. Does not depend on Blender.
 #
-# Channels are named LAYER.PASS.CHANNEL, as Blender names its own: depths, normals, positions, uvs, flow and labels
-# that are numbers are 32-bit floats, ids are unsigned whole numbers of 32 bits. Compressed without loss (ZIP).
+# Channels are named LAYER.PASS.CHANNEL, as Blender names its own. Depths, normals, positions, uvs, flow and numeric
+# labels are 32-bit floats; ids are unsigned whole numbers of 32 bits. Compressed without loss (ZIP).
 
 
 LAYER = "Labels"
@@ -100,16 +100,16 @@ def write_exr(path: Path, channels: Channels) -> None:
     library = _openexr()
     header = {"type": library.scanlineimage, "compression": library.ZIP_COMPRESSION}
     try:
-        library.File(header, dict(channels)).write(str(path))  # a copy: what it is given, it changes
+        library.File(header, dict(channels)).write(str(path))  # a copy: the library changes its argument
     except RuntimeError as error:
         raise OSError(" ".join(str(error).split())) from error
 
 
 # Png -----------------------------------------------------------------------------------------------------------------
-# Images of labels as PNG files of 16 bits of grey, by Pillow. Knows no Blender.
+# Images of labels as PNG files of 16 bits of grey, by Pillow. Does not depend on Blender.
 #
-# Depth as BOP and KITTI keep it: whole steps of a scale, 0 where there is nothing. Ids are rows and numbers + 1, 0 for
-# nothing. Files say nothing of gamma or colour profiles, so that readers give the numbers as they are.
+# Depth as in BOP and KITTI: whole steps of a scale, 0 where nothing was hit. Ids are rows and numbers + 1, 0 for
+# nothing. Files contain no gamma or colour profile, so that readers return the numbers unchanged.
 
 
 Uint16Array = npt.NDArray[np.uint16]
@@ -193,7 +193,7 @@ _NOT_IN_PNG = ("positions", "normals", "uvs", "flow", "masks that are hidden")
 def file_names(
     stem: str, formats: Sequence[str], *, labels: Sequence[str] = (), layers: int = 1, flow: bool = False
 ) -> list[str]:
-    """What `save_labels` will write, into its folder, of an image that `label_image` is asked for in this way."""
+    """Returns the names of the files that `save_labels` will write for an image with these settings."""
     plain = [f"label_{name}" for name in plain_names(labels).values()] if set(formats) - {"npz"} else []
     arrays = [*ARRAYS, *(["flow"] if flow else []), *plain]
     of_layers = [f"{what}_layer_{number}" for number in range(1, layers + 1) for what in ("things", "depth")]
@@ -235,7 +235,7 @@ def check_formats(formats: Sequence[str], labels: Iterable[str] = ()) -> None:
 
 
 def plain_names(labels: Iterable[str]) -> dict[str, str]:
-    """What labels are called in names of files and layers: with `_` for what is no letter, digit, `_` or `-`."""
+    """Returns the labels' names for files and layers: all but letters, digits, `_` and `-` becomes `_`."""
     found: dict[str, str] = {}
     for name in labels:
         plain = re.sub(r"[^\w-]", "_", name)
@@ -255,18 +255,18 @@ def save_labels(
     frame: int | None = None,
     depth_scale: float = DEPTH_SCALE,
 ) -> SavedLabels:
-    """Writes what was labelled; each file takes its name once it is complete.
+    """Writes a labelled image; each file gets its name once it is complete.
 
     Args:
-        folder: One that is there.
+        folder: An existing folder.
         stem: Of the files' names.
         formats: Some of `FORMATS`.
         depth_scale: Of PNG, world units a step.
-        frame: Its number, for the one who reads STEM.json. In PNG, and as ids in EXR, a row is its number + 1 and 0 is
-            nothing; in PNG depths that 16 bits do not reach are 0, too, which is a warning.
+        frame: The frame's number, for readers of STEM.json. In PNG, and as ids in EXR, a row is its number + 1 and 0
+            is nothing. In PNG, depths beyond the range of 16 bits are 0, too, with a warning.
 
     Raises:
-        ValueError: For what a format cannot hold, before any file is written, ImportError, OSError.
+        ValueError: For data that a format cannot hold, before any file is written, ImportError, OSError.
     """
     from perfect_bvh._checks import check_number
 

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from ..live.scene_view import SceneMoment
     from ..sync.records import MeshRecord
 
-# Normals and uvs where rays met triangles, from what a sync has read of the meshes. Knows no Blender.
+# Normals and uvs where rays hit triangles, from the meshes that a sync has read. Does not depend on Blender.
 
 
 Floats = npt.NDArray[np.float32]
@@ -63,9 +63,9 @@ def corner_values(
 def world_normals(
     normals: Floats, linear: npt.NDArray[np.float64], mirrored: npt.NDArray[np.bool_]
 ) -> npt.NDArray[np.float64]:
-    """(R, 3) unit normals of (R, 3) in object space; linear: (R, 3, 3), object to world; mirrored: (R,), if it mirrors.
+    """Returns (R, 3) unit normals, object to world, from (R, 3) ones; linear: (R, 3, 3); mirrored: (R,), if it mirrors.
 
-    By the cofactors, which are the inverse's transpose but for a factor, and are there for what is flattened, too.
+    Uses the cofactors: they equal the transposed inverse up to a factor, and exist for flattening transforms, too.
     """
     x, y, z = (linear[:, :, axis] for axis in range(3))
     cofactors = np.stack([np.cross(y, z), np.cross(z, x), np.cross(x, y)], axis=2)
@@ -81,7 +81,7 @@ def world_normals(
 READ = AttributeRequest(material_slots=True, corner_normals=True, corner_uvs=True)
 # Rays whose surfaces are listed at once: a few million of those, in usual scenes.
 RAYS_IN_A_STEP = 1 << 17
-# Of what is kept of a pixel in the end, and of each of its layers.
+# The bytes that are kept of a pixel, and of each of its layers.
 BYTES_A_PIXEL, BYTES_A_LAYER = 200, 8
 NEIGHBOURS = (-1.0, 1.0)  # frames, between which flow is asked for
 MIDDLE = 0.5
@@ -106,34 +106,34 @@ def label_image(
     progress: Progress | None = None,
     for_viewport: bool = False,
 ) -> Labels:
-    """What a camera sees, exactly: ids, depths, normals, uvs, masks of what is seen and of what is hidden.
+    """Labels a camera's view exactly: ids, depths, normals, uvs, masks of visible and of hidden parts.
 
-    What is seen is what the render, or the viewport, of the depsgraph shows, as far as cameras may see it; glass and
-    what is transparent are seen as they stand there.
+    The visible surfaces are those of the depsgraph's render or viewport that cameras may see. Glass and transparent
+    surfaces count as opaque.
 
     Args:
         depsgraph: evaluated; None, the default, for that of a render of the context's scene and view layer, at its
             current frame.
-        for_viewport: None means what viewports show instead.
-        sync: One that is kept from frame to frame, so that what stays is not read and built again; None, the default,
-            for a new one. It is brought in step.
+        for_viewport: With None as the depsgraph, uses the scene of viewports instead.
+        sync: A sync that is kept from frame to frame, so that unchanged data is not read and built again; None, the
+            default, for a new one. It is updated.
         camera: None, the default, for the scene's.
-        size: (width, height) in pixels; None for the render size. Of either, the render region alone if the scene has
-            Crop to Render Region.
-        layers: How many of the nearest surfaces along each ray to keep the depths of, 1 or more.
+        size: (width, height) in pixels; None for the render size. If the scene has Crop to Render Region, only the
+            render region of it is labelled.
+        layers: The number of nearest surfaces along each ray whose depths are kept, 1 or more.
         category: The label whose values are the categories; None, the default: each object's name is one.
-        labels: Names of others, for `Labels.labels` and the things. A label is a custom property, of the object, else
-            of the instancer that shows it, of the object's data, of the instancer's data, of the material; or "object",
+        labels: Names of others, for `Labels.labels` and the object instances. A label is a custom property, of the
+            object, else of its instancer, of the object's data, of the instancer's data, of the material; or "object",
             "instancer", "material" or "collection" (the first by name that holds the object itself). Tables of names
             have those of the whole file, so that they are the same in each frame.
-        flow: Whether to tell how pixels move from the frame before to the next, for which those are evaluated.
-            frame_set: what does that, of a render its engine's; None, the default: the scene's own.
-        threads: To cast rays, at most so many; 0 for all.
+        flow: Whether to compute the motion of pixels from the previous frame to the next, which evaluates both.
+            frame_set: the function for that, of a render its engine's; None, the default: the scene's own.
+        threads: The largest number of threads for casting rays; 0 for all.
         progress: Called with 0 to 1; returning False raises `perfect_bvh.Cancelled`.
 
     Raises:
         ValueError: Without a usable camera, for a label that nothing in the file has or whose values are neither
-            numbers, texts nor data-blocks, and what the engine raises.
+            numbers, texts nor data-blocks, and the errors of the engine.
     """
     import bpy
     from perfect_bvh._checks import check_count
@@ -172,11 +172,11 @@ def label_steps(
     frame_set: Callable[[int, float], object] | None = None,
     threads: int = 0,
 ) -> Generator[float, None, Labels]:
-    """Does what `label_image` does in steps, between which Blender's user goes on.
+    """Does the work of `label_image` in steps, between which the user can work in Blender.
 
     Reads Blender before its first `yield`, and nothing of the depsgraph after that. Yields the share done, 0 to 1;
-    returns the labels. Closing it cancels. sync: one that does not watch Blender; the rest and what is raised are those
-    of `label_image`.
+    returns the labels. Closing it cancels. sync: one that does not watch Blender. The other arguments and the errors
+    are those of `label_image`.
     """
     classes, others = _readers(category, labels)
     view = _view_of(camera, size, flow, frame_set)
@@ -217,7 +217,7 @@ def _no_camera(scene: bpy.types.Scene, reason: str) -> str:
 
 
 class _Asked:
-    """What is labelled, read from Blender. Raises ValueError for a camera or a size that cannot be used."""
+    """The data to label, read from Blender. Raises ValueError for a camera or a size that cannot be used."""
 
     def __init__(
         self,
@@ -255,7 +255,7 @@ def _label_depsgraph(
     threads: int,
     progress: Progress | None,
 ) -> Labels:
-    """`label_image` of what was evaluated. view: for `SceneSync.update`."""
+    """Does the work of `label_image` for an evaluated depsgraph. view: for `SceneSync.update`."""
     from perfect_bvh._arrays import share_of
 
     from ..live.scene_sync import SceneSync
@@ -274,10 +274,10 @@ def _label_depsgraph(
 
 @dataclass
 class _Labelling:
-    """Of one synced scene, block of rows after block of rows.
+    """Labels one synced scene, block of rows after block of rows.
 
-    frame: (width, height) of the whole image. window: (left, right, bottom, top), the pixels of it that are labelled.
-    classes: the one label that says categories. others: the further ones.
+    frame: (width, height) of the whole image. window: (left, right, bottom, top), the labelled pixels of it.
+    classes: the label that defines categories. others: the further ones.
     """
 
     sync: SceneSync
@@ -354,7 +354,7 @@ class _Labelling:
             self.layer_instances[layer, first_pixel + rays] = listed.hits.instance_ids[hits]
 
     def _keep_first(self, hits: Hits, first_pixel: int, directions: npt.NDArray[np.float64]) -> None:
-        """What the rays meet that meet something."""
+        """Stores the first hits of the rays that hit something."""
         rows = np.flatnonzero(hits.instance_ids >= 0)
         pixels = first_pixel + rows
         self.depth[pixels], self.positions[pixels] = hits.t_hit[rows], hits.positions[rows]
@@ -379,7 +379,7 @@ class _Labelling:
         """Shading normals, on the side that the triangle shows."""
         instances = self.instance_rows.find(hits.instance_ids[rows], "label_image: instance")
         volumes = self.volumes[instances]
-        mirrored, is_smooth = volumes < 0.0, is_smooth & (volumes != 0.0)  # what is flattened is a plane
+        mirrored, is_smooth = volumes < 0.0, is_smooth & (volumes != 0.0)  # a flattened instance is a plane
         normals = hits.geometric_normals[rows].astype(np.float64)
         normals[mirrored & is_smooth] *= -1.0
         away = np.einsum("ij,ij->i", normals, directions) > 0.0
@@ -390,7 +390,7 @@ class _Labelling:
         return normals
 
     def result(self) -> Labels:
-        """What was kept, by the things that were met."""
+        """Returns the stored results, by the object instances that were hit."""
         width, height = self.size
         owners, pixels = np.concatenate(self.owners), np.concatenate(self.pixels)
         present = distinct(owners).astype(np.int32)

@@ -1,4 +1,4 @@
-"""What a labelled image holds, and its file. Knows no Blender."""
+"""The contents of a labelled image, and its file. Does not depend on Blender."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from ..live.scene_sync import SceneSync
     from ..sync.records import MeshRecord, SceneRecord
 
-# What labels' numbers stand for: instances, with the names and labels that users gave their objects.
+# The meaning of labels' numbers: instances, with the names and labels that users gave their objects.
 
 
 @dataclass(frozen=True, slots=True)
@@ -109,7 +109,7 @@ def _bounds_of(mesh: MeshRecord) -> tuple[npt.NDArray[np.float64], npt.NDArray[n
 
 
 # Masks ---------------------------------------------------------------------------------------------------------------
-# The pixels of many things, each with a mask of its own; they may overlap. Knows no Blender.
+# The pixels of many object instances, a mask for each; masks may overlap. Does not depend on Blender.
 
 
 Int64Array = npt.NDArray[np.int64]
@@ -171,7 +171,7 @@ def masks_of(owners: Int64Array, pixels: Int64Array, count: int, size: tuple[int
 
 
 def distinct(keys: Int64Array) -> Int64Array:
-    """What np.unique gives, sooner: most of what it is asked here is runs that are sorted already."""
+    """Returns the result of np.unique, faster: most of its input consists of sorted runs."""
     ordered = np.sort(keys, kind="stable")
     is_first = np.ones(len(ordered), np.bool_)
     np.not_equal(ordered[1:], ordered[:-1], out=is_first[1:])
@@ -203,26 +203,26 @@ ARRAYS = (
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Labels:
-    """Of an image of H x W pixels, row 0 on top: what the ray through each pixel's centre meets. Nothing is blended.
+    """An image of H x W pixels, row 0 on top: the hits of rays through the pixels' centres. Nothing is blended.
 
     Attributes:
         depth: (H, W) float32, along the view axis (in panoramas along the ray), 1e10 where nothing was hit.
         positions: (H, W, 3) float64, in the world.
         normals: (H, W, 3) float32, shading normals in the world, towards the viewer.
-        uvs: (H, W, 2) float32, of the map that is active for renders. All zero where there is nothing or no map.
+        uvs: (H, W, 2) float32, of the map that is active for renders. Zero where there is no surface or no map.
         thing_ids: (H, W) int32, rows of `things`.
         material_ids: (H, W) int32, rows of material_names. -1 where there is none.
         category_ids: (H, W) int32, rows of `categories`, -1 for none.
         flow: (H, W, 4) float32, as Blender's Vector pass has it, or None.
         layer_depths, layer_ids: (K, H, W) float32 and int32, the K nearest surfaces along each ray, nearest first:
             their depths and rows of `things`; 1e10 and -1 where there are fewer.
-        visible, amodal: A mask for each thing: where it is seen, and where any ray meets it, whatever is before it.
-            Those that are visible never overlap.
-        things: What is met by any ray, in the order of their instance_id.
-        categories: The names of all that the file has.
-        labels: By the names that were asked for, (H, W) int32 or float64, see `label_image`.
-        camera: Where the image was taken from, see `describe_camera`.
-        warnings: What could not be read, as sentences.
+        visible, amodal: A mask for each object instance: its visible pixels, and all pixels whose rays hit it, even
+            behind others. Visible masks never overlap.
+        things: The object instances that any ray hits, in the order of their instance_id.
+        categories: The names of all categories in the file.
+        labels: By the requested names, (H, W) int32 or float64, see `label_image`.
+        camera: The camera of the image, see `describe_camera`.
+        warnings: Data that could not be read, as sentences.
     """
 
     depth: Floats
@@ -255,7 +255,7 @@ class Labels:
         return (self.visible.areas / np.maximum(self.amodal.areas, 1)).astype(np.float32)
 
     def arrays(self) -> dict[str, npt.NDArray[Any]]:
-        """All that are no texts, by the names that they have in files."""
+        """Returns all arrays, without texts, by their names in files."""
         masks = {"visible": self.visible, "amodal": self.amodal}
         of_masks = {f"{name}_{part}": getattr(mask, part) for name, mask in masks.items() for part in MASK_PARTS}
         arrays = {name: of_masks[name] if name in of_masks else getattr(self, name) for name in ARRAYS}
@@ -269,14 +269,14 @@ class Labels:
         return [{name: getattr(thing, name) for name in names} for thing in self.things]
 
     def described_labels(self) -> dict[str, Any]:
-        """What the values of labels are, as JSON has it."""
+        """Returns the meaning of the labels' values, as JSON has it."""
         return {name: label.table.described() for name, label in self.labels.items()}
 
     def save(self, path: str | os.PathLike[str]) -> Path:
         """Writes everything into a compressed .npz file (the ending is added if it is missing) and returns its path.
 
         Masks are kept as `visible_splits` and `visible_pixels`, and likewise of `amodal`; labels as `label_NAME`;
-        `things` and `camera` as JSON, as well as `labels`, which says what the labels' values are. A file of that name
+        `things` and `camera` as JSON, and `labels`, the meaning of the labels' values, also as JSON. An existing file
         is replaced once the new one is complete.
 
         Raises:
@@ -319,11 +319,11 @@ def describe_camera(camera: Camera, frame: tuple[int, int], cut: tuple[slice, sl
 
 
 # Run lengths ---------------------------------------------------------------------------------------------------------
-# Masks as run lengths in the format of COCO: all at once, from pixels sorted by columns. Knows no Blender.
+# Masks as run lengths in the format of COCO: all at once, from pixels sorted by columns. Does not depend on Blender.
 
 
 def run_lengths(masks: Masks) -> list[dict[str, Any]]:
-    """Of each mask what COCO calls uncompressed: {"size": [H, W], "counts": runs of 0, 1, 0 ..., column by column}."""
+    """Returns masks in COCO's uncompressed form: {"size": [H, W], "counts": runs of 0, 1, 0 ..., by columns}."""
     counts, splits = _counts(masks)
     width, height = masks.size
     runs = counts.tolist()
@@ -334,10 +334,10 @@ def run_lengths(masks: Masks) -> list[dict[str, Any]]:
 
 
 def _counts(masks: Masks) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
-    """All masks' runs one after the other, and where those of each begin, (N + 1,).
+    """Returns all masks' runs, concatenated, and the beginning of each mask's runs, (N + 1,).
 
-    Each run of ones has the place where it begins, before that the end of the one before; their differences are the
-    lengths. After the last there is what is left of the image, if anything is.
+    Each run of ones has the position where it begins, preceded by the end of the previous one. Their differences are
+    the lengths. The rest of the image after the last run follows, if there is any.
     """
     width, height = masks.size
     size, number = width * height, len(masks)

@@ -31,12 +31,12 @@ WHAT = "set of labels"
 
 @dataclass(frozen=True, slots=True)
 class LabelPlan:
-    """What all pieces have in common.
+    """The settings that all chunks share.
 
     Attributes:
         frames: In any order.
         size: (width, height) in pixels; None for the render size.
-        piece: How many frames one has at most.
+        piece: The largest number of frames of a chunk.
         formats, depth_scale: See `save_labels`.
         has_coco, has_bop: Whether there is a file of COCO's format, and a folder of BOP's. The others: see
             `label_image`.
@@ -56,7 +56,7 @@ class LabelPlan:
     threads: int = 0
 
     def pieces(self) -> list[Piece]:
-        """In the order of their frames."""
+        """Returns the chunks in the order of their frames."""
         found = []
         for frames in runs_of(self.frames, self.piece, has_gaps=True):
             stem = f"{BEFORE}{frames[0]:04d}-{frames[-1]:04d}"
@@ -98,9 +98,9 @@ class LabelWork(PieceWork):
         self._plan, self._camera, self._on_labels = plan, camera, on_labels
 
     def make(self, piece: Piece) -> Steps:
-        """By a scene of the engine's own: what a piece holds, ids of instances included, depends on no piece before.
+        """Labels a chunk with a separate engine scene: its content, even ids of instances, depends on no other chunk.
 
-        Raises ValueError, what the engine raises, and OSError for a file.
+        Raises ValueError, the engine's errors, and OSError for a file.
         """
         sync, rows, warnings = SceneSync(watch=False), [], dict[str, None]()
         bop_rows, models = [], bop.Models()
@@ -147,7 +147,7 @@ class LabelWork(PieceWork):
             bop.join_rows(lambda: read_rows(paths("bop.jsonl")), paths("bop_models.npz"), self.place.folder)
 
     def _label(self, frame: int, sync: SceneSync) -> Generator[float, None, Labels]:
-        """Of one frame, as it would be rendered."""
+        """Labels one frame, as it would be rendered."""
         plan = self._plan
 
         def begin(moment: SceneMoment) -> Generator[float, None, Labels]:
@@ -181,7 +181,7 @@ class LabelWork(PieceWork):
 
 
 def stem_of(frame: int) -> str:
-    """Of the files of one frame."""
+    """Returns the stem of the files of one frame."""
     return f"{BEFORE}{frame:04d}"
 
 

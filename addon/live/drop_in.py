@@ -252,9 +252,9 @@ class BVHTree:
 def ray_cast(
     depsgraph: Any, origins: npt.ArrayLike, directions: npt.ArrayLike, distance: npt.ArrayLike = np.inf
 ) -> tuple[Array, Array, Array, Array, Array, Array]:
-    """Cast rays into what a depsgraph shows, as `Scene.ray_cast` casts one.
+    """Casts rays into the scene of a depsgraph, as `Scene.ray_cast` casts one.
 
-    The scene is read first, as far as it has changed, so that no answer is older than the call.
+    Changes of the scene are read first, so no answer is older than the call.
 
     Differences: curves, hair and points are hit as well, with -1 as the polygon, and no ray passes between two
     polygons. Normals are perpendicular to the triangles of unevenly scaled objects, too, and turn with a negative
@@ -328,6 +328,6 @@ def _normals_of(positions: Array, triangles: Array) -> Array:
 
 
 def _unit(vectors: Array) -> Array:
-    """Vectors without a length stay as they are."""
+    """Returns unit vectors; vectors without a length are not changed."""
     lengths = np.linalg.norm(vectors, axis=-1, keepdims=True)
     return vectors / np.where(lengths > 0.0, lengths, 1.0)

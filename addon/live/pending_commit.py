@@ -1,9 +1,9 @@
-"""Trees that several views share, as one of them sees them: waited for a moment, then built while Blender goes on.
+"""Trees that several views share: a view waits for them for a moment; then they are built while Blender continues.
 
-The Rendered viewports of a scene, its overlay and views that are rendered to an image look at the same trees. Any of
-them may read Blender again, which stops what another has begun, and Esc gives up what others wait for. So all wait for
-whatever was begun last, and what one view has given up is begun again by the next that needs it. All of this is on
-Blender's main thread.
+The Rendered viewports of a scene, its overlay and views that are rendered to an image use the same trees. Any of
+them may read Blender again, which stops the build that another has begun, and Esc cancels a build that others wait
+for. Therefore all wait for the build that began last, and the next view that needs trees restarts a cancelled build.
+All of this is on Blender's main thread.
 """
 
 from __future__ import annotations
@@ -16,8 +16,8 @@ if TYPE_CHECKING:
     from .scene_sync import SceneSync, UpdateCommit
 
 
-# Trees that take no longer are waited for: their image comes in the redraw in which the scene was edited. Others are
-# built while Blender goes on, and every redraw looks for so long whether they are there.
+# Views wait for trees that take no longer: their image appears in the redraw in which the scene was edited. Other trees
+# are built while Blender continues, and every redraw waits this long for them.
 BUILDING_SECONDS = 0.25
 LOOKING_SECONDS = 0.03
 
@@ -32,20 +32,20 @@ class PendingCommit:
     def begin(
         self, sync: SceneSync, begin_update: Callable[[], UpdateCommit], *, to_the_end: bool = False
     ) -> SyncReport | None:
-        """Has a scene read, and its trees built; the report if they are there at once, None if they are not yet.
+        """Reads a scene and builds its trees; returns the report if they are ready at once, else None.
 
-        to_the_end: wait however long it takes. Raises what the engine raises.
+        to_the_end: wait for any length of time. Raises the engine's errors.
         """
-        self.sync = self._building = None  # a failed update must not leave what was there before
+        self.sync = self._building = None  # a failed update must not leave the previous state
         building = begin_update()
         report = building.result() if to_the_end or building.wait(BUILDING_SECONDS) else None
         self.sync, self._building = sync, building if report is None else None
         return report
 
     def are_there(self, restart: Callable[[], object]) -> bool:
-        """Whether there are trees of what was read last; if not, they are being built.
+        """Whether there are trees of the data that was read last; if not, they are being built.
 
-        restart: calls `begin`. Raises what the engine raises.
+        restart: calls `begin`. Raises the engine's errors.
         """
         import perfect_bvh
 
@@ -73,7 +73,7 @@ class PendingCommit:
 
     @property
     def is_over(self) -> bool:
-        """Whether what was not there then has come since."""
+        """Whether trees that were not ready then have become ready since."""
         return self._building is not None and not self._building.is_running
 
     @property

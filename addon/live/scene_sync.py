@@ -38,24 +38,25 @@ _CLOSED = "the sync was closed: call update()"
 
 
 class SceneSync(SyncedScene):
-    """Keeps an engine scene in step with a Blender scene; `update()` is the only thing that reads Blender.
+    """Keeps an engine scene in step with a Blender scene. Only `update()` reads Blender.
 
-    Use it on Blender's main thread; snapshots of its scene may be traced anywhere, and never go stale.
+    Use it on Blender's main thread. Snapshots of its scene may be traced on any thread, and never become stale.
 
-    What counts as a change: whatever Blender evaluates again, a frame, an undo, a file, another scene or view layer in
-    the window, and handlers that a script removed. A query on the main thread first lets Blender evaluate what is
-    pending (microseconds if nothing is), so that an edit counts at once. Other threads, handlers, drivers and renders
-    must not ask for an evaluation: a query there goes by what was evaluated before, and raises from the moment when an
-    evaluation, a frame change or an undo begins. What Blender itself does not notice stays unknown until something is
-    evaluated for another reason, to renders and viewports as well: custom properties (`object["x"] = 1`, inputs of
+    These are changes: anything that Blender evaluates again, a frame, an undo, a file, another scene or view layer in
+    the window, and handlers that a script removed. A query on the main thread first lets Blender evaluate pending
+    changes (microseconds if there are none), so an edit counts at once. Other threads, handlers, drivers and renders
+    must not start an evaluation. A query there uses the last evaluation, and raises from the moment when an
+    evaluation, a frame change or an undo begins. Blender itself does not notice some changes until something is
+    evaluated for another reason, for renders and viewports as well: custom properties (`object["x"] = 1`, inputs of
     geometry nodes) until `object.update_tag()`, and in Blender 4.2 `foreach_set` until `mesh.update()`.
 
     Args:
-        attributes: What to read beside the triangles; by default the material slots. `request()` asks for more later.
-        for_viewport: Whether viewport or render visibility counts; by default what each depsgraph was made for.
-        watch: Whether queries raise `perfect_bvh.StaleSceneError` once anything has changed in Blender since the last
-            update: see above. For that, Blender handlers are installed until the last such sync is closed, with or
-            without `register()`. False is for renders, whose depsgraph is their own.
+        attributes: The data to read in addition to triangles; by default the material slots. `request()` adds more
+            later.
+        for_viewport: Whether viewport or render visibility counts; by default the purpose of each depsgraph decides.
+        watch: Whether queries raise `perfect_bvh.StaleSceneError` if anything has changed in Blender since the
+            last update: see above. This installs Blender handlers until the last such sync is closed, with or
+            without `register()`. False is for renders, which have their own depsgraph.
     """
 
     def __init__(
@@ -75,7 +76,7 @@ class SceneSync(SyncedScene):
         self._building: UpdateCommit | None = None
         self._tree_byte_count = 0
         self.revision = 0
-        """How often an update has changed anything that an image could show, so far."""
+        """The number of updates so far that changed anything that an image could show."""
         self.last_change: SyncReport | None = None
         """The report of the last update that did."""
         self._state.scene.mark_stale("nothing was synced yet: call update()")
@@ -83,7 +84,7 @@ class SceneSync(SyncedScene):
             self._watch.start()
 
     def request(self, attributes: AttributeRequest, *, only: bool = False) -> None:
-        """Adds to what the following updates read; only: they read nothing else any more."""
+        """Adds attributes to those that the following updates read; only: they read no others any more."""
         asked = (attributes,) if only else (attributes, self._attributes)
         self._attributes = AttributeRequest(
             material_slots=any(request.material_slots for request in asked),
@@ -108,39 +109,40 @@ class SceneSync(SyncedScene):
     ) -> SyncReport:
         """Makes the engine's scene equal to an evaluated `bpy.types.Depsgraph`, editing only what differs.
 
-        With a shutter Blender evaluates each moment that any object or the camera asks for, once, and is then set back
-        to the frame and subframe where it was, however the update ends. As by any change of the frame, what is keyed is
-        then where its keys have it. Objects and cameras have Cycles' switches *Motion Blur* and *Deformation* and steps
-        (2 ** steps + 1 moments), instances those of their instancer as well; where Cycles is disabled all are on.
-        Moved are objects, instances, which go by their persistent ids, and the vertices of meshes, hair, curves and
-        points; between two moments as `perfect_bvh.Scene.set_instance_motion` and `set_mesh_motion` say.
-        `camera_motion` has the camera's. What has other triangles, or is not there, at one of its moments stands still
-        as at the frame, and is named in `warnings` and `report.not_shown`. Lights, materials and world are the frame's.
+        With a shutter Blender evaluates each time sample of any object or the camera once. It is then set back to its
+        frame and subframe, even if the update fails. As after any change of the frame, keyed properties then have the
+        values of their keys. Objects and cameras have Cycles' switches *Motion Blur* and *Deformation* and steps
+        (2 ** steps + 1 time samples), instances those of their instancer as well; where Cycles is disabled all are on.
+        Objects move, instances (identified by their persistent ids), and the vertices of meshes, hair, curves and
+        points. `perfect_bvh.Scene.set_instance_motion` and `set_mesh_motion` describe the motion between two time
+        samples. `camera_motion` has the camera's. Objects that have other triangles, or do not exist, at one of their
+        time samples do not move: they are shown as at the frame, and are listed in `warnings` and `report.not_shown`.
+        Lights, materials and world are the frame's.
 
         Args:
-            expected_rays: How many rays are about to be cast until the next update: what building and refitting is
-                weighed against. By default as many as the last update was told, 0 aside, or as were cast since the last
-                update if those are more. Where none was ever told, trees are chosen by class, or better ones if the
-                rays cast since repay them, and a refitted one is restructured when 5 percent worse. A mesh that rests
-                gets a better tree in some later update, although nothing has changed, once its rays repay one: see
-                `perfect_bvh.Scene.commit`.
+            expected_rays: The expected number of rays until the next update. Builds and refits are weighed against it.
+                The default is the number that the last update was given (unless 0), or the number of rays cast since
+                the last update if that is larger. If no update was ever given a number, the class of a mesh selects its
+                builder, or a better one if the rays cast since repay it, and a refitted tree is restructured when 5
+                percent worse. A mesh that does not change gets a better tree in some later update, even if nothing has
+                changed, once its rays repay one: see `perfect_bvh.Scene.commit`.
             verify: Reads the frame itself a second time in the slow and certain way, and reports each difference; no
-                other moment of a shutter.
+                other time sample of a shutter.
             camera: An object or a `CameraRecord` instead of the scene's camera, or a function of the depsgraph that
-                gives a record or None.
+                returns a record or None.
             size: (width, height) in pixels instead of the render size.
             space: The `SpaceView3D` whose local view counts.
-            shutter: (begin, end), in frames from the current one, which become the times 0 and 1 of the queries: what
-                moves between them has its motion then, see above. None ends all motions.
-            steps: 2 to 255, at how many moments to look at what Cycles' *Motion Steps* were never set for; 3 by
+            shutter: (begin, end), in frames from the current one, which become the times 0 and 1 of the queries.
+                Objects move during that interval, see above. None ends all motions.
+            steps: 2 to 255, the number of time samples for objects whose *Motion Steps* were never set in Cycles; 3 by
                 default.
-            frame_set: Called with a frame and a subframe, 0 to below 1, instead of the scene's own: of a render, whose
-                depsgraph only that evaluates, its engine's `frame_set`.
-            progress: Called with the share done, of the commit, after that of a shutter's moments; returning False
-                raises `perfect_bvh.Cancelled`.
+            frame_set: Called with a frame and a subframe, 0 to below 1, instead of the scene's own method. A render
+                needs its engine's `frame_set`, because only that evaluates its depsgraph.
+            progress: Called with the share done of the commit, which follows the shutter's time samples; returning
+                False raises `perfect_bvh.Cancelled`.
 
         Raises:
-            ValueError: For arguments that are none of these, and what the engine raises. Until an update succeeds,
+            ValueError: For invalid arguments, and the errors of the engine. Until an update succeeds,
                 queries then raise `perfect_bvh.StaleSceneError`.
         """
         span = as_shutter("update", shutter, steps, frame_set)
@@ -176,18 +178,18 @@ class SceneSync(SyncedScene):
         steps: int | None = None,
         frame_set: FrameSet | None = None,
     ) -> UpdateCommit:
-        """The half of `update` that needs Blender; returns the other one, which goes on by itself: see `building`.
+        """Does the half of `update` that needs Blender; returns the other half, which runs by itself: see `building`.
 
         Args:
-            expected_rays: See `update`, as for the other arguments; a commit under way that is returned goes on with
-                its own number. What was read (`record`, `camera`, `warnings`) is there at once. All that asks the
-                engine raises `perfect_bvh.StaleSceneError` until the commit has succeeded; its `result` is the report.
-                Only one goes on at a time: where an earlier one builds what was read now, that is returned; any other
-                is stopped, by `update`, too.
+            expected_rays: See `update`, also for the other arguments. A commit in progress that is returned keeps
+                its own number. The read data (`record`, `camera`, `warnings`) is available at once. All methods that
+                use the engine raise `perfect_bvh.StaleSceneError` until the commit has succeeded; its `result` is the
+                report. Only one commit runs at a time. If an earlier one builds the data that was read now, it is
+                returned; any other is stopped, also by `update`.
 
         Raises:
-            RuntimeError: For a sync that watches Blender: a change between the two halves would be forgotten when the
-                commit begins, and old answers be taken for new ones. Code that updates in halves looks for changes by
+            RuntimeError: For a sync that watches Blender: a change between the two halves would be lost when the
+                commit begins, and outdated answers would be accepted. Code that updates in halves must look for changes
                 itself.
         """
         if self._watch is not None:
@@ -197,9 +199,9 @@ class SceneSync(SyncedScene):
         return self._begin(lambda: self._read_any(depsgraph, view, span), expected_rays)
 
     def _begin(self, read: Callable[[], SceneRecord], expected_rays: int | None) -> UpdateCommit:
-        """`begin_update` for whatever reads Blender."""
+        """Does the work of `begin_update` for any function that reads Blender."""
         if self._building is not None and self._building.is_lost:
-            self.stop_building()  # before anything is compared with what it held
+            self.stop_building()  # before anything is compared with the data that it held
         try:
             difference, read_milliseconds = self._read(read)
         except BaseException:
@@ -219,7 +221,7 @@ class SceneSync(SyncedScene):
         return self._building
 
     def _read(self, read: Callable[[], SceneRecord]) -> tuple[SceneDifference, float]:
-        """What every update begins with: how Blender's scene differs from what is held, and milliseconds of reading."""
+        """Begins an update: returns the difference of Blender's scene from the held one, and milliseconds to read."""
         started = time.perf_counter()
         record = read()
         read_milliseconds = (time.perf_counter() - started) * 1e3
@@ -243,7 +245,7 @@ class SceneSync(SyncedScene):
     def _finish(
         self, state: SceneState, applied: AppliedDifference, commit: TimedCommit, read_milliseconds: float
     ) -> SyncReport:
-        """What is to be done when a commit has succeeded. If that fails, so has the update."""
+        """Finishes an update when its commit has succeeded. If this fails, so does the update."""
         try:
             return self._take_in(state.finish(applied, commit, read_milliseconds))
         except BaseException:
@@ -260,7 +262,7 @@ class SceneSync(SyncedScene):
         return self._building
 
     def ask_to_stop_building(self) -> None:
-        """From any thread; waits for nothing."""
+        """Requests a stop, from any thread, without waiting."""
         building = self._building
         if building is not None:
             building.ask_to_stop()
@@ -276,9 +278,9 @@ class SceneSync(SyncedScene):
             self._start_over("the process was forked during an update: call update()")
 
     def _take_in(self, report: SyncReport) -> SyncReport:
-        """What is to be known of every update that has succeeded."""
+        """Stores the report and state of a successful update."""
         self._tree_byte_count = report.byte_count
-        self._lookup = None  # what was looked up before knew less
+        self._lookup = None  # the old lookup lacks the new data
         if report.has_changes or self.last_change is None:
             self.revision += 1
             self.last_change = report

@@ -1,9 +1,9 @@
-"""Which scene is read: that of a render, or that of viewports. One rule for all commands, buttons and functions.
+"""The choice of the evaluated scene: a render's or the viewports'. One rule for all commands, buttons and functions.
 
-Blender evaluates a scene for renders and for viewports apart: each has its objects, collections, modifier levels and
-particles. It gives a render's evaluation to render engines only: Python cannot make a depsgraph, and those of
-`evaluated_depsgraph_get()` are the viewports'. So whoever reads one passes a function, and an engine calls that in
-`bpy.ops.render.render`, which then makes no image.
+Blender evaluates a scene separately for renders and for viewports: each has its objects, collections, modifier levels
+and particles. Only render engines get a render's evaluation: Python cannot make a depsgraph, and those of
+`evaluated_depsgraph_get()` are the viewports'. Therefore callers that read a render's scene pass a function. Our engine
+calls it in `bpy.ops.render.render`, which then makes no image.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ T = TypeVar("T")
 
 SLOT = "Perfect BVH"  # of Blender's Render Result: renders without an image leave the user's one alone
 BUSY = "it renders something else: wait until that has ended"
-# What a render does beside asking its engine is not wanted, and is put back afterwards.
+# Settings that turn off a render's side effects. The user's settings are restored afterwards.
 SETTINGS: dict[str, Any] = {
     "use_compositing": False,
     "use_sequencer": False,
@@ -54,9 +54,9 @@ class SceneMoment:
         return None if camera == self.stand_in else camera
 
     def go_to(self, frame: int, subframe: float = 0.0) -> None:
-        """Evaluates another moment, unless it is this one: a frame takes as long to evaluate again as it took before.
+        """Evaluates another time, unless it is the current one: evaluating a frame again takes as long as before.
 
-        What is simulated is played by the scene itself; a render reads what that has kept.
+        Simulations are played by the scene itself; a render reads the results that the scene has kept.
         """
         if is_at(self.scene, frame, subframe):
             return
@@ -79,8 +79,8 @@ def is_at(scene: bpy.types.Scene, frame: int, subframe: float) -> bool:
 def go_to_frame(scene: bpy.types.Scene, number: int, for_viewport: bool = False) -> None:
     """Sets the frame that the next render shows; with `frame_set`'s evaluation only if scripts wait for it.
 
-    for_viewport: the viewport's depsgraph is needed: it is shown, or something is simulated, which is played there
-    alone. A render evaluates the frame in a depsgraph of its own, so that to evaluate both is lost time otherwise.
+    for_viewport: whether the viewport's depsgraph is needed: because it is shown, or because of simulations, which only
+    it plays. A render evaluates the frame in a separate depsgraph, so evaluating both would otherwise waste time.
     """
     if for_viewport or bpy.app.handlers.frame_change_pre or bpy.app.handlers.frame_change_post:
         scene.frame_set(number)
@@ -91,11 +91,11 @@ def go_to_frame(scene: bpy.types.Scene, number: int, for_viewport: bool = False)
 class SceneView:
     """A scene and a view layer of it, read as a render sees it, or with `for_viewport` as viewports do.
 
-    It is for work that goes on while Blender's user does. Between two steps an undo may replace all of Blender's
-    data-blocks, and the user delete the scene or show another one in the window. So each step looks for the scene by
-    what stays the same.
+    It is for work that continues while the user works in Blender. Between two steps an undo may replace all of
+    Blender's data-blocks, and the user may delete the scene or show another one in the window. Therefore each step
+    looks up the scene by properties that do not change.
 
-    task: what the work is called, for messages.
+    task: the name of the work, for messages.
     """
 
     def __init__(
@@ -124,10 +124,10 @@ class SceneView:
             return bpy.context.evaluated_depsgraph_get()
 
     def set_frame_back(self, frame: int, subframe: float = 0.0, camera_uid: int = 0) -> None:
-        """At the end, if the scene still is there and shows another one.
+        """Restores the frame at the end, if the scene still exists and shows another one.
 
-        camera_uid: the session uid of the camera that it had, 0 for none: where frames have markers with cameras of
-        their own, going through them has changed it.
+        camera_uid: the session uid of the scene's previous camera, 0 for none. Frames may have markers with cameras,
+        and then visiting the frames has changed the camera.
         """
         scene = self._find()
         if scene is None or (scene.frame_current, scene.frame_subframe) == (frame, subframe):
@@ -164,9 +164,9 @@ class SceneView:
         return read_there(_held[1]) if _held is not None and is_held else self._visit(read_there)
 
     def hold(self, work: Callable[[], T]) -> T:
-        """Returns what `work` does; in it all readings share one evaluated scene, which goes from frame to frame.
+        """Returns the result of `work`. All readings in it share one evaluated scene, which goes from frame to frame.
 
-        Blender stands still meanwhile. Raises as `read` does.
+        Blender's interface is blocked during this. Raises as `read` does.
         """
         if self.for_viewport or (_held is not None and _held[0] == self._key):
             return work()
@@ -212,7 +212,7 @@ class SceneView:
 
 
 class _Visit:
-    """What is to be done in the next render, and what came of it."""
+    """The work for the next render, and its result."""
 
     def __init__(self, key: tuple[int, str], work: Callable[[SceneMoment], Any], is_simulated: bool) -> None:
         self.key, self.work, self.is_simulated = key, work, is_simulated
@@ -226,7 +226,7 @@ _held: tuple[tuple[int, str], SceneMoment] | None = None
 
 
 def serve_visit(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph) -> bool:
-    """For the engine's `render`: whether the render was for a reading, which is done then."""
+    """Serves the engine's `render`: returns whether the render was for a reading, which is then done."""
     visit = _visit
     scene = depsgraph.scene.original
     if visit is None or visit.key != (scene.session_uid, depsgraph.view_layer.name):
@@ -240,7 +240,7 @@ def serve_visit(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph) 
 
 
 def viewport_depsgraph(depsgraph: bpy.types.Depsgraph) -> bpy.types.Depsgraph:
-    """What viewports show of the scene and view layer that a render is of."""
+    """Returns the viewports' depsgraph of the scene and view layer of a render."""
     return SceneView("render", depsgraph.scene.original, depsgraph.view_layer).depsgraph()
 
 
@@ -257,9 +257,9 @@ class PerfectBVHReader(bpy.types.RenderEngine):
 
 @contextmanager
 def _without_image(scene: bpy.types.Scene) -> Iterator[bpy.types.Object | None]:
-    """Has Blender render with our engine alone, into a slot of its own; puts the user's settings back.
+    """Makes Blender render with our engine only, into a separate slot; restores the user's settings.
 
-    Gives the camera that stands in for a missing one.
+    Yields the camera that replaces a missing one.
     """
     render, camera = scene.render, scene.camera
     has_engine = any(_is_own(kind) for kind in bpy.types.RenderEngine.__subclasses__())
@@ -286,7 +286,7 @@ def _is_own(kind: Any) -> bool:
 
 
 def _assign(render: bpy.types.RenderSettings, values: dict[str, Any]) -> None:
-    """Only what differs: a new engine ends what viewports show, and frees what renders keep."""
+    """Assigns only different values: a new engine ends the Rendered viewports, and frees the data that renders keep."""
     for name, value in values.items():
         if getattr(render, name) != value and value != "":  # "": an engine that Blender does not know
             setattr(render, name, value)
@@ -310,7 +310,7 @@ def _other_slot() -> Iterator[None]:
 
 @contextmanager
 def _any_camera(scene: bpy.types.Scene) -> Iterator[bpy.types.Object | None]:
-    """Blender renders nothing without a camera; what is read does not depend on it."""
+    """Provides a camera: Blender renders nothing without one, although reading does not depend on it."""
     if scene.camera is not None:
         yield None
         return

@@ -16,7 +16,7 @@ from ..settings.preferences import cache_byte_limit
 from ..sync.report import SyncReport
 from .scene_sync import SceneSync
 
-# By the scene's session uid, the view layer's name and the depsgraph's mode; the one used last stands last.
+# By the scene's session uid, the view layer's name and the depsgraph's mode, ordered from least to most recently used.
 _syncs: dict[tuple[int, str, str], SceneSync] = {}
 
 
@@ -33,7 +33,7 @@ class _CachedSync(SceneSync):
 
 
 def sync_of(depsgraph: Any) -> SceneSync:
-    """The add-on's own sync for what a depsgraph shows: one a scene, view layer and kind (viewport or render)."""
+    """Returns the add-on's own sync for a depsgraph: one per scene, view layer and kind (viewport or render)."""
     scene = depsgraph.scene.original
     key = (scene.session_uid, depsgraph.view_layer.name, depsgraph.mode)
     sync = _syncs.pop(key, None)
@@ -49,7 +49,7 @@ def syncs_of(scene: Any) -> tuple[SceneSync, ...]:
 
 
 def _forget_beyond_limit(used: SceneSync) -> None:
-    """Those used longest ago go first, to be read and built again when they are shown; `used` stays, however large."""
+    """Drops the least recently used syncs first; they are read and built again when shown. `used` stays at any size."""
     limit = cache_byte_limit()
     held = list(_syncs.items())
     if limit is None or not any(sync is used for _, sync in held):
@@ -59,7 +59,7 @@ def _forget_beyond_limit(used: SceneSync) -> None:
         if total <= limit:
             return
         if sync is not used:
-            # Not closed: whatever is tracing it keeps it for so long.
+            # Not closed: code that is still tracing it keeps it alive.
             _syncs.pop(key, None)
             total -= sync.byte_count
 
@@ -70,7 +70,7 @@ def drop_missing(scenes: Iterable[Any]) -> None:
         return
     shown = {(scene.session_uid, layer.name) for scene in scenes for layer in scene.view_layers}
     for key in [key for key in list(_syncs) if key[:2] not in shown]:
-        # Not closed: whatever is tracing it keeps it for so long.
+        # Not closed: code that is still tracing it keeps it alive.
         sync = _syncs.pop(key, None)
         if sync is not None:
             sync.ask_to_stop_building()  # this may be a render's thread: it waits for nothing

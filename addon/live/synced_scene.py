@@ -1,4 +1,4 @@
-"""What a sync has read and built, to be asked: scene, camera, looks, and the way from ids back to Blender."""
+"""The result of a sync: scene, camera, looks, and the lookup from ids back to Blender."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from ..sync.state import SceneState
 
 
 class SyncedScene:
-    """Of the last update of a `SceneSync`, which is one."""
+    """The result of the last update of a `SceneSync`, which is one."""
 
     _state: SceneState
     _lookup: SceneLookup | None
@@ -74,7 +74,7 @@ class SyncedScene:
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """What the last update could not read, as sentences for the user."""
+        """The parts of the scene that the last update could not read, as sentences for the user."""
         return self.record.warnings
 
     @property
@@ -127,17 +127,17 @@ class SyncedScene:
 
 
 # Scene watch ---------------------------------------------------------------------------------------------------------
-# Tells an engine's scene, before it answers, what has happened in Blender since it was synced.
+# Marks an engine's scene stale, before it answers, if Blender has changed since the sync.
 
 
 Place = tuple[int, str]  # a scene's session uid, and the name of one of its view layers
 
 
 class SceneWatch:
-    """Marks the scene that it follows stale: when Blender tells of a change, and when a query finds out about one.
+    """Marks its scene stale: when Blender reports a change, and when a query finds one.
 
-    Before a query on Blender's main thread Blender evaluates what is pending, and by that tells of it. On other
-    threads, inside handlers, drivers and renders it may not be asked: there the scene knows what Blender told before.
+    Before a query on Blender's main thread, Blender evaluates pending changes, and thereby reports them. Other threads,
+    handlers, drivers and renders must not start an evaluation: there, only changes that were reported before count.
 
     The scene keeps its watch alive, even if the sync is dropped.
     """
@@ -162,12 +162,12 @@ class SceneWatch:
         changes.stop_listening(self)
 
     def settle(self, depsgraph: Any) -> None:
-        """Lets Blender evaluate what is pending, where it may be asked: or a query after the update would find that."""
+        """Lets Blender evaluate pending changes, if allowed here: else a query after the update would find them."""
         if may_ask():
             evaluate_pending(depsgraph.view_layer)
 
     def note_synced(self, depsgraph: Any) -> None:
-        """What the scene is about to be equal to."""
+        """Registers the state of Blender that the scene is about to equal."""
         self._synced = (depsgraph.scene.original.session_uid, depsgraph.view_layer.name)
         shown = _shown()
         self._active = None if shown is None else _place_of(shown)
@@ -185,7 +185,7 @@ class SceneWatch:
         self.on_change("another file was loaded")
 
     def check(self) -> None:
-        """Finds out about what Blender has not told yet. Called before each query that would be answered."""
+        """Finds changes that Blender has not reported yet. Called before each query that would be answered."""
         if may_ask():
             changes.watch_again()
             self._ask()
@@ -209,7 +209,7 @@ class SceneWatch:
 
 
 def _shown() -> Any:
-    """What shows the active scene and view layer: the window, or the context where there is none."""
+    """Returns the owner of the active scene and view layer: the window, or the context if there is none."""
     context = bpy.context
     shown = context.window or context
     return shown if shown.scene is not None else None

@@ -1,15 +1,15 @@
-"""What the buttons of the panels do.
+"""The buttons of the panels.
 
 preview       *Render View to Image*
 scan_button   *Scan*
-scan_request  what its panel asks for, checked
+scan_request  the settings of its panel, checked
 add_sensor    *Add Sensor*
 label_button  *Label Images*
-piece_jobs    what *Scan* and *Label Images* share
+piece_jobs    the common parts of *Scan* and *Label Images*
 measure       *Bench*, and the comparison of two trees
 select        selects objects that are not shown, or were updated
 walk          keys of the walk of a ray
-ticking       what they share: reasons why not, steps of a timer, the status bar
+ticking       the common parts of all: reasons why not, steps of a timer, the status bar
 """
 
 from __future__ import annotations

@@ -1,7 +1,8 @@
-"""The button Label Images: exact ids, masks and depths of what a camera sees, written to files frame by frame.
+"""The button Label Images: exact ids, masks and depths of a camera's view, written to files frame by frame.
 
-In a window it works in steps of a timer while Blender's user goes on, and Esc cancels it and keeps whole files. Without
-one, or when a script calls it, it does the same in one go. The last frame's labels are shown in the Image Editor.
+In a window it works in steps of a timer while Blender's user continues, and Esc cancels it and keeps whole files.
+Without one, or when a script calls it, it does the same in one go. The last frame's labels are shown in the Image
+Editor.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ if TYPE_CHECKING:
     from ..labels import Labels
     from ..labels.piece_labels import LabelPlan
 
-PIECE = 10  # frames; what is canceled loses no more than that
+PIECE = 10  # frames: the largest loss by a cancellation
 OBJECTS, DEPTH = "Labels: Objects", "Labels: Depth"  # of the images
 
 
@@ -109,7 +110,7 @@ class LabelsJob(PiecesJob):
 
     @property
     def warnings(self) -> list[str]:
-        """Of all frames, each once."""
+        """Returns the warnings of all frames, each once."""
         return list(self._outcome.warnings)
 
     def steps(self) -> Any:
@@ -118,7 +119,7 @@ class LabelsJob(PiecesJob):
         self._work.join()
 
     def summary(self, seconds: float) -> str:
-        """What was written, in a sentence."""
+        """Returns a sentence about the written files."""
         frames = self._outcome.counts.get("frames", 0)
         return f"Labelled {frames} frame{'s' if frames != 1 else ''} into {self._folder}, {duration(1e3 * seconds)}"
 
@@ -128,7 +129,7 @@ class LabelsJob(PiecesJob):
 
 
 def plan_of(scene: bpy.types.Scene) -> LabelPlan:
-    """What the panel asks for. Raises ValueError, and ImportError with what to install."""
+    """Returns the plan of the panel's settings. Raises ValueError, and ImportError with the package to install."""
     from ..labels.coco import check_coco
     from ..labels.files import FORMATS as ORDER
     from ..labels.files import check_formats

@@ -17,11 +17,11 @@ from ..support.files import prepare_folder
 from .preview import show_in_editor
 from .ticking import Checked, Ticking
 
-# The Bench button: measures the scene for a bounded time and shows a table of it in the panel.
+# The Bench button: measures the scene for a bounded time and shows a table of the results in the panel.
 #
-# In a window it works in steps of a timer; what takes longer than a step goes on beside Blender. Esc ends it at any
-# time, with what has been measured so far. Without a window, or when a script calls it, it does the same in one go.
-# Where matplotlib can be imported the Image Editor shows charts too.
+# In a window it works in steps of a timer; longer work runs in the background. Esc ends it at any
+# time, with the results so far. Without a window, or when a script calls it, it does the same in one go.
+# If matplotlib can be imported, the Image Editor shows charts too.
 
 
 IMAGE_NAME = "Perfect BVH Bench"
@@ -95,7 +95,7 @@ class PERFECT_BVH_OT_bench(Ticking, bpy.types.Operator):
         return True
 
     def _step(self) -> tuple[float, str] | None:
-        """None at the end, and where it failed, with the reason reported."""
+        """Makes a step; returns None at the end, and after a failure, with the reason reported."""
         import perfect_bvh
 
         try:
@@ -147,7 +147,7 @@ class PERFECT_BVH_OT_bench(Ticking, bpy.types.Operator):
 
 
 class PERFECT_BVH_OT_compare_advised(bpy.types.Operator):
-    """Sets what Compare compares to what the last measurement advises."""
+    """Sets the two trees of Compare as the last measurement advises."""
 
     bl_idname = "perfect_bvh.compare_advised"
     bl_label = "Set Compare to These Two"
@@ -180,15 +180,15 @@ def _show(context: bpy.types.Context, charts: Path) -> None:
 # Compare -------------------------------------------------------------------------------------------------------------
 # The Compare button: two trees of the active object side by side in the viewport that it was pressed in.
 #
-# In a window trees are built and measured beside Blender, and Esc gives that up. Without one, or when a script calls
-# it, it does the same in one go, and reports what it has found.
+# In a window trees are built and measured in the background, and Esc cancels that. Without one, or when a script calls
+# it, it does the same in one go, and reports the result.
 
 
 SHAPES = ("MESH", "CURVE", "CURVES", "SURFACE", "FONT", "META", "POINTCLOUD", "VOLUME")
 
 
 class PERFECT_BVH_OT_compare(Ticking, bpy.types.Operator):
-    """Waits in a timer for what is built and measured beside it."""
+    """Waits in a timer for the trees, which are built and measured in the background."""
 
     bl_idname = "perfect_bvh.compare"
     bl_label = "Compare"
@@ -219,7 +219,7 @@ class PERFECT_BVH_OT_compare(Ticking, bpy.types.Operator):
         choices = choice_of(settings.left), choice_of(settings.right)
         self._forget_complaints()
         self._space = find_space(context)
-        context.evaluated_depsgraph_get()  # what was edited before is no edit since
+        context.evaluated_depsgraph_get()  # evaluates earlier edits, so that they do not count as later ones
         self._edits = edit_count(scene.session_uid)
         try:
             shown = read_object(context, context.object)

@@ -1,4 +1,4 @@
-"""What the buttons Scan and Label Images share: a job in steps of a timer, and pieces of frames in files."""
+"""The common parts of the buttons Scan and Label Images: a job in steps of a timer, and chunks of frames in files."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ class JobOperator(Ticking):
     _steps: Any  # a generator; Blender evaluates annotations
 
     def _run(self) -> float | None:
-        """All steps, in one go."""
+        """Does all steps, in one go."""
         done: float | None = 0.0
         while done is not None and done < 1.0:
             done = self._step(STEP_SECONDS)
@@ -84,10 +84,10 @@ class JobOperator(Ticking):
         self._end_ticking(context)
 
     def _keep(self) -> None:
-        """A file could not be written: what is kept of the rest."""
+        """Keeps the rest of the results after a file could not be written."""
 
     def _give_up(self, context: bpy.types.Context) -> set[str]:
-        """What Blender is to be told when it has failed."""
+        """Returns the operator's result after a failure."""
         return {"CANCELLED"}
 
     def _finish(self, context: bpy.types.Context) -> set[str]:
@@ -97,9 +97,9 @@ class JobOperator(Ticking):
 
 @contextmanager
 def saved_at_the_users_frame(view: SceneView) -> Iterator[None]:
-    """Files that are saved meanwhile store the frame where the scene is now, not that of the job.
+    """While this is active, saved files store the frame of the user's scene, not that of the job.
 
-    Blender evaluates the stored frame when it opens a file; so nothing is evaluated here, and the job goes on.
+    Blender evaluates the stored frame when it opens a file; so nothing is evaluated here, and the job continues.
     """
     scene = view.find()
     users = scene.frame_current, scene.frame_subframe
@@ -144,9 +144,9 @@ def prepare_free_folder(folder: Path) -> None:
 
 
 class PiecesJob:
-    """Pieces of the frames, as files.
+    """Chunks of the frames, as files.
 
-    noun: what the job is called. resumes: whether it was asked to keep what is there.
+    noun: the name of the job. resumes: whether it keeps existing files.
     """
 
     noun: ClassVar[str] = "Scan"
@@ -165,7 +165,7 @@ class PiecesJob:
 
     @property
     def where(self) -> str:
-        """What is worked on, for the status bar."""
+        """The target of the work, for the status bar."""
         return f" file {self._outcome.number} of {len(self._work.pieces)}"
 
     def steps(self) -> Generator[float, None, None]:
@@ -182,11 +182,11 @@ class PiecesJob:
             self._work.view.set_frame_back(*frame)
 
     def release(self) -> None:
-        """At the end, however it came: other scans may write there."""
+        """Releases the folder at the end, after success or failure: other scans may write there."""
         _folders_in_use.discard(self._folder)
 
     def stopped(self) -> str:
-        """What to tell who has stopped it."""
+        """Returns the message to a user who has stopped it."""
         start = f"Start {self.noun}"
         how = f"{start} continues" if self._resumes else f"To continue, enable Resume and press {start}"
         count = f"{self._outcome.there} of {len(self._work.pieces)} files"

@@ -1,8 +1,8 @@
-"""The button Render View to Image: what a 3D viewport shows in the Image Editor, whatever the render engine is.
+"""The button Render View to Image: a 3D viewport's view in the Image Editor, for any render engine.
 
-In a window it works while Blender goes on: trees are built beside it, the image is refined in steps of a timer, each
-round is shown, and Esc cancels it and keeps the last round. Without one it does the same in one go, through the scene's
-camera.
+In a window it works while Blender continues: trees are built in the background, the image is refined in steps of a
+timer, each round is shown, and Esc cancels it and keeps the last round. Without one it does the same in one go, through
+the scene's camera.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from ..view3d.rendered.screen import picture_of, remember_view
 from .ticking import Ticking
 
 IMAGE_NAME = "Perfect BVH View"
-# What a tick of the timer may take.
+# The time of a tick of the timer.
 REFINING_SECONDS = 0.1
 
 
@@ -94,7 +94,7 @@ class PERFECT_BVH_OT_preview(Ticking, bpy.types.Operator):
         return True
 
     def _read(self, context: bpy.types.Context) -> None:
-        """What is shown is the scene as it is now, and its trees begin to be built."""
+        """Read the current scene, and begin to build its trees."""
         self._forget_complaints()
         self._scene_uid = context.scene.session_uid
         self._view = await_view(context)
@@ -104,7 +104,7 @@ class PERFECT_BVH_OT_preview(Ticking, bpy.types.Operator):
         self._revision = self._view.sync.revision
 
     def _remember(self, refinement: Refinement) -> None:
-        """Unless the scene is gone, or its trees are others by now: which meshes cost what could not be told."""
+        """Remember the result, unless the scene or its trees have changed: costs would belong to no known mesh."""
         view = self._view
         scene = next((scene for scene in bpy.data.scenes if scene.session_uid == self._scene_uid), None)
         if scene is not None and view.sync.revision == self._revision and view.sync.scene.is_current:
@@ -188,7 +188,7 @@ def _store(refinement: Refinement) -> bpy.types.Image:
 
 
 def show_in_editor(context: bpy.types.Context, image: bpy.types.Image) -> None:
-    """In an Image Editor that is open, or where the user wants renders to appear."""
+    """Shows an image in an open Image Editor, or where the user wants renders to appear."""
     if not _set_in_editors(context, image):
         bpy.ops.render.view_show("INVOKE_DEFAULT")
         _set_in_editors(context, image)
@@ -217,7 +217,7 @@ def _fit_editors(context: bpy.types.Context, image: bpy.types.Image) -> None:
 
 
 def _image_editors(context: bpy.types.Context) -> Iterator[tuple[bpy.types.Window, bpy.types.Area]]:
-    """All that are open, with their windows; the UV Editor is one, too."""
+    """Yields all open ones, with their windows; the UV Editor is one, too."""
     for window in context.window_manager.windows:
         for area in window.screen.areas:
             if area.type == "IMAGE_EDITOR":
@@ -225,7 +225,7 @@ def _image_editors(context: bpy.types.Context) -> Iterator[tuple[bpy.types.Windo
 
 
 def _show_whole(window: bpy.types.Window, area: bpy.types.Area) -> None:
-    """As large as it is, or smaller, so that all of it can be seen."""
+    """Show the image at its size, or smaller, so that all of it is visible."""
     region = next(region for region in area.regions if region.type == "WINDOW")
     with bpy.context.temp_override(window=window, area=area, region=region):
         bpy.ops.image.view_all()

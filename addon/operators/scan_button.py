@@ -1,7 +1,7 @@
-"""The Scan button: casts the rays that the panel describes and makes a point cloud, or files, of what they meet.
+"""The Scan button: casts the rays that the panel describes and makes a point cloud, or files, of their hits.
 
-In a window it works in steps of a timer while Blender goes on, builds trees beside it, and Esc gives it up at any time;
-in the scene nothing is made before the end, while files of whole pieces stay.
+In a window it works in steps of a timer while Blender continues, builds trees in the background, and Esc cancels it at
+any time. The scene does not change before the end, while files of whole chunks stay.
 Without one, or when a script calls it, it does the same in one go.
 """
 
@@ -87,7 +87,7 @@ class PERFECT_BVH_OT_scan(JobOperator, bpy.types.Operator):
         self._kept: list[tuple[str, PointCloud]] = []
         self._started = time.perf_counter()
         settings = context.scene.perfect_bvh.scan
-        # As it is now: the panel may say something else when the points are there.
+        # The current choice: the panel's may be different when the points are ready.
         self._colors = settings.point_color, settings.point_column
         self._file = ScannedFile(context.scene, context.view_layer) if settings.use_files else None
         try:
@@ -135,9 +135,9 @@ class PERFECT_BVH_OT_scan(JobOperator, bpy.types.Operator):
 
 
 def _add_object(context: bpy.types.Context, cloud: PointCloud, name: str, colors: tuple[str, str]) -> bpy.types.Object:
-    """The points as an object in the active collection, or the scene's if that is linked.
+    """Adds the points as an object to the active collection, or to the scene's if that is linked.
 
-    Not selected: its outlines would hide its colours, and the next scan shall find what is selected and active now.
+    It is not selected: its outlines would hide its colours, and the next scan should use the current selection.
     """
     from ..scanning import make_point_object
 
@@ -155,7 +155,7 @@ CLASSES = (PERFECT_BVH_OT_scan,)
 
 
 class PointsJob:
-    """All points, as one object. Raises ValueError for what cannot be scanned."""
+    """Scans all points, as one object. Raises ValueError if the scan is impossible."""
 
     def __init__(self, scene: bpy.types.Scene, view_layer: bpy.types.ViewLayer) -> None:
         from ..live.scene_view import SceneView
@@ -178,7 +178,7 @@ class PointsJob:
             for_viewport=settings.use_viewport,
         )
         self.where = ""
-        """What is worked on, for the status bar."""
+        """The target of the work, for the status bar."""
 
     @property
     def built_share(self) -> float | None:
@@ -190,10 +190,10 @@ class PointsJob:
             yield from self._scanner.steps()
 
     def release(self) -> None:
-        """At the end, however it came."""
+        """Releases its data at the end, after success or failure."""
 
     def stopped(self) -> str:
-        """What to tell who has stopped it."""
+        """Returns the message to a user who has stopped it."""
         return "Scan canceled: nothing was written"
 
     def result(self) -> tuple[list[tuple[str, PointCloud]], list[str]]:
@@ -207,11 +207,11 @@ class PointsJob:
         return [("Scan", cloud)], warnings
 
     def ray_outcomes(self) -> RayCounts:
-        """What became of the rays."""
+        """The outcomes of the rays."""
         return self._scanner.result().ray_outcomes
 
     def summary(self, names: list[str], seconds: float) -> str:
-        """What was made, in a sentence. names: of the objects that were."""
+        """Returns a sentence about the result. names: of the new objects."""
         cloud = self._scanner.result()
         found = f"{len(cloud):,} points on {len(cloud.object_names):,} objects, {cloud.ray_count:,} rays"
         return f"{names[0]}: {found}, {duration(1e3 * seconds)}"
@@ -247,13 +247,13 @@ class FilesJob(PiecesJob):
         return [(name, cloud) for name, cloud in self._clouds if len(cloud)], warnings
 
     def ray_outcomes(self) -> RayCounts:
-        """What became of the rays of the pieces that were scanned."""
+        """The outcomes of the rays of the scanned chunks."""
         from ..scanning.piece_scan import ray_counts
 
         return ray_counts(self._outcome)
 
     def summary(self, names: list[str], seconds: float) -> str:
-        """What was made, in a sentence. names: of the objects that were."""
+        """Returns a sentence about the result. names: of the new objects."""
         added = f", {len(names)} objects" if self._keeps else ""
         count = self._outcome.words(len(self._work.pieces), "pieces written")
         points = self._work.summary(self._outcome)[0]

@@ -1,4 +1,4 @@
-"""What the Scan panel asks for, read from its settings. All raise ValueError with what is wrong with them."""
+"""The request of the Scan panel, read from its settings. All functions raise ValueError for invalid settings."""
 
 from __future__ import annotations
 
@@ -33,17 +33,17 @@ def frames_of(scene: bpy.types.Scene, settings: bpy.types.PropertyGroup) -> tupl
 
 
 def exclude_mount_of(scene: bpy.types.Scene) -> bool | None:
-    """As `scan` has it; None to decide by the object."""
+    """Returns the setting as `scan` has it; None to decide by the object."""
     return {"AUTO": None, "EXCLUDE": True, "SCAN": False}[scene.perfect_bvh.scan.mount]
 
 
 def threads_of(scene: bpy.types.Scene) -> int:
-    """As many as renders take."""
+    """Returns the number of threads of renders."""
     return scene.render.threads if scene.render.threads_mode == "FIXED" else 0
 
 
 def plan_of(scene: bpy.types.Scene) -> ScanPlan:
-    """Of a scan into files."""
+    """Plans a scan into files."""
     from ..scanning.formats import check_format
     from ..scanning.piece_scan import ScanPlan
     from ..scanning.sensor_settings import sensor_of
@@ -71,7 +71,7 @@ def plan_of(scene: bpy.types.Scene) -> ScanPlan:
 
 
 def folder_of(text: str) -> Path:
-    """Where files go, from a panel's field."""
+    """Returns the folder of files, from a panel's field."""
     from ..scanning.sensor_settings import absolute
 
     if not text.strip():
@@ -93,11 +93,11 @@ def check_colors(settings: bpy.types.PropertyGroup) -> None:
 
 
 # Scanned file --------------------------------------------------------------------------------------------------------
-# Which file, in which state, pieces of a scan are made from: so that others are not taken for theirs.
+# Identifies the file and its state from which chunks of a scan are made: so that other files' are not reused.
 #
-# A saved file is known by what is on the disk, as on the command line. Where it was edited since, or never saved,
-# pieces are known as long as Blender runs and nothing but the Scan panel's own settings, the frame or the selection
-# changes.
+# A saved file is identified by its contents on the disk, as on the command line. If it was edited since, or never
+# saved, chunks are recognised while Blender runs and nothing but the Scan panel's own settings, the frame or the
+# selection changes.
 
 
 _session = secrets.token_hex(8)
@@ -123,11 +123,11 @@ _watch = _Watch()
 
 
 class ScannedFile:
-    """The file of a scene, as it is now."""
+    """The current state of a scene's file."""
 
     def __init__(self, scene: bpy.types.Scene, view_layer: bpy.types.ViewLayer) -> None:
         listen(_watch)
-        view_layer.update()  # what was edited without an evaluation counts
+        view_layer.update()  # also counts edits that were not evaluated
         self._uid = scene.session_uid
         self._edits = edit_count(self._uid)
         state = _state_of(scene, view_layer)
@@ -138,9 +138,9 @@ class ScannedFile:
         self._name = _watch.known[self._uid][1]
 
     def inputs_of(self, inputs_of: Callable[[SimpleNamespace], dict[str, Any]], **choices: Any) -> dict[str, Any]:
-        """What pieces are made from, as the command line has it of a file that is saved.
+        """Returns the inputs of chunks, as the command line has them for a saved file.
 
-        inputs_of: makes that of the command's arguments. choices: those that panels have.
+        inputs_of: makes them from the command's arguments. choices: the panels' settings.
         """
         from ..extract.label_values import find_missing_libraries
 
@@ -162,7 +162,7 @@ class ScannedFile:
         return is_dirty() and edit_count(self._uid) != self._edits
 
     def check_unedited(self, frame: int) -> None:
-        """Raises ValueError if the scene was edited meanwhile. frame: from which on pieces are not written."""
+        """Raises ValueError if the scene was edited since. frame: the first whose chunks are not written."""
         if self.was_edited:
             raise ValueError(
                 f"The scene was edited during the scan: the pieces from frame {frame} on are not written. Start again, "
@@ -170,15 +170,15 @@ class ScannedFile:
             )
 
     def points_were_added(self, scene: bpy.types.Scene, view_layer: bpy.types.ViewLayer) -> None:
-        """By the scan itself, whose rays do not meet them."""
+        """Notes that the scan itself added points, which its rays do not hit."""
         view_layer.update()
         _watch.known[self._uid] = (_state_of(scene, view_layer), self._name)
 
 
 def is_dirty() -> bool:
-    """Whether the file was edited since it was saved, as Blender has it: by steps that can be undone.
+    """Whether the file was edited since it was saved, by Blender's count of undo steps.
 
-    Without windows it keeps no account of that: there a script is trusted to have saved what it has edited.
+    Without windows Blender does not count them: there a script is trusted to have saved its edits.
     """
     return bool(bpy.data.is_dirty) and not bpy.app.background
 
@@ -190,7 +190,7 @@ def forget() -> None:
 
 
 def _state_of(scene: bpy.types.Scene, view_layer: bpy.types.ViewLayer) -> str:
-    """What is no edit of an object or of its data is here by itself: the rate of frames, what the view layer shows."""
+    """Returns settings whose changes are no edits of objects or their data: the frame rate, the layer's visibility."""
     shown = sorted(obj.name for obj in view_layer.objects if obj.visible_get(view_layer=view_layer))
     parts = (edit_count(scene.session_uid), scene.render.fps, scene.render.fps_base, view_layer.name, shown)
     return hashlib.sha256(repr(parts).encode()).hexdigest()[:16]
@@ -201,7 +201,7 @@ def _state_of(scene: bpy.types.Scene, view_layer: bpy.types.ViewLayer) -> str:
 
 
 class PERFECT_BVH_OT_color_points(Checked, bpy.types.Operator):
-    """Writes the points' attribute of colours anew."""
+    """Writes the points' attribute of colours again."""
 
     bl_idname = "perfect_bvh.color_points"
     bl_label = "Color Points"
@@ -210,7 +210,7 @@ class PERFECT_BVH_OT_color_points(Checked, bpy.types.Operator):
 
     @classmethod
     def _find_complaint(cls, context: bpy.types.Context) -> str | None:
-        """Why no points can be coloured; asked in each redraw, where all objects cannot be gone through."""
+        """Returns why no points can be coloured; called in each redraw, so it does not go through all objects."""
         from ..scanning.point_data import may_have_points
 
         if context.mode != "OBJECT":

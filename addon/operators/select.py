@@ -11,11 +11,11 @@ from ..statistics.update_list import PERFECT_BVH_PG_updates, instancers_of, row_
 from ..statistics.updates import UpdateRow
 from ..sync.not_shown import SELECTABLE
 
-# Selecting what a row of a panel's list is about.
+# Selects the objects of a row of a panel's list.
 
 
 def can_select(operator: Any, context: bpy.types.Context) -> bool:
-    """For an operator's `poll`, which then says why not."""
+    """Whether an operator's `poll` succeeds; it then says why not."""
     if context.mode != "OBJECT":
         operator.poll_message_set("Objects can be selected in Object Mode only")
         return False
@@ -25,7 +25,7 @@ def can_select(operator: Any, context: bpy.types.Context) -> bool:
 def select_only(
     operator: bpy.types.Operator, context: bpy.types.Context, is_meant: Callable[[Any], bool], what: str
 ) -> set[str]:
-    """Select the visible objects that are meant and no others; what an operator returns. what: they do, in words."""
+    """Select only these visible objects; returns the operator's result. what: their description."""
     layer = context.view_layer
     found = [obj for obj in layer.objects if is_meant(obj) and obj.visible_get()]
     if not found:
@@ -53,11 +53,11 @@ def select_visible(layer: bpy.types.ViewLayer, objects: Sequence[bpy.types.Objec
 
 
 # Select not shown ----------------------------------------------------------------------------------------------------
-# A row of what is not shown, chosen: the objects that it is about are selected.
+# Selects the objects of a chosen row of the list of things that are not shown.
 
 
 class PERFECT_BVH_OT_select_not_shown(bpy.types.Operator):
-    """Finds objects by what is not shown of them."""
+    """Selects the objects of a row of the list of things that are not shown."""
 
     bl_idname = "perfect_bvh.select_not_shown"
     bl_label = "Select Objects"
@@ -101,7 +101,7 @@ def _is_of(block: Any, session_uid: int) -> bool:
 
 
 class PERFECT_BVH_OT_select_updated(bpy.types.Operator):
-    """Finds the objects of the active row, and says beside it why they could not be selected."""
+    """Selects the objects of the active row, and shows next to it why they could not be selected."""
 
     bl_idname = "perfect_bvh.select_updated"
     bl_label = "Select Objects"
@@ -130,7 +130,7 @@ def _select(layer: bpy.types.ViewLayer, rows: PERFECT_BVH_PG_updates, row: Updat
     objects = list(layer.objects)
     uids = set(row.uids.tolist())
     found = [obj for obj in objects if obj.session_uid in uids]
-    # What is shown as instances alone is hidden itself, or in no collection of the view layer.
+    # Objects that are only shown as instances are hidden themselves, or in no collection of the view layer.
     visible = [obj for obj in found if obj.visible_get(view_layer=layer)]
     if not visible:
         instancers = instancers_of(rows, row)

@@ -11,10 +11,10 @@ from ..settings.preferences import native_error
 from ..statistics import messages
 from ..statistics.words import sentence
 
-# A line in the status bar while an operator waits for clicks, or for work that goes on beside it.
+# A line in the status bar while an operator waits for clicks, or for work in the background.
 #
-# Blender keeps a text for each workspace, where it would stay if the operator ends while another one is shown. What
-# draws the bar is the same for all windows and workspaces: so that is what changes, and nothing can be left behind.
+# Blender keeps a text for each workspace, which would stay if the operator ends while another one is shown. The
+# function that draws the bar is the same for all windows and workspaces, so it is replaced: nothing can be left behind.
 
 
 _is_told = False
@@ -25,7 +25,7 @@ def tell(context: bpy.types.Context, text: str) -> None:
     global _is_told
 
     def draw(header: Any, _context: bpy.types.Context) -> None:
-        """As Blender does, with the line in the place of what the mouse's buttons do."""
+        """Draw like Blender, with the line in place of the mouse buttons' actions."""
         layout = header.layout
         layout.label(text=text)
         layout.separator_spacer()
@@ -48,7 +48,7 @@ def clear(context: bpy.types.Context) -> None:
 
 
 def forget() -> None:
-    """Clears what an operator told: one that is unregistered while it runs does not end."""
+    """Clears an operator's line: an operator that is unregistered while it runs does not end."""
     if _is_told:
         clear(bpy.context)
 
@@ -62,7 +62,7 @@ FUNCTIONS = ("scan", "bench", "compare", "label_image")
 
 
 def sentence_of(problem: BaseException | str) -> str:
-    """What users read of it: neither a function's name nor a number of the operating system's."""
+    """Returns the text for users: without a function's name or a number of the operating system's."""
     text = problem.strerror if isinstance(problem, OSError) and problem.strerror else str(problem)
     for function in FUNCTIONS:
         text = text.removeprefix(f"{function}: ")
@@ -70,7 +70,7 @@ def sentence_of(problem: BaseException | str) -> str:
 
 
 class Checked:
-    """An operator whose button is greyed where it cannot work, and tells why."""
+    """An operator whose button is greyed where it cannot work, and says why."""
 
     poll_message_set: Callable[..., None]
 
@@ -90,7 +90,7 @@ class Checked:
 class Ticking(Checked):
     """An operator that ticks: a timer that calls its `modal`, a bar at the pointer, a line in the status bar.
 
-    Without a window, or when a script calls it, none of that begins: it has an `execute` of its own.
+    Without a window, or when a script calls it, it runs `execute` instead.
     """
 
     bl_label: str
@@ -121,31 +121,31 @@ class Ticking(Checked):
     # What each of them has its own of --------------------------------------------------------------------------------
 
     def _begin(self, context: bpy.types.Context) -> bool:
-        """Reads what it is about; False if it cannot be done, with the reason reported."""
+        """Reads the input; returns False if the work is impossible, with the reason reported."""
         raise NotImplementedError
 
     def _tick(self, context: bpy.types.Context) -> set[str] | None:
-        """Works for a moment; what Blender is to be told once that was the last, which has ended it."""
+        """Works for a moment; returns the operator's result after the last one."""
         raise NotImplementedError
 
     def _end(self, context: bpy.types.Context) -> None:
-        """Gives up what is under way."""
+        """Cancels the current work."""
         raise NotImplementedError
 
     def _stop(self, context: bpy.types.Context) -> set[str]:
-        """What Blender is to be told when the user has ended it."""
+        """Returns the operator's result when the user has ended it."""
         self.report({"INFO"}, self._stopped())
         return {"CANCELLED"}
 
     def _stopped(self) -> str:
-        """What the user is told then."""
+        """Returns the message to the user then."""
         raise NotImplementedError
 
     def _show_state(self, context: bpy.types.Context) -> None:
         """How far it is."""
 
     def _is_closed(self, context: bpy.types.Context) -> bool:
-        """Whether what it works for was closed."""
+        """Whether the owner of its work was closed."""
         return False
 
     # Ticking ---------------------------------------------------------------------------------------------------------
@@ -163,17 +163,17 @@ class Ticking(Checked):
             tell(context, state)
 
     def _forget_complaints(self) -> None:
-        """It begins anew."""
+        """Drops the messages of an earlier run."""
         messages.tell(bpy.context.scene, self.bl_label)
 
     def _complain(self, problem: BaseException | str, kind: str = "ERROR") -> None:
-        """Report what went wrong, and leave it in the panels until it begins anew."""
+        """Report an error, and keep it in the panels until the next run."""
         text = sentence_of(problem)
         self.report({kind}, text)
         messages.add(bpy.context.scene, self.bl_label, text, is_error=kind == "ERROR")
 
     def _end_ticking(self, context: bpy.types.Context) -> None:
-        """Nothing if it has not begun, or ended before."""
+        """Ends the ticking; does nothing if it has not begun, or has ended before."""
         if self._timer is None:
             return
         context.window_manager.event_timer_remove(self._timer)

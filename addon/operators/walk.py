@@ -1,4 +1,4 @@
-"""Steps of a ray that is walked: what keys stand for, as buttons."""
+"""Steps of a ray's walk: the actions of keys, as buttons."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 class PERFECT_BVH_OT_walk_step(Checked, bpy.types.Operator):
-    """The buttons that keys stand for."""
+    """The actions of keys, as buttons."""
 
     bl_idname = "perfect_bvh.walk_step"
     bl_label = "Step"
@@ -57,7 +57,7 @@ class PERFECT_BVH_OT_walk_step(Checked, bpy.types.Operator):
 
 
 def go(to: str) -> None:
-    """To another step of the walk that is shown: see `PERFECT_BVH_OT_walk_step`."""
+    """Goes to another step of the shown walk: see `PERFECT_BVH_OT_walk_step`."""
     from ..view3d.walk import walk_view
 
     walk = walk_view.shown()
@@ -86,11 +86,11 @@ def _move(walk: ShownWalk, to: str) -> None:
 
 
 # Walk ray ------------------------------------------------------------------------------------------------------------
-# Walk a Ray: click a pixel of a 3D viewport, and step through what the ray does that is cast through it.
+# Walk a Ray: click a pixel of a 3D viewport, and step through the walk of the ray that is cast through it.
 #
-# It runs beside Blender: the view can be turned, panels can be used, and another click walks another ray. Where the
-# scene changes, what was walked is shown no more, and another click is waited for. It ends with Esc, with an undo,
-# with another file or scene, and where its viewport is closed. Nothing of the scene is changed.
+# It runs while Blender is used: the view can be turned, panels can be used, and another click walks another ray. When
+# the scene changes, the walk is hidden, and another click is awaited. It ends with Esc, with an undo,
+# with another file or scene, and when its viewport is closed. It changes nothing in the scene.
 
 
 TIMER_SECONDS = 0.05
@@ -178,7 +178,7 @@ class PERFECT_BVH_OT_walk_ray(Checked, bpy.types.Operator):
     # The parts -------------------------------------------------------------------------------------------------------
 
     def _is_over(self, context: bpy.types.Context) -> bool:
-        """Whether another was started, or what was shown has gone, or the viewport where it was or is to be."""
+        """Whether another was started, or the walk has ended, or its viewport is closed."""
         from ..view3d.walk import walk_view
 
         if self._number != PERFECT_BVH_OT_walk_ray._newest:
@@ -195,7 +195,7 @@ class PERFECT_BVH_OT_walk_ray(Checked, bpy.types.Operator):
     def _take_click(
         self, context: bpy.types.Context, event: bpy.types.Event, place: tuple[Any, Any] | None
     ) -> set[str]:
-        if event.value != "PRESS":  # whoever takes the press takes the release
+        if event.value != "PRESS":  # the handler of the press also gets the release
             owned, self._owns_click = self._owns_click, False
             return {"RUNNING_MODAL"} if owned else {"PASS_THROUGH"}
         if place is None:
@@ -245,7 +245,7 @@ class PERFECT_BVH_OT_walk_ray(Checked, bpy.types.Operator):
             redraw_viewports()
 
     def _attempt(self, context: bpy.types.Context, work: Callable[[], None]) -> None:
-        """What cannot be done is reported and left in the panels, and another pixel can be clicked."""
+        """Does the work; errors are reported and kept in the panels, and another pixel can be clicked."""
         import perfect_bvh
 
         try:
@@ -257,7 +257,7 @@ class PERFECT_BVH_OT_walk_ray(Checked, bpy.types.Operator):
             self._ask_again(context, sentence_of(problem))
 
     def _ask_again(self, context: bpy.types.Context, why: str) -> None:
-        """For a click, as in the beginning; a walk that holds stays."""
+        """Waits for a click again; a valid walk stays."""
         self.report({"WARNING"}, why)
         messages.tell(context.scene, self.bl_label, why)
         self._knows_it_is_old = self._walk is not None and self._walk.is_old(context.scene)

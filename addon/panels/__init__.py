@@ -4,8 +4,8 @@ render     render properties: mode, sampling, light paths, curves, motion blur
 objects    cameras, lights, materials, worlds, objects
 output     passes of a view layer, scans
 viewports  overlays, shading, rendering a view, the walk of a ray
-reports    statistics, updates, comparison, what is not shown, the bench
-common     what they share
+reports    statistics, updates, comparison, things that are not shown, the bench
+common     their common parts
 """
 
 from __future__ import annotations

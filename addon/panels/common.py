@@ -1,4 +1,4 @@
-"""What the add-on's panels share."""
+"""The common parts of the add-on's panels."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from ..settings.preferences import native_error
 from ..settings.scene_settings import ENGINE_NAME
 from ..statistics.messages import Message, messages_of
 
-# Labels do not wrap, and a panel is as wide as its region: in pixels at the usual resolution scale, what is left free
-# of that for borders and an icon, and how long a line is at least. The font is the interface's own.
+# Labels do not wrap, and a panel is as wide as its region. In pixels at the usual resolution scale: the width for
+# borders and an icon, and the shortest length of a line. The font is the interface's own.
 MARGIN, SHORTEST_LINE = 58, 114
 FONT = 0
 TABS = 20  # of a sidebar's width
@@ -69,13 +69,13 @@ def settings_layout(panel: bpy.types.Panel) -> bpy.types.UILayout:
 
 
 def text_width(text: str) -> float:
-    """Of one line, in pixels at the usual resolution scale."""
+    """Returns the width of one line, in pixels at the usual resolution scale."""
     blf.size(FONT, bpy.context.preferences.ui_styles[0].widget.points)
     return float(blf.dimensions(FONT, text)[0])
 
 
 def wrapped(context: bpy.types.Context, text: str, inset: float = 0.0) -> list[str]:
-    """The lines of `text` as the panel that is being drawn has room for. inset: what is lost of that."""
+    """Wraps `text` to the width of the panel that is being drawn. inset: the unavailable part of the width."""
     width = max(SHORTEST_LINE, context.region.width / context.preferences.system.ui_scale - MARGIN - inset)
     lines: list[str] = []
     for word in text.split():
@@ -93,14 +93,14 @@ def draw_message(context: bpy.types.Context, layout: bpy.types.UILayout, message
 
 
 def draw_messages_of(context: bpy.types.Context, layout: bpy.types.UILayout, source: str) -> None:
-    """What went wrong last in what a sidebar's panel is for: with other render engines it is told nowhere else."""
+    """Shows the last errors of a sidebar panel's work: with other render engines no other panel shows them."""
     for message in messages_of(context.scene):
         if message.source == source:
             draw_message(context, layout, message, TABS)
 
 
 def draw_purpose(context: bpy.types.Context, layout: bpy.types.UILayout, sentence: str) -> None:
-    """What a sidebar's panel is for, above its settings."""
+    """Shows the purpose of a sidebar panel, above its settings."""
     draw_lines(context, layout.column(), sentence, inset=TABS)
 
 

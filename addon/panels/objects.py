@@ -15,8 +15,8 @@ from .render import motion_blur_layout
 # Blender's own panels that stay of use with this engine.
 
 
-# Panels that Blender offers every engine, without those of features that this engine does not have; Simplify it shows
-# in a place of its own.
+# Panels that Blender offers every engine, without those of unsupported features; Simplify is shown at another
+# position.
 UNSUPPORTED_PANELS = ("freestyle", "grease_pencil", "gpencil", "render_pt_simplify")
 # Those of which a fuller one is borrowed, and their copies in the Shader Editor.
 POORER_PANELS = ("DATA_PT_light", "NODE_DATA_PT_light")
@@ -104,9 +104,9 @@ ALWAYS_NODES = bpy.app.version >= (5, 0, 0)
 
 
 def draw_surface(layout: bpy.types.UILayout, owner: bpy.types.ID, plain: str) -> None:
-    """What is linked to the Surface of a material, a light or a world, to unfold and edit.
+    """Draws the node that is linked to the Surface of a material, a light or a world, to unfold and edit.
 
-    plain: the property that counts without nodes; empty for a light, whose own color counts besides.
+    plain: the property that counts without nodes; empty for a light, whose own color counts in addition.
     """
     if not (ALWAYS_NODES and plain):
         layout.prop(owner, "use_nodes", icon="NODETREE")
@@ -177,7 +177,7 @@ LIGHT_CLASSES = (PERFECT_BVH_PT_light_beam, PERFECT_BVH_PT_light_settings, PERFE
 
 
 # Material ------------------------------------------------------------------------------------------------------------
-# What a material is made of, and its number in passes.
+# The properties of a material, and its number in passes.
 
 
 class MaterialPanel(RenderPanel):

@@ -1,4 +1,4 @@
-"""The panels of what comes out beside the picture: a view layer's passes and scans."""
+"""The panels of outputs other than the picture: a view layer's passes and scans."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from ..settings.scan_choices import OTHER
 from ..statistics.messages import notes_of
 from .common import TABS, RenderPanel, SidebarPanel, draw_lines, draw_messages_of, draw_purpose, settings_layout
 
-# What the Scan button casts, what becomes of the points, and the button.
+# The settings of the Scan button's sensor and of its points, and the button.
 
 
 class PERFECT_BVH_PT_scan(SidebarPanel, bpy.types.Panel):
@@ -131,7 +131,7 @@ LABEL_CLASSES = (PERFECT_BVH_PT_label_images,)
 
 
 # View layer ----------------------------------------------------------------------------------------------------------
-# The passes that the engine writes beside Combined.
+# The passes that the engine writes in addition to Combined.
 
 
 class PERFECT_BVH_PT_passes(RenderPanel, bpy.types.Panel):

@@ -12,7 +12,7 @@ from ..settings.scene_settings import light_path_settings, rolling_shutter_setti
 from ..view3d.rendered import opening
 from .common import EnginePanel, RenderPanel, draw_lines, settings_layout
 
-# What the image shows, its background, threads, and Blender's own Simplify settings.
+# The mode of the image, its background, threads, and Blender's own Simplify settings.
 
 
 class PERFECT_BVH_PT_render(RenderPanel, bpy.types.Panel):
@@ -107,7 +107,7 @@ class PERFECT_BVH_PT_simplify_render(RenderPanel, bpy.types.Panel):
 
 
 def _draw_view_hint(context: bpy.types.Context, layout: bpy.types.UILayout) -> None:
-    """Files of data modes bypass the scene's view transform; what the Image Editor shows does not."""
+    """Explains that files of data modes bypass the scene's view transform, while the Image Editor applies it."""
     scene = context.scene
     view_transform = mode_of_render(scene).view
     if view_transform is not None and scene.view_settings.view_transform != view_transform:
@@ -129,7 +129,7 @@ LAST_CLASSES = (
 
 
 # Sampling ------------------------------------------------------------------------------------------------------------
-# How much work goes into images, and what is done about the noise that is left: laid out as Cycles has it.
+# The amount of work for images, and the treatment of the remaining noise: in Cycles' layout.
 
 
 class PERFECT_BVH_PT_sampling(EnginePanel, bpy.types.Panel):
@@ -139,7 +139,7 @@ class PERFECT_BVH_PT_sampling(EnginePanel, bpy.types.Panel):
     bl_options: ClassVar = set()
 
     def draw(self, context: bpy.types.Context) -> None:
-        """Nothing of its own."""
+        """Draws nothing; its subpanels do."""
 
 
 class PERFECT_BVH_PT_sampling_viewport(EnginePanel, bpy.types.Panel):
@@ -182,7 +182,7 @@ class PERFECT_BVH_PT_sampling_advanced(EnginePanel, bpy.types.Panel):
 
 
 def _draw_samples(layout: bpy.types.UILayout, settings: bpy.types.bpy_struct, kind: str) -> None:
-    """The threshold with its switch, and what it leaves to say. kind: what the properties' names begin with."""
+    """Draws the threshold with its switch, and the settings that depend on it. kind: the properties' prefix."""
     is_noisy, is_adaptive = _is_noisy(settings), getattr(settings, f"use_{kind}noise_threshold")
     row = layout.column(heading="Noise Threshold", align=True).row(align=True)
     row.active = is_noisy
@@ -199,7 +199,7 @@ def _draw_samples(layout: bpy.types.UILayout, settings: bpy.types.bpy_struct, ki
 
 
 def _draw_max(layout: bpy.types.UILayout, settings: bpy.types.bpy_struct, kind: str, name: str) -> None:
-    """Of viewports: as many as a render takes, or a number of their own."""
+    """Draws the maximum of viewports: that of renders, or a separate number."""
     if not kind:
         layout.prop(settings, "samples", text=name)
         return

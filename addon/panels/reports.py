@@ -1,4 +1,4 @@
-"""The panels that report: statistics, updates, trees, what is not shown, and the bench."""
+"""The panels that report: statistics, updates, trees, things that are not shown, and the bench."""
 
 from __future__ import annotations
 
@@ -28,12 +28,12 @@ from .common import (
     text_width,
 )
 
-# What the last image of the scene cost, and what went wrong.
+# The cost of the last image of the scene, and the last errors.
 
 
-# What a box takes of the width.
+# The width of a box's borders.
 BOX = 16
-# Of names that stand left of values: what is left free of the panel's width and right of them, in pixels; their part.
+# Of names to the left of values: the free part of the panel's width and the space right of them, in pixels; their part.
 BORDERS, GAP = 40, 16
 LEAST_PART, MOST_PART = 0.4, 0.5
 
@@ -65,19 +65,19 @@ def _draw_steps(context: bpy.types.Context, layout: bpy.types.UILayout) -> None:
     for name, value in rows:
         names.label(text=name)
         values.label(text=value)
-    # A viewport renews them itself: panels would only jump meanwhile.
+    # A viewport renews them itself: panels would only jump in between.
     if is_old and statistics.source != "Viewport":
         draw_lines(context, layout, "The scene has changed since", icon="INFO")
 
 
 def _part_of_names(context: bpy.types.Context, names: list[str]) -> float:
-    """Of the panel's width: what the longest takes, but where there is too little for both."""
+    """Returns the part of the panel's width for the longest name, unless there is too little for both."""
     width = context.region.width / context.preferences.system.ui_scale - BORDERS
     return min(max(LEAST_PART, (max(map(text_width, names)) + GAP) / max(width, 1.0)), MOST_PART)
 
 
 def draw_messages(context: bpy.types.Context, layout: bpy.types.UILayout) -> None:
-    """All of them, in a box: reports of Blender's are seen for a few seconds only."""
+    """Draws all messages, in a box: Blender's own reports are visible for a few seconds only."""
     found, line = messages_of(context.scene), line_of(context.scene)
     if not found and not line:
         return
@@ -93,7 +93,7 @@ REPORTS_CLASSES = (PERFECT_BVH_PT_statistics,)
 
 
 # Updates -------------------------------------------------------------------------------------------------------------
-# What was updated for the last image: objects in a list, and what can be done about the one that is chosen.
+# The updates for the last image: objects in a list, and advice for the chosen one.
 
 
 ICONS = {
@@ -111,9 +111,9 @@ ICONS = {
     "rebuilt": "MOD_BUILD",
     "built": "ADD",
 }
-# Of a row: what a name has where there is a time beside it and where there is none; of the rest what a time has.
+# Parts of a row: of a name next to a time, and without one; and of the rest, that of a time.
 NAME_PART, LONG_NAME_PART, TIME_PART = 0.46, 0.78, 0.62
-# What is left free of the sidebar's width for tabs and borders, and of a name's part for its icon, in pixels at the
+# The free part of the sidebar's width for tabs and borders, and of a name's part for its icon, in pixels at the
 # usual resolution scale.
 LIST_BORDERS, ICON = 66, 34
 
@@ -260,7 +260,7 @@ COMPARE_CLASSES = (PERFECT_BVH_PT_compare,)
 
 
 # Not shown -----------------------------------------------------------------------------------------------------------
-# What the last image lacks or shows otherwise than Blender's nodes and settings say, as a list to go through.
+# A list of things that the last image lacks or shows differently from Blender's nodes and settings.
 
 
 NOT_SHOWN_ICONS = {

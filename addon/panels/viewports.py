@@ -20,7 +20,7 @@ from .common import (
     settings_layout,
 )
 
-# Which boxes of the trees are drawn over 3D viewports; what they tell stands in the viewports themselves.
+# The choice of trees' boxes over 3D viewports; their description is in the viewports themselves.
 
 
 class PERFECT_BVH_PT_overlay(bpy.types.Panel):
@@ -76,7 +76,7 @@ DISPLAY_CLASSES = (PERFECT_BVH_PT_display,)
 
 
 # Shading -------------------------------------------------------------------------------------------------------------
-# The Viewport Shading popover in Rendered shading: what a viewport shows, and under which light.
+# The Viewport Shading popover in Rendered shading: the content and the light of a viewport.
 
 
 class ShadingPanel:
@@ -116,7 +116,7 @@ class PERFECT_BVH_PT_shading_render_pass(ShadingPanel, bpy.types.Panel):
 
 
 def _draw_studio(layout: bpy.types.UILayout, shading: Any) -> None:
-    """As Blender's own engines have it, but for blurring, which Cycles lacks as well."""
+    """Draws the settings as Blender's own engines do, except blurring, which Cycles lacks as well."""
     split = layout.split(factor=0.9)
     row = split.column().row()
     row.scale_y = 0.6
@@ -132,7 +132,7 @@ SHADING_CLASSES = (PERFECT_BVH_PT_shading_lighting, PERFECT_BVH_PT_shading_rende
 
 
 # Render view ---------------------------------------------------------------------------------------------------------
-# The button that renders what a viewport shows.
+# The button that renders a viewport's view.
 
 
 class PERFECT_BVH_PT_render_view(SidebarPanel, bpy.types.Panel):
@@ -169,7 +169,7 @@ def unregister() -> None:
 
 
 # Walk ray ------------------------------------------------------------------------------------------------------------
-# The button that walks a ray, and those that step through what it does.
+# The button that walks a ray, and those that step through the walk.
 
 
 BUTTONS = (

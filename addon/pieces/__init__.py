@@ -1,5 +1,5 @@
 """Long work over frames as files of some frames each, which are recognised when it is run again.
 
-piece  which frames and files belong together, what their bytes depend on, and the manifests that say what is done
-work   the work itself, at once or in steps, and what came of it
+piece  chunks of frames and files, the inputs of their bytes, and the manifests of finished ones
+work   the work itself, at once or in steps, and its outcome
 """

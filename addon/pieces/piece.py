@@ -1,4 +1,4 @@
-"""Frames that are worked on together, and the files that come of them. Knows no Blender."""
+"""Chunks of frames that are processed together, and their files. Does not depend on Blender."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def runs_of(frames: Iterable[int], size: int, *, has_gaps: bool = False) -> list
 
 
 # Inputs --------------------------------------------------------------------------------------------------------------
-# What the bytes of pieces depend on, but for their frames, in a form that JSON has. Knows no Blender.
+# The inputs of the bytes of chunks, except their frames, as JSON values. Does not depend on Blender.
 
 
 _BLOCK = 1 << 20
@@ -90,9 +90,9 @@ def learn_checksums(known: dict[str, tuple[list[int], str]]) -> None:
 
 
 def inputs_of(files: Iterable[Path], **options: Any) -> dict[str, Any]:
-    """files: the scene's own and those that it reads, by their contents; of caches of simulations nothing is asked.
+    """files: the scene's own and those that it reads, by their contents; caches of simulations are not read.
 
-    Files of one name in several folders are told together. The result is as a manifest gives it back.
+    Files of the same name in several folders are listed together. The result equals that read from a manifest.
     """
     sums: dict[str, list[str]] = {}
     for path in sorted(set(files)):
@@ -122,12 +122,12 @@ def find_difference(inputs: dict[str, Any], others: dict[str, Any]) -> str | Non
 
 
 # Folder --------------------------------------------------------------------------------------------------------------
-# Manifests of pieces: what counts as done, and what does not belong together. Knows no Blender.
+# Manifests of chunks: which are finished, and which do not belong together. Does not depend on Blender.
 #
-# Beside the files of each piece stands its manifest, written last: its frames, facts of it, the files' checksums, and
-# the inputs that it was made from. A piece counts as done if its manifest is there, names these inputs, and the files
-# are those that it tells of: what is damaged, or half there, is done again. Several processes may write one piece at
-# once, as happens where one was given up for dead: each file is replaced as a whole, and by the same bytes.
+# Each chunk has a manifest next to its files, written last: its frames, facts about it, the files' checksums, and
+# the inputs that it was made from. A chunk is finished if its manifest exists, has the current inputs, and its
+# checksums match the files: damaged or partial chunks are made again. Several processes may write one chunk at
+# once, for example if a worker was wrongly presumed dead: each file is replaced as a whole, and by the same bytes.
 
 
 class OtherInputsError(ValueError):
@@ -135,7 +135,7 @@ class OtherInputsError(ValueError):
 
 
 class PieceFolder:
-    """Where pieces go. inputs: what they are made from. before: how names of manifests begin. what: in words."""
+    """The folder of chunks. inputs: theirs. before: the prefix of manifests' names. what: the content, in words."""
 
     def __init__(self, folder: Path, inputs: dict[str, Any], before: str, what: str) -> None:
         self.folder = folder
@@ -144,7 +144,7 @@ class PieceFolder:
         self._what = what
 
     def prepare(self, pieces: Iterable[Piece], *others: str, resume: bool) -> None:
-        """Before the work: `check`, then `clear`; unless it is to be resumed, `forget`. Raises what these do."""
+        """Before the work: calls `check`, then `clear`; also `forget`, unless it resumes. Raises their errors."""
         pieces = list(pieces)
         self.check(pieces)
         self.clear(pieces, *others)
@@ -152,9 +152,9 @@ class PieceFolder:
             self.forget(pieces)
 
     def check(self, pieces: Iterable[Piece]) -> None:
-        """Raises OtherInputsError if the folder holds what these pieces cannot stand beside.
+        """Raises OtherInputsError if the folder holds a chunk that conflicts with these.
 
-        That is a piece that was made from anything else, or one that shares frames with any of these.
+        That is a chunk that was made from other inputs, or one that shares frames with any of these.
         """
         wanted = {frame: piece.frames for piece in pieces for frame in piece.frames}
         for path in sorted(self.folder.glob(f"{glob.escape(self._before)}*.json")):
@@ -172,7 +172,7 @@ class PieceFolder:
                 )
 
     def forget(self, pieces: Iterable[Piece]) -> None:
-        """From now on none of these counts as done. Raises OSError."""
+        """Marks these chunks as unfinished. Raises OSError."""
         for piece in pieces:
             self._manifest(piece).unlink(missing_ok=True)
 
@@ -186,7 +186,7 @@ class PieceFolder:
         )
 
     def path_of(self, name: str) -> Path:
-        """Where a file of a piece is."""
+        """Returns the path of a chunk's file."""
         return self.folder / name
 
     def finish(self, piece: Piece, **facts: Any) -> None:
@@ -222,7 +222,7 @@ def _is_whole(path: Path, expected: object) -> bool:
 
 
 def _read(path: Path) -> dict[str, Any] | None:
-    """A manifest; None for what is none."""
+    """Reads a manifest; None for a missing or invalid one."""
     try:
         found = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError):

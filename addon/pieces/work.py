@@ -1,7 +1,7 @@
-"""Work over frames, piece by piece: one driver for the command line, its workers and the Scan button.
+"""Work over frames, chunk by chunk: one driver for the command line, its workers and the Scan button.
 
-What a piece holds depends on its frames and inputs alone, not on what was done before it in its process. So whoever
-drives the work gets the same bytes: at once (`PieceWork.do`), or in steps between which Blender's user goes on
+The content of a chunk depends only on its frames and inputs, not on earlier work of its process. So all
+callers get the same bytes: at once (`PieceWork.do`), or in steps between which Blender's user continues
 (`PieceWork.steps`).
 """
 
@@ -23,20 +23,20 @@ Advance = Callable[[float], object]
 
 @dataclass(frozen=True, slots=True)
 class Done:
-    """What is told of a piece that was done. counts: numbers, by their names, which are added up for the summary."""
+    """The report of a finished chunk. counts: numbers, by their names, which are added up for the summary."""
 
     counts: dict[str, int] = field(default_factory=dict)
     warnings: tuple[str, ...] = ()
 
 
-Steps = Generator[float | Done, None, None]  # the share done, 0 to 1; then, unless it was stopped, what was done
+Steps = Generator[float | Done, None, None]  # the share done, 0 to 1; then, unless it was stopped, the report
 
 
 @dataclass(slots=True)
 class Outcome:
-    """What came of a run. warnings: of the pieces that were done, each once. failed: pieces and the reasons.
+    """The outcome of a run. warnings: of the finished chunks, each once. failed: chunks and the reasons.
 
-    number: of the piece that is worked on, from 1.
+    number: of the current chunk, from 1.
     """
 
     written: int = 0
@@ -60,7 +60,7 @@ class Outcome:
             self.counts[name] = self.counts.get(name, 0) + count
 
     def words(self, total: int, what: str = "pieces") -> str:
-        """How many of so many were done, and how many were there before."""
+        """Returns how many of `total` were done, and how many existed before."""
         recognised = f", {self.kept} were there" if self.kept else ""
         return f"{self.written} of {total} {what}{recognised}"
 
@@ -81,11 +81,11 @@ class PieceWork(ABC):
         self.view = view
         self.frames = frames
         self.is_simulated = has_simulations(view.find())
-        self.begins = min(frames) if self.is_simulated else None  # what is simulated depends on its first frame
+        self.begins = min(frames) if self.is_simulated else None  # simulations depend on their first frame
         self._played_to = min(frames) - 1
 
     def can_do(self, piece: Piece) -> bool:
-        """Whether the scene can come to this piece as it is now; what is simulated does not run backwards."""
+        """Whether the scene in its current state can go to this chunk; simulations do not run backwards."""
         return not self.is_simulated or piece.first > self._played_to
 
     def do(self, piece: Piece, advance: Advance) -> Done | None:
@@ -122,7 +122,7 @@ class PieceWork(ABC):
 
     @property
     def where(self) -> str:
-        """Where its files are, in words."""
+        """Describes the place of its files, in words."""
         return str(self.place.folder)
 
     def summary(self, outcome: Outcome) -> tuple[str, ...]:
@@ -141,9 +141,9 @@ class PieceWork(ABC):
 def do_pieces(
     work: PieceWork, outcome: Outcome, do: Callable[[Piece, int], Done | None] | None = None
 ) -> Generator[float, None, None]:
-    """Does all pieces that are not there; yields how many are done, with fractions. Closing it keeps whole pieces.
+    """Does all missing chunks; yields the number of finished ones, with fractions. Closing it keeps whole chunks.
 
-    outcome: what has come of it so far. do: makes a piece at once, before which there are so many; None: in steps.
+    outcome: the results so far. do: makes a chunk at once, given the number of chunks before it; None: in steps.
     """
     for before, piece in enumerate(work.pieces):
         outcome.number = before + 1
@@ -167,7 +167,7 @@ def do_pieces(
 
 
 def _last(steps: Steps, advance: Advance) -> Done | None:
-    """What steps come to, unless `advance` stops them."""
+    """Returns the result of steps, unless `advance` stops them."""
     with closing(steps):
         for step in steps:
             if isinstance(step, Done):

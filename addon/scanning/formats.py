@@ -1,7 +1,7 @@
 """Writes point clouds to files that other programs read. Needs no Blender.
 
 The suffix of the file name chooses the format. .npz, .ply, .las and .csv need no library; .laz, .parquet and .h5 need
-those of `pip install 'perfect-bvh[data]'`. The names of objects, materials and labels are stored beside the columns
+those of `pip install 'perfect-bvh[data]'`. The names of objects, materials and labels are stored with the columns
 where a format has a place for them.
 """
 
@@ -25,7 +25,7 @@ from ..support.files import data_library, how_to_install, replacing
 from .las import LasPoints, write_las
 from .point_cloud import AXES, COLUMNS, SINGULAR, PointCloud, column_names
 
-# What the columns of labels are called in each format of point clouds. Knows no Blender.
+# The names of label columns in each format of point clouds. Does not depend on Blender.
 
 
 # What no name may hold, and how many bytes it may have.
@@ -129,7 +129,7 @@ def check_format(suffix: str, labels: Iterable[str] = ()) -> None:
 
 
 def how_to_get(suffix: str) -> str | None:
-    """What to do where libraries of a format are missing, in a sentence; None where all are there. Quick to ask."""
+    """Returns how to install a format's missing libraries, in a sentence; None if all are installed. Fast."""
     names = dict.fromkeys(module.partition(".")[0] for module in MODULES[suffix])
     missing = [name for name in names if importlib.util.find_spec(name) is None]
     if not missing:
@@ -154,7 +154,7 @@ def _table(cloud: PointCloud, labels: Mapping[str, str]) -> dict[str, npt.NDArra
 
 
 def _facts(cloud: PointCloud, labels: Mapping[str, str]) -> dict[str, str]:
-    """What there is of the whole cloud, as text."""
+    """Returns facts about the whole cloud, as text."""
     return {
         "object_names": json.dumps(cloud.object_names),
         "material_names": json.dumps(cloud.material_names),

@@ -1,4 +1,4 @@
-"""Patterns of sensors that do not spin: rosettes of two prisms, rasters, and depth cameras. Knows no Blender."""
+"""Patterns of sensors that do not spin: rosettes of two prisms, rasters, and depth cameras. No Blender needed."""
 
 from __future__ import annotations
 
@@ -130,7 +130,7 @@ class Raster(OnAnyObject):
 
 @dataclass(frozen=True, slots=True)
 class DepthCamera(OnAnyObject):
-    """A camera that measures the depth of each pixel, all at once; on any object, with a lens of its own.
+    """A camera that measures the depth of each pixel, all at once; it may be on any object, and has its own lens.
 
     Attributes:
         width, height: Size of the picture, in pixels.

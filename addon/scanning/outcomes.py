@@ -1,4 +1,4 @@
-"""What became of each ray of a scan: exactly one outcome per ray, so that the counts add up. Knows no Blender."""
+"""The outcome of each ray of a scan: exactly one per ray, so that the counts add up. Does not depend on Blender."""
 
 from __future__ import annotations
 
@@ -49,17 +49,17 @@ WORDS = (
 
 @dataclass(frozen=True, slots=True)
 class RayCounts:
-    """How many rays of a scan had which outcome. A ray has one outcome, the first below that fits.
+    """The number of rays of a scan with each outcome. A ray has one outcome, the first below that fits.
 
-    The rays of a sensor with light are its beams, however many rays stand for one and however many points it gives.
+    The rays of a sensor with light are its beams, for any number of sampling rays and points of a beam.
 
     Attributes:
         on_mount: All points of the ray are on the mount (the sensor's object and its children).
         behind_glass: A point was reached through glass or alpha, or by a mirror.
         on_objects: Any other ray with points.
         too_dark: The ray hit surfaces, and none returned enough light to be detected.
-        dropped_out: The sensor's noise dropped what was detected.
-        hidden: The second eye of a depth camera does not see what was hit.
+        dropped_out: The sensor's noise dropped the detected light.
+        hidden: The second eye of a depth camera does not see the hit.
         out_of_range: Something is on the ray, but nearer or farther than the sensor measures.
         hit_nothing: Nothing is on the ray. Of a beam without points whose rays hit nothing in range, its middle ray
             decides between the last three.
@@ -81,7 +81,7 @@ class RayCounts:
 
     @property
     def cast(self) -> int:
-        """All rays."""
+        """The number of all rays."""
         return sum(self.named.values())
 
     @property
@@ -113,7 +113,7 @@ def mark_mount(outcomes: Outcomes, rays: npt.NDArray[Any], is_on_mount: BoolArra
 
 @dataclass(frozen=True, slots=True)
 class MissJudge:
-    """Tells why rays met nothing. mask: of what they see."""
+    """Finds out why rays hit nothing. mask: the instances that they see."""
 
     snapshot: Snapshot
     mask: int
@@ -134,7 +134,7 @@ class MissJudge:
         at = np.broadcast_to(times, len(outcomes))[rows]
         is_in_way = self._test(origins[rows], directions[rows], 0.0, np.inf, at)
         outcomes[rows] = np.where(is_in_way, Outcome.OUT_OF_RANGE, Outcome.HIT_NOTHING)
-        if has_second_eye:  # only that makes a miss of what is in range
+        if has_second_eye:  # only a second eye turns hits in range into misses
             is_in_range = self._test(origins[rows], directions[rows], rays.t_min, rays.t_max, at)
             outcomes[rows[is_in_range]] = Outcome.HIDDEN
 
@@ -146,9 +146,9 @@ class MissJudge:
 
 
 # Complaints ----------------------------------------------------------------------------------------------------------
-# Says in words why a scan is of no use, and what to do about it. Knows no Blender.
+# Says in words why a scan is useless, and how to fix it. Does not depend on Blender.
 #
-# The sentences hold no counts, so that those of several files of a scan are one.
+# The sentences hold no counts, so that equal ones of several files of a scan merge.
 
 
 # Of rays with points: if this share hit the mount alone, the scan is one of the mount.
@@ -190,7 +190,7 @@ def mount_left_out(name: str) -> str:
 
 
 def unit_complaints(units: Any, farthest: float) -> Iterator[str]:
-    """Yields what is wrong with a sensor in metres in a scene of another unit. units: the scene's unit settings."""
+    """Yields the problems of a sensor in metres in a scene of another unit. units: the scene's unit settings."""
     scale = units.scale_length
     if units.system == "NONE" or math.isclose(scale, 1.0, rel_tol=1e-3):
         return
@@ -204,7 +204,7 @@ def unit_complaints(units: Any, farthest: float) -> Iterator[str]:
 
 
 # Words ---------------------------------------------------------------------------------------------------------------
-# Words of messages about what people wrote: the nearest of the names that there are. Knows no Blender.
+# Messages about names that users wrote: the nearest of the existing names. Does not depend on Blender.
 
 
 def nearest(name: str, names: Iterable[str]) -> str:

@@ -1,7 +1,7 @@
-"""Which rays a sensor casts, in its own space and time. Knows no Blender and no scene.
+"""The rays of a sensor, in its own space and time. Does not depend on Blender or on a scene.
 
-A pattern is asked for the rays of a stretch of time, wherever the sensor goes meanwhile: a camera exposes once in it, a
-LiDAR goes on spinning from one stretch to the next.
+A pattern makes the rays of a time interval, independent of the sensor's motion: a camera exposes once in it, a LiDAR
+continues to spin from one interval to the next.
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ class Rays:
 
 @dataclass(frozen=True, slots=True)
 class View:
-    """What a camera grid needs to know of the camera; the fields of `perfect_bvh.Camera` of the same names."""
+    """The camera settings that a camera grid needs; the fields of `perfect_bvh.Camera` of the same names."""
 
     window: tuple[float, float, float, float]
     projection: str
@@ -61,7 +61,7 @@ class View:
 
 
 class Pattern(Protocol):
-    """Whatever makes rays for `scan`."""
+    """Makes the rays of `scan`."""
 
     @property
     def needs_camera(self) -> bool:
@@ -73,7 +73,7 @@ class Pattern(Protocol):
 
     @property
     def duration(self) -> float:
-        """Seconds that one whole pass takes: what a scan of a single frame covers."""
+        """The seconds of one whole pass: the duration of a scan of a single frame."""
 
     @property
     def baseline(self) -> float:
@@ -87,7 +87,7 @@ class Pattern(Protocol):
 
 
 class OnAnyObject:
-    """What patterns share that need no camera, nor a second eye."""
+    """The common part of patterns that need no camera, nor a second eye."""
 
     __slots__ = ()
 
@@ -238,7 +238,7 @@ def directions_of(azimuths: Float64Array, elevations: Float64Array) -> Float64Ar
 
 
 def first_shot(place: float) -> int:
-    """The number of the first shot at or after a place among them, but for rounding."""
+    """Returns the number of the first shot at or after a position, with a tolerance for rounding."""
     return math.ceil(place - 1e-6)
 
 

@@ -1,7 +1,7 @@
-"""A scan over frames into a folder, piece by piece: its plan, and its work, for the command line and the button.
+"""A scan over frames into a folder, in chunks: its plan, and its work, for the command line and the button.
 
-What a piece holds depends on its frames and on the plan alone: each is scanned by a scene of the engine's own, so that
-it is the same bytes whoever asked for it, and whatever pieces were there before.
+The content of a chunk depends only on its frames and on the plan. A separate engine scene scans each chunk, so its
+bytes are always the same, for any caller and after any other chunks.
 """
 
 from __future__ import annotations
@@ -30,13 +30,13 @@ BEFORE = "points_"  # of the names of all files
 
 @dataclass(frozen=True, slots=True)
 class ScanPlan:
-    """What all pieces of a scan have in common.
+    """The settings that all chunks of a scan share.
 
-    frames: in any order; of them pieces are made of at most `size` that follow each other. is_one_pass: a whole pass of
-    the sensor in the current frame, which `frames` names. suffix: of the format, such as ".npz". steps: key moments of
+    frames: in any order; they are split into chunks of at most `size` consecutive frames. is_one_pass: a whole pass of
+    the sensor in the current frame, which is in `frames`. suffix: of the format, such as ".npz". steps: time samples of
     a frame. threads: 0 for all. seed: of the sensor's noise.
-    labels: names of further columns. exclude_mount: as `scan` has it. for_viewport: what viewports show is scanned, not
-    what a render does.
+    labels: names of further columns. exclude_mount: as in `scan`. for_viewport: scans the scene of viewports instead of
+    a render's.
     """
 
     sensor: Sensor
@@ -52,15 +52,15 @@ class ScanPlan:
     for_viewport: bool = False
 
     def pieces(self) -> list[Piece]:
-        """In the order of their frames."""
+        """Returns the chunks in the order of their frames."""
         return pieces_of(self.frames, self.size, self.suffix)
 
     def folder(self, path: Path, inputs: dict[str, Any]) -> PieceFolder:
-        """Where pieces go. inputs: see below."""
+        """Returns the folder of chunks. inputs: see below."""
         return PieceFolder(path, inputs, BEFORE, "scan")
 
     def inputs(self, arguments: Any, carrier: bpy.types.Object | None) -> dict[str, Any]:
-        """What pieces depend on. carrier: None for the camera of each frame. For the rest, see `scene_inputs`."""
+        """Returns the inputs of chunks. carrier: None for the camera of each frame. Else see `scene_inputs`."""
         return scene_inputs(
             arguments,
             sensor=sensor_input(self.sensor.pattern),
@@ -77,7 +77,7 @@ class ScanPlan:
         )
 
     def scanner(self, piece: Piece, carrier: bpy.types.Object | None) -> Scanner:
-        """Of one piece, in the context's scene. Raises ValueError like `Scanner`."""
+        """Makes the scanner of one chunk, in the context's scene. Raises ValueError like `Scanner`."""
         return Scanner(
             self.sensor,
             carrier,
@@ -93,10 +93,10 @@ class ScanPlan:
 
 
 class ScanWork(PieceWork):
-    """The pieces of a plan, in the scene and view layer of the context.
+    """The chunks of a plan, in the scene and view layer of the context.
 
-    carrier: the object that carries the sensor, None for the camera of each frame. place: where pieces go.
-    on_piece: called with each cloud before it is written; what it raises ends the run, and the piece is not written.
+    carrier: the object that carries the sensor, None for the camera of each frame. place: the folder of the chunks.
+    on_piece: called with each cloud before it is written; an exception ends the run, and the chunk is not written.
     """
 
     def __init__(
@@ -116,7 +116,7 @@ class ScanWork(PieceWork):
 
     @property
     def built_share(self) -> float | None:
-        """How much of the trees of a stretch is built, as long as they are."""
+        """The finished share of an interval's trees while they are being built."""
         return None if self._scanner is None else self._scanner.built_share
 
     def make(self, piece: Piece) -> Steps:
@@ -139,12 +139,12 @@ class ScanWork(PieceWork):
 
 
 def ray_counts(outcome: Outcome) -> RayCounts:
-    """What became of the rays of the pieces that were scanned."""
+    """Sums up the outcomes of the rays of the scanned chunks."""
     return RayCounts(**{name: count for name, count in outcome.counts.items() if name != "points"})
 
 
 def pieces_of(frames: Sequence[int], size: int, suffix: str = ".npz") -> list[Piece]:
-    """Runs of frames that follow each other, of at most so many each, in the order of the frames."""
+    """Splits frames into runs of at most `size` consecutive frames, in the order of the frames."""
     stems = [(run, f"{BEFORE}{run[0]:04d}-{run[-1]:04d}") for run in runs_of(frames, size)]
     return [Piece(run, stem, (f"{stem}{suffix}",)) for run, stem in stems]
 
@@ -159,7 +159,7 @@ def sensor_input(pattern: Pattern) -> dict[str, Any]:
 
 
 def light_input(light: Light | None) -> dict[str, Any] | None:
-    """The same of what a sensor's file says of light."""
+    """Returns the light settings of a sensor's file as JSON values."""
     return None if light is None else asdict(light)
 
 

@@ -1,4 +1,4 @@
-"""What a scan has measured, as columns, and as a file. Knows no Blender."""
+"""The measurements of a scan, as columns, and as a file. Does not depend on Blender."""
 
 from __future__ import annotations
 
@@ -77,7 +77,7 @@ _OTHERS = (
 
 @dataclass(frozen=True, slots=True)
 class PointCloud:
-    """N points where rays met something, in the order in which the rays were cast; misses are left out.
+    """N points where rays hit surfaces, in the order in which the rays were cast; misses are left out.
 
     Attributes:
         positions: (N, 3) float64, world space.
@@ -85,34 +85,34 @@ class PointCloud:
         normals: (N, 3) float32, unit, of the triangle's plane, by its winding.
         object_ids: (N,) int32, rows of object_names.
         material_ids: (N,) int32, rows of material_names, -1 for none.
-        instance_ids: (N,) int32: what is shown several times has a number for each; it lasts through a scan, no longer.
+        instance_ids: (N,) int32: a number for each instance of an object; it is only valid within a scan.
         times: (N,) float64, seconds since the scan began.
-        ray_ids: (N,) int64: which ray, counted over the whole scan.
+        ray_ids: (N,) int64: the number of the ray, counted over the whole scan.
         ring_ids: (N,) int32: the line of a LiDAR, in the order of its elevations, or the row of a camera's picture.
         incidences: (N,) float32, cosine of the angle between ray and normal: 1 straight on, 0 grazing.
-        intensities: (N,) float32, what comes back of a diffuse surface, whatever the distance: the luminance of the
-            material's viewport colour times the incidence. With a sensor's light: what the sensor receives, 1 for white
-            that fills the beam, met straight on, at `Optics.reference` (or, if calibrated, at any distance); more for
-            what mirrors. Then normals, ids and incidences are of what gave back the most of an echo, as it was met;
-            distances how far the light went, as measured; and positions lie so far along the ray, also where a mirror
-            had bent its way.
-        spacings: (N,) float32, how far neighbouring rays are apart there.
-        return_ids, return_counts: (N,) int32, which echo of its ray's beam a point is, from 0, the nearest first, and
-            how many of the beam were kept: 0 and 1 without light.
-        labels: Further columns by the names that were asked for: custom properties, collections and others, see `scan`.
-        ray_count: How many were cast.
-        ray_outcomes: What became of them, a `RayCounts`, whose counts add up to ray_count in every cloud of a scan.
-        warnings: What could not be read or followed, and why a scan is of no use, as sentences.
-        pose_error, scene_error: In world units, what the straight ways between the key moments of a LiDAR's frames
-            leave of curved ones: about how far points may be off since the sensor, and since what it met, was not quite
-            there. Each is an eighth of the largest second difference of three key moments in a row (of turns, how far
-            they are from even ones): of the sensor's poses, at the farthest point; of the corners of the boxes of all
-            instances that moved, and of vertices that deformed, whether they were met or not. More steps per frame make
-            both less. They are estimates, no bounds: what swings to and fro within a stretch, or turns by more than
-            half of one, does not show at its ends; nothing is known of a single stretch; and what could not be
-            followed, which `warnings` name, does not count. What changes its speed at a key moment alone counts,
-            although it is followed. Where rays graze a surface, points are off by more than it is. 0 for what is
-            scanned at single moments.
+        intensities: (N,) float32, the light that a diffuse surface returns, at any distance: the luminance of the
+            material's viewport colour times the incidence. With a sensor's light: the light that the sensor receives,
+            1 for a white surface that fills the beam, hit perpendicularly, at `Optics.reference` (or, if calibrated,
+            at any distance); more for mirrors. Then normals, ids and incidences belong to the surface that returned
+            the most of an echo; distances are the length of the light's path, as measured; and positions are at that
+            distance along the ray, even if a mirror had bent its path.
+        spacings: (N,) float32, the distance of neighbouring rays at the point.
+        return_ids, return_counts: (N,) int32, the number of the point's echo in its ray's beam, from 0, the nearest
+            first, and the number of kept echoes of the beam: 0 and 1 without light.
+        labels: Further columns by the requested names: custom properties, collections and others, see `scan`.
+        ray_count: The number of rays cast.
+        ray_outcomes: The outcomes of the rays, a `RayCounts`, whose counts add up to ray_count in every cloud of a
+            scan.
+        warnings: Data that could not be read or followed, and why a scan is useless, as sentences.
+        pose_error, scene_error: In world units, the error of straight paths between the time samples of a LiDAR's
+            frames: an estimate of how far points may be off because the sensor, or the surface that it hit, was not
+            quite there. Each is an eighth of the largest second difference of three consecutive time samples (for
+            rotations, their difference from even ones): of the sensor's poses, at the farthest point; of the corners of
+            the boxes of all instances that moved, and of vertices that deformed, hit or not. More steps per frame
+            reduce both. They are estimates, no bounds. Oscillations within an interval, or turns of more than half a
+            revolution, do not show at its ends. A single interval gives no estimate. Objects that could not be
+            followed, which `warnings` list, do not count. A change of speed exactly at a time sample counts, although
+            it is followed. Where rays graze a surface, points are off by more. 0 for scans at single times.
     """
 
     positions: npt.NDArray[np.float64]
@@ -157,13 +157,13 @@ class PointCloud:
         return path
 
     def described_labels(self, columns: Mapping[str, str]) -> dict[str, Any]:
-        """What the values of labels are, as JSON has it. columns: what each label is called in the file."""
+        """Returns the meaning of the labels' values, as JSON has it. columns: each label's name in the file."""
         return {name: {"column": columns[name], **label.table.described()} for name, label in self.labels.items()}
 
     def write_npz(self, path: Path) -> None:
-        """Into an open place, as it is: `save` is what keeps the file before.
+        """Writes to an open file, directly: `save` protects an existing file.
 
-        Labels have the names of `column_names`; what their values are stands in `labels`, as JSON.
+        Labels have the names of `column_names`; `labels` describes their values, as JSON.
         """
         names = column_names(self.labels)
         arrays = {name: getattr(self, name) for name in COLUMNS} | {
@@ -179,7 +179,7 @@ class PointCloud:
 
 
 def column_names(labels: Iterable[str]) -> dict[str, str]:
-    """What the column of each label is called: the label's own name, or `label_NAME` if that is taken."""
+    """Returns the column name of each label: the label's own name, or `label_NAME` if that is taken."""
     taken = {*COLUMNS, *SINGULAR.values(), *_OTHERS, *(name for names in AXES.values() for name in names)}
     # Readers of some formats do not tell small letters from capitals.
     return {name: f"label_{name}" if name.lower() in taken else name for name in labels}
@@ -239,7 +239,7 @@ class Collector:
 
     @property
     def next_ray_id(self) -> int:
-        """What the first ray of the next batch has."""
+        """The number of the first ray of the next batch."""
         return self._rays_before + self._ray_count
 
     def count(self, outcomes: Outcomes) -> None:
@@ -257,7 +257,7 @@ class Collector:
         """Keeps the hits of a batch of rays. directions: (R, 3) of the rays, in world space.
 
         Args:
-            sync: What was traced, not updated since; its material slots were read.
+            sync: The traced scene, not updated since; its material slots were read.
             labels: Of its record, the same names each time.
         """
         self._add(hits, rays, np.arange(len(rays)), directions, sync, labels)

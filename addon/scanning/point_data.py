@@ -19,7 +19,7 @@ from ..extract.label_values import COLOR, OBJECT_NAMES, RADIUS
 from ..settings.scan_choices import OTHER, find_color
 from .point_cloud import PointCloud, column_names
 
-# A colour for each point from a column of numbers, vectors or ids. Knows no Blender.
+# A colour for each point from a column of numbers, vectors or ids. Does not depend on Blender.
 
 
 Float32Array = npt.NDArray[np.float32]
@@ -40,7 +40,7 @@ RAMP = np.array(
 RAMP_SHARES = (1.0, 99.0)
 GOLDEN = 0.6180339887498949
 SATURATIONS, VALUES = (0.55, 0.4, 0.65), (0.9, 0.75, 0.6)
-NOTHING = 0.2  # the grey, linear, of what has no value: no material, no label
+NOTHING = 0.2  # the grey, linear, of points without a value: no material, no label
 # Columns of a cloud by the names that they have on points.
 COLOR_COLUMNS = {
     "position": "positions",
@@ -68,9 +68,9 @@ def colors_of(cloud: PointCloud, color_by: str) -> Float32Array:
 
 
 def colors_of_column(values: npt.NDArray[Any], scale: str) -> Float32Array:
-    """(N, 4) float32 scene-linear RGBA of (N,) or (N, 3) values. scale: as `PointColor` has it.
+    """Returns (N, 4) float32 scene-linear RGBA of (N,) or (N, 3) values. scale: as `PointColor` has it.
 
-    What has no value, NaN or an id below 0, is grey.
+    Points without a value, with NaN or with an id below 0, are grey.
     """
     if scale == "ids":
         return _id_colors(values)
@@ -105,7 +105,7 @@ def _ramp_colors(numbers: Float64Array) -> Float32Array:
 
 
 def _id_colors(ids: npt.NDArray[np.integer[Any]]) -> Float32Array:
-    """Hues by the golden ratio, so that those of any run of ids are far apart; brightness tells the others."""
+    """Chooses hues by the golden ratio, so that consecutive ids differ strongly; brightness separates the others."""
     known, rows = np.unique(ids, return_inverse=True)
     hue = np.where(known < 0, 0, known) * GOLDEN % 1.0
     saturation, value = np.array(SATURATIONS)[known % 3], np.array(VALUES)[known // 3 % 3]
@@ -208,12 +208,12 @@ SHOWN_TYPES = {"FLOAT": ("value", 1), "INT": ("value", 1), "FLOAT_VECTOR": ("vec
 
 
 def make_point_object(cloud: PointCloud, name: str, color_by: str = "DISTANCE", column: str = "") -> bpy.types.Object:
-    """A new object in no collection, its points in world space, with the attributes of `ATTRIBUTES` on them.
+    """Makes an object in no collection, its points in world space, with the attributes of `ATTRIBUTES` on them.
 
-    Beside these are "radius", so that neighbours touch where they were met straight on, and "Color", linear RGBA, by
-    what `color_points` takes; its material shows it. The custom properties "object_names" and "material_names" of the
-    object's data hold what object_id and material_id are rows of. Labels are attributes of their names, whole numbers
-    or floats; "labels", a text of JSON, says what their values stand for.
+    Further attributes are "radius", so that neighbours touch where they were hit perpendicularly, and "Color", linear
+    RGBA, by the arguments of `color_points`; its material shows it. The custom properties "object_names" and
+    "material_names" of the object's data list the names for object_id and material_id. Labels are attributes of their
+    names, whole numbers or floats; "labels", a text of JSON, describes their values.
     """
     make = _make_point_cloud if HAS_RESIZE else _make_converted
     data = make(cloud, name, (color_by, column))
@@ -227,7 +227,7 @@ def make_point_object(cloud: PointCloud, name: str, color_by: str = "DISTANCE", 
 
 
 def column_names_of_points() -> list[str]:
-    """Of the attributes that all points have and that `color_points` can show."""
+    """Returns the names of the attributes that all points have and that `color_points` can show."""
     return sorted([POSITION, RADIUS, *(name for name, *_ in ATTRIBUTES)])
 
 
@@ -339,7 +339,7 @@ def read_column(data: Any, name: str) -> npt.NDArray[Any]:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Points:
-    """What is seen of N points. positions: (N, 3) in object space. radii: (N,). colors: (N, 4) linear. All float32."""
+    """The look of N points. positions: (N, 3) in object space. radii: (N,). colors: (N, 4) linear. All float32."""
 
     positions: npt.NDArray[np.float32]
     radii: npt.NDArray[np.float32]
@@ -356,7 +356,7 @@ def may_have_points() -> bool:
 
 
 def read_points(data: Any) -> Points:
-    """Of the data of an object that has points (`extract/label_values.py`)."""
+    """Reads the data of an object that has points (`extract/label_values.py`)."""
     columns = ((POSITION, "vector", 3), (RADIUS, "value", 1), (COLOR, "color", 4))
     found = []
     for name, part, width in columns:

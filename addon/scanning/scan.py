@@ -36,7 +36,7 @@ from .stretches import Path, Stretch, bend, rays_before, stretches_of
 
 Progress = Callable[[float], object]
 
-# Seconds: what the rays of a stretch of no length are divided by.
+# Seconds: the divisor for the rays of an interval without length.
 MOST_SHORT = 1e-30
 # How long a step of a build is, and which share of a stretch a build may come to in the end.
 BUILD_STEP_SECONDS = 0.02
@@ -63,12 +63,13 @@ def scan(
     exclude_mount: bool | None = None,
     for_viewport: bool = False,
 ) -> PointCloud:
-    """Casts a pattern of rays in the current scene and returns the points that they meet, as a `PointCloud`.
+    """Casts a pattern of rays in the current scene and returns the points that they hit, as a `PointCloud`.
 
-    What is seen is seen as far as cameras may see it (Object > Visibility > Ray Visibility). Blender evaluates it in a
-    render that makes no image, of which handlers of renders are told. A sensor that is hidden in renders is placed as
-    in viewports. What cannot be followed from one key moment to the next, since it comes, goes or gets other triangles
-    in between, stands still until the later one, and is named in `PointCloud.warnings`.
+    Surfaces are visible if cameras may see them (Object > Visibility > Ray Visibility). Blender evaluates the scene in
+    a render that makes no image; render handlers are called for it. A sensor that is hidden in renders is placed as
+    in viewports. Objects whose motion cannot be followed from one time sample to the next, because they appear,
+    disappear or get other triangles in between, do not move until the later one, and are listed in
+    `PointCloud.warnings`.
 
     Args:
         pattern: A `CameraGrid`, `SpinningLidar`, `Rosette`, `Raster` or `DepthCamera`, or a whole `Sensor`, see
@@ -76,40 +77,40 @@ def scan(
         sensor: The object that casts them; by default the camera of each frame, as markers choose it. A camera looks
             along its own -Z with +Y up; any other object along +Y with +Z up. A camera grid needs a camera. Scale is
             ignored.
-        frames: (first, last), both included; the frame that was current is set again at the end. A LiDAR spins on
-            through all of them. By default the current frame alone, of which a LiDAR makes one whole turn.
-        steps_per_frame: How many key moments a frame has. Blender evaluates each once; between two of them the sensor
-            of a LiDAR, and all that moves in the scene, goes in straight lines and turns evenly, so that each ray is
-            cast from where the sensor is at that ray's time, and meets things where they are then.
-            `PointCloud.pose_error` and `scene_error` say how far off that may be where ways are curved. Cycles'
-            switches of motion blur do not count. A camera grid is one picture a step, of one moment.
-        since: The frame in which the scan began, if these frames are a later part of it: times and ray_ids go on from
-            there, so that parts can be put together; object_ids, instance_ids and material_ids are those of a part
-            alone. None, the default: the first of the frames.
-        labels: Names of further columns, see `PointCloud.labels`: a custom property (of the object that is met, else of
-            the instancer that shows it, of the object's data, of the instancer's data, of the material that is met), or
+        frames: (first, last), both included; the previous current frame is restored at the end. A LiDAR spins
+            through all of them. By default only the current frame, in which a LiDAR makes one whole turn.
+        steps_per_frame: The number of time samples of a frame. Blender evaluates each once. Between two of them a
+            LiDAR's sensor and all moving objects go in straight lines and turn evenly: each ray starts at the sensor's
+            pose at that ray's time, and hits objects at their poses at that time.
+            `PointCloud.pose_error` and `scene_error` estimate the error for curved paths. Cycles'
+            switches of motion blur do not count. A camera grid is one picture a step, at one time.
+        since: The first frame of the whole scan, if these frames are a later part of it: times and ray_ids continue
+            from there, so that parts can be joined; object_ids, instance_ids and material_ids are local to a part.
+            None, the default: the first of the frames.
+        labels: Names of further columns, see `PointCloud.labels`: a custom property (of the hit object, else of
+            its instancer, of the object's data, of the instancer's data, of the hit material), or
             "object", "instancer", "material" or "collection" (the first by name that holds the object itself). Texts
-            become rows of a table of all that the file has, sorted, so that parts of a scan have the same; numbers
-            stay. What has no such label has -1, or NaN among floats: numbers of which one has a fraction or is -1
-            itself. They are as they are where a stretch begins.
-        threads: At most so many; 0 for all.
-        light: What light does to the beams: how wide they are, which echoes are kept, glass, mirrors, noise. See
-            `Light` and `light/README.md` beside this file. None, the default: the sensor's own; a pattern has none, and
-            is an ideal sensor: one thin ray, whose first hit is the point, whatever it is made of.
-        seed: Of noise and dropout, 0 to 2 ** 31 - 1: the same one gives the same points, whatever threads, parts and
-            processes do the work.
+            become rows of a sorted table of all texts in the file, so that parts of a scan have the same; numbers
+            stay. Points without the label have -1, or NaN among floats: numbers of which one has a fraction or is -1
+            itself. Labels have the values at the beginning of an interval.
+        threads: The largest number of threads; 0 for all.
+        light: The physics of the beams: their width, the kept echoes, glass, mirrors, noise. See
+            `Light` and `light/README.md` in this folder. None, the default: the sensor's own. A pattern has none, and
+            is an ideal sensor: one thin ray, whose first hit is the point, on any material.
+        seed: Of noise and dropout, 0 to 2 ** 31 - 1: the same seed gives the same points, for any threads, parts and
+            processes.
         exclude_mount: Whether the mount is invisible to the rays: the sensor's object and its children, and theirs,
             with the instances that they make; not its parents. None, the default: for a `Sensor` (not for a bare
-            pattern) whose object is a mesh around it, that is if the object's origin is inside of the bounds of its
+            pattern) whose object is a mesh around it, that is if the object's origin is inside the bounds of its
             mesh (without modifiers); `PointCloud.warnings` then says so.
-        for_viewport: Whether the scan sees what viewports show; by default what a render does: its objects,
+        for_viewport: Whether the scan uses the scene of viewports; by default it uses a render's: its objects,
             collections, modifier levels and particles.
         progress: Called with 0 to 1, also while trees are built; returning False raises `perfect_bvh.Cancelled`, within
-            about a tenth of a second, as Ctrl-C raises KeyboardInterrupt. The frame is set back either way.
+            about a tenth of a second, as Ctrl-C raises KeyboardInterrupt. The frame is restored in both cases.
 
     Raises:
-        ValueError: For a sensor that cannot scan, or that is deleted meanwhile, for a label that nothing in the file
-            has or whose values are neither numbers, texts nor data-blocks, and what the engine raises.
+        ValueError: For a sensor that cannot scan, or that is deleted during the scan, for a label that nothing in the
+            file has or whose values are neither numbers, texts nor data-blocks, and the errors of the engine.
     """
     how = {"frames": frames, "steps_per_frame": steps_per_frame, "since": since, "labels": labels, "threads": threads}
     how |= {"light": light, "seed": seed, "exclude_mount": exclude_mount, "for_viewport": for_viewport}
@@ -120,11 +121,11 @@ def scan(
 
 
 class Scanner:
-    """A scan that can be done in steps, so that Blender goes on meanwhile. The arguments are those of `scan`.
+    """A scan that can be done in steps, so that Blender continues in between. The arguments are those of `scan`.
 
-    Run through `steps()`, or call `run`, which is faster; then ask for the `result()`. Closing the iterator of the
-    steps early gives the scan up, in the middle of a build, too; the current frame is set again either way. Each
-    stretch shows the scene as it was when its first step began.
+    Iterate over `steps()`, or call `run`, which is faster; then call `result()`. Closing the iterator of the
+    steps early cancels the scan, also during a build. The current frame is restored in both cases. Each
+    interval shows the scene as it was when its first step began.
 
     Raises:
         ValueError: For arguments with which no scan is possible.
@@ -171,10 +172,10 @@ class Scanner:
         self._poses: list[Float64Array] = []
         self._pose_error = self._scene_error = 0.0
         self.built_share: float | None = None
-        """How much of the trees of this stretch is built, 0 to 1, as long as they are."""
+        """The finished share of this interval's trees, 0 to 1, while they are being built."""
 
     def result(self) -> PointCloud:
-        """What the finished scan has found."""
+        """Returns the points of the finished scan."""
         errors = self._pose_error, self._scene_error
         complaints = complaints_of(self._collector.counts, self._limits)
         return self._collector.point_cloud((*self._warnings, *complaints), *errors, self._labels.tables)
@@ -198,8 +199,8 @@ class Scanner:
         scene = self._place.find()
         camera_uid = scene.camera.session_uid if scene.camera else 0
         before = scene.frame_current, scene.frame_subframe, camera_uid
-        # A stretch is about the moments when it was read, whatever the user does while its trees are built and its rays
-        # cast: its snapshot must not go stale by that, and the next one reads again what has changed.
+        # An interval shows the scene at its reading, even if the user edits it while trees are built and rays are cast:
+        # its snapshot must not become stale by that, and the next interval reads the changes.
         sync = StretchSync(AttributeRequest(material_slots=True, shading=self._light is not None))
         try:
             for number, stretch in enumerate(self._stretches):
@@ -217,7 +218,7 @@ class Scanner:
         # From here on Blender may do anything between two steps, and is asked for nothing any more.
         before_rays = yield from self._build(building)
         snapshot = sync.scene.snapshot()
-        yield before_rays  # a scan that was given up meanwhile casts no rays
+        yield before_rays  # a scan that was cancelled here casts no rays
         count = self._pattern.count(stretch.start, stretch.end)
         most = 1 if self._light is None else self._light.beam.returns
         check_fits(
@@ -231,11 +232,11 @@ class Scanner:
         for traced, distance in cast.collect(self._collector, self._light, self._random):
             farthest = max(farthest, distance)
             left = max(0.0, 1.0 - traced / len(rays))
-            yield 1.0 - (1.0 - before_rays) * left  # the last is 1, whatever is rounded
+            yield 1.0 - (1.0 - before_rays) * left  # the last is exactly 1, for any rounding
         self._follow(path, farthest)
 
     def _read(self, sync: StretchSync, stretch: Stretch) -> tuple[View | None, Path, UpdateCommit, LabelReading]:
-        """What a stretch asks of Blender: the view of a camera grid, the sensor's way, trees in the making, labels."""
+        """Reads Blender for an interval: the view of a camera grid, the sensor's path, the begun build, labels."""
         return self._place.read(partial(self._read_at, sync, stretch), stretch.frame, stretch.subframe)
 
     def _read_at(
@@ -256,7 +257,7 @@ class Scanner:
             if stretch.frame is None:
                 building = sync.begin_moment(depsgraph, count)
             else:
-                which = sensor.name, sensor.session_uid  # its camera, wherever a marker may change to another one
+                which = sensor.name, sensor.session_uid  # its camera, even if a marker selects another one later
                 building = sync.begin_stretch(depsgraph, count, lambda: self._go_on(stretch, moment, which, poses))
         self._warnings |= dict.fromkeys(sync.warnings)
         if self._light is not None:
@@ -268,7 +269,7 @@ class Scanner:
         return view, Path(poses[0], poses[-1]), building, reading
 
     def _go_on(self, stretch: Stretch, moment: SceneMoment, sensor: tuple[str, int], poses: list[Float64Array]) -> Any:
-        """Goes to the stretch's end; gives what is evaluated there, and adds the sensor's pose to `poses`."""
+        """Goes to the interval's end; returns the scene that is evaluated there, and appends the pose to `poses`."""
         moment.go_to(stretch.next_frame, stretch.next_subframe)
         poses.append(_pose(find_sensor(moment.scene, *sensor), moment))
         return moment.depsgraph
@@ -281,7 +282,7 @@ class Scanner:
             self._pose_error = max(self._pose_error, bend(before, here, after, distance))
 
     def _build(self, building: UpdateCommit) -> Generator[float, None, float]:
-        """Waits for the trees; yields the share of the stretch done, and returns it. Raises what the engine raises."""
+        """Waits for the trees; yields the interval's finished share, and returns it. Raises the engine's errors."""
         share = 0.0
         while not building.wait(BUILD_STEP_SECONDS):
             self.built_share = building.share
@@ -297,7 +298,7 @@ class Scanner:
         return getattr(self._pattern, "min_distance", 0.0), getattr(self._pattern, "max_distance", math.inf)
 
     def _find_mount(self, sensor: bpy.types.Object, sync: StretchSync) -> None:
-        """Finds what is of the sensor's object, and hides it from the rays if that is asked for, or is the default."""
+        """Finds the parts of the sensor's mount, and hides them from the rays if requested or by default."""
         if self._mount is not None and self._mount.uid == sensor.session_uid:
             return
         self._mount = Mount.of(sensor)
@@ -316,7 +317,7 @@ class Scanner:
 
 
 def find_sensor(scene: bpy.types.Scene, name: str, session_uid: int) -> bpy.types.Object:
-    """By what stays the same when an undo has replaced all objects. Raises ValueError if it is gone."""
+    """Finds the sensor after an undo, too, which replaces all objects. Raises ValueError if it is gone."""
     found = next((obj for obj in scene.objects if obj.session_uid == session_uid), None)
     if found is None:
         raise ValueError(f"scan: the sensor {name!r} was deleted during the scan")

@@ -1,13 +1,13 @@
-"""Sensors as files that people write (TOML), and the ones that the add-on brings. Knows no Blender.
+"""Sensors as files that people write (TOML), and the ones that come with the add-on. Does not depend on Blender.
 
-A file says what kind of sensor it is, and the arguments of that pattern by their names:
+A file contains the kind of the sensor, and the arguments of that pattern by their names:
 
     kind = "spinning"  # or "rosette", "raster", "depth camera"
     elevations = { first = -15.0, last = 15.0, count = 16 }  # or the whole table, [-15.0, -13.0, ...]
     columns = 1800
     rate = 10.0
 
-`title` and `source` are for readers. The tables [beam], [light], [detection] and [noise] say what light does to its
+`title` and `source` are for readers. The tables [beam], [light], [detection] and [noise] describe the physics of its
 beams, see `light/README.md`; without any of them it is an ideal sensor.
 """
 
@@ -41,7 +41,7 @@ LARGEST = 1e12  # of a number in a file; more than that is a mistake
 
 @dataclass(frozen=True, slots=True)
 class Sensor:
-    """A pattern with a name. title: in a line. source: where its numbers are from. light: what it does to the beams."""
+    """A pattern with a name. title: one line. source: the origin of its numbers. light: the physics of its beams."""
 
     name: str
     title: str
@@ -51,10 +51,10 @@ class Sensor:
 
 
 def load_sensor(name: str | os.PathLike[str]) -> Sensor:
-    """One of `sensor_names()`, or one's own: the path of a file that ends in .toml.
+    """Loads one of `sensor_names()`, or a file: a path that ends in .toml.
 
     Raises:
-        ValueError: For an unknown name, with the nearest one, and for what a file should not say; OSError if it cannot
+        ValueError: For an unknown name, with the nearest one, and for invalid contents of a file; OSError if it cannot
             be read.
     """
     text = os.fspath(name)

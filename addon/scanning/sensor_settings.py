@@ -1,4 +1,4 @@
-"""The sensor that the Scan panel's settings describe. Raises ValueError with what is wrong with them."""
+"""The sensor that the Scan panel's settings describe. Raises ValueError for invalid settings."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ import numpy as np
 from .patterns import CameraGrid, SpinningLidar
 from .sensor_files import Sensor, load_sensor
 
-MOST_LINES = 4096  # of a LiDAR: so many that a digit too much costs no minutes and no memory
+MOST_LINES = 4096  # of a LiDAR: a limit that an extra digit exceeds, so a typing error costs no minutes and no memory
 
 
 def sensor_of(settings: bpy.types.PropertyGroup) -> Sensor:
-    """Of the numbers in the panel, of a known name, or of a file."""
+    """Returns the sensor of the panel's numbers, of a known name, or of a file."""
     if settings.pattern == "CAMERA":
         return Sensor("camera", "", "", CameraGrid(settings.width, settings.height))
     if settings.pattern == "LIDAR":
@@ -55,7 +55,7 @@ def parse_elevations(text: str) -> tuple[float, ...]:
 
 
 def absolute(path: str) -> Path:
-    """Of a path as Blender has them."""
+    """Converts one of Blender's paths to an absolute one."""
     if path.startswith("//") and not bpy.data.filepath:
         raise ValueError(f"{path!r} is relative to the .blend file: save that first")
     return Path(bpy.path.abspath(path))

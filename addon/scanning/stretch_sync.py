@@ -1,8 +1,8 @@
-"""A `SceneSync` that goes from key moment to key moment, and has what moves between two of them move.
+"""A `SceneSync` that goes from time sample to time sample, and moves objects between two of them.
 
-Each key moment is evaluated once and read once: what was read where a stretch ends is where the next one begins, unless
-Blender has changed anything in between. So where nothing moves, a scan reads no more than a moment a stretch, and what
-Blender has not evaluated again is not read again.
+Each time sample is evaluated and read once: the data at the end of an interval is reused at the beginning of the next
+one, unless Blender has changed anything in between. So a scan of a static scene reads one sample per interval, and data
+that Blender has not evaluated again is not read again.
 """
 
 from __future__ import annotations
@@ -44,9 +44,10 @@ if TYPE_CHECKING:
 
     from ..sync.lookup import SceneLabel
 
-# How far what is scanned may be from where a scan has it: what straight ways between key moments leave of curved ones.
+# The position error of a scan's objects: it interpolates straight lines between time samples, and real paths may be
+# curved.
 #
-# Knows no Blender.
+# Does not depend on Blender.
 
 
 IntArray = npt.NDArray[np.intp]
@@ -113,13 +114,13 @@ def instance_bends(
 
 
 def _turned_on(before: Float64Array, here: Float64Array) -> Float64Array:
-    """(K, 3, 3): what comes next, where rotations go on evenly and stretches in straight lines."""
+    """Extrapolates (K, 3, 3): rotations continue evenly, and the other parts linearly."""
     scales = [matrices.transpose(0, 2, 1) @ matrices for matrices in (before, here)]
     largest = np.abs(scales[1]).max(axis=(1, 2), initial=0.0)
     is_rigid = np.abs(scales[0] - scales[1]).max(axis=(1, 2), initial=0.0) <= ROUNDING * largest
     led = np.empty_like(here)
     first, second = before[is_rigid], here[is_rigid]
-    led[is_rigid] = second @ np.linalg.solve(first, second)  # the same turn again, whatever the stretch
+    led[is_rigid] = second @ np.linalg.solve(first, second)  # the same turn again, for any interval
     first, second = before[~is_rigid], here[~is_rigid]
     turns = [_rotations(first), _rotations(second)]
     stretches = [turn.transpose(0, 2, 1) @ matrices for turn, matrices in zip(turns, (first, second), strict=True)]
@@ -199,39 +200,39 @@ _BEGIN, _END = Fraction(0), Fraction(1)
 
 
 class StretchSync(SceneSync):
-    """For scans: it watches nothing, so that its snapshots do not go stale by what the user does meanwhile.
+    """A sync for scans: it does not watch Blender, so the user's edits do not make its snapshots stale.
 
-    hidden: what no ray meets, of all that is read from then on.
+    hidden: instances that no ray hits, in all later readings.
     """
 
     hidden: Mount | None = None
 
     def __init__(self, attributes: AttributeRequest) -> None:
         super().__init__(attributes, watch=False)
-        self._ahead: SceneRecord | None = None  # what was read at the last stretch's end, if it is so still
+        self._ahead: SceneRecord | None = None  # the data at the last interval's end, if it is still current
         self._bend = SceneBend()
-        listen(self)  # of what is heard the next reading knows which meshes it may keep
+        listen(self)  # the reported changes decide which meshes the next reading may keep
 
     @property
     def scene_error(self) -> float:
-        """See `PointCloud.scene_error`; of the stretches so far."""
+        """See `PointCloud.scene_error`; of the intervals so far."""
         return self._bend.largest
 
     def begin_moment(self, depsgraph: Any, expected_rays: int) -> UpdateCommit:
-        """The scene as it is, for a sensor that is no camera."""
+        """Begins the update to the current scene, for a sensor that is no camera."""
         return self.begin_update(depsgraph, expected_rays, camera=_no_camera)
 
     def begin_stretch(self, depsgraph: Any, expected_rays: int, go_on: Callable[[], Any]) -> UpdateCommit:
-        """The scene from here, time 0 of the rays, to the next key moment, time 1; the rest is as for `begin_update`.
+        """Begins an interval: from the scene here, time 0 of the rays, to the next time sample, time 1.
 
-        depsgraph: evaluated where the stretch begins. go_on: has Blender evaluate where it ends, and returns what is to
-        be read there. Blender is left there. Everything is followed: Cycles' switches of motion blur are for its
-        pictures. What cannot be is still in `warnings`.
+        depsgraph: evaluated at the beginning of the interval. go_on: makes Blender evaluate the end, and returns the
+        scene to read there. Blender stays at the end. All motion is followed: Cycles' switches of motion blur are only
+        for its images. Objects whose motion cannot be followed do not move, and are listed in `warnings`.
         """
         return self._begin(lambda: self._read_stretch(depsgraph, go_on), expected_rays)
 
     def _read_stretch(self, depsgraph: Any, go_on: Callable[[], Any]) -> SceneRecord:
-        watch_again()  # if handlers were missing, nobody has told of changes
+        watch_again()  # without handlers no changes were reported
         record = self._read_here(depsgraph) if self._ahead is None else self._ahead
         ahead = self._read_here(go_on())
         self._ahead = ahead
@@ -256,10 +257,10 @@ class StretchSync(SceneSync):
         self._ahead = None
         super().close()
 
-    # Whatever has changed, by whomever, what was read ahead is not where the next stretch begins.
+    # After any change, the data that was read ahead is not the beginning of the next interval.
 
     def on_change(self, what: str) -> None:
-        """The stretch under way goes on: it is about what was read."""
+        """Keeps the current interval: it shows the data that was read."""
         self._ahead = None
 
     def on_file_change(self) -> None:
@@ -276,19 +277,19 @@ def _no_camera(_: Any) -> None:
 
 
 # Traced stretch ------------------------------------------------------------------------------------------------------
-# Casts the rays of a stretch, batch after batch, and has what they meet collected. Knows no Blender.
+# Casts the rays of an interval, batch after batch, and collects their hits. Does not depend on Blender.
 
 
-# So many rays are cast in one go: a quarter of a million take a fraction of a second.
+# The number of rays of a batch: a quarter of a million take a fraction of a second.
 RAYS_IN_A_STEP = 1 << 18
 FIELDS = ("instance_ids", "mesh_ids", "primitive_ids", "geometric_normals", "positions", "distances")
 
 
 @dataclass(frozen=True, slots=True)
 class TracedStretch:
-    """What is traced, and from where. shares: (R,), of the stretch, when each ray is cast, 0 to 1.
+    """The scene that is traced, and the sensor's poses. shares: (R,), the time of each ray in the interval, 0 to 1.
 
-    is_mount: (I,) bool, which instances of the record are of the mount; None if none is.
+    is_mount: (I,) bool, the instances of the record that belong to the mount; None if none does.
     """
 
     sync: SceneSync
@@ -302,11 +303,11 @@ class TracedStretch:
     is_mount: npt.NDArray[np.bool_] | None = None
 
     def collect(self, collector: Collector, light: Light | None, random: RayNoise) -> Iterator[tuple[int, float]]:
-        """After each batch: how many rays were cast so far, and how far the farthest of its points is."""
+        """Yields after each batch the number of rays cast so far, and the distance of its farthest point."""
         return self._hits(collector) if light is None else self._returns(collector, light, random)
 
     def _hits(self, collector: Collector) -> Iterator[tuple[int, float]]:
-        """Of ideal rays."""
+        """Collects the hits of ideal rays."""
         rays, snapshot = self.rays, self.snapshot
         origins, directions = self.path.place(rays.origins, rays.directions, self.shares)
         for first in range(0, len(rays), RAYS_IN_A_STEP):
@@ -335,7 +336,7 @@ class TracedStretch:
             yield first + RAYS_IN_A_STEP, float(np.max(hits.distances, where=hits.is_hit, initial=0.0))
 
     def _returns(self, collector: Collector, light: Light, random: RayNoise) -> Iterator[tuple[int, float]]:
-        """Of beams of light."""
+        """Collects the returns of beams of light."""
         rays = self.rays
         origins, directions = self.path.place(rays.origins, rays.directions, self.shares)
         axes = axis_across(rays.directions)

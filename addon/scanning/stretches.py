@@ -1,4 +1,4 @@
-"""A scan is cut into stretches, from one key moment of the scene to the next. Knows no Blender."""
+"""Cuts a scan into intervals from one time sample of the scene to the next. Does not depend on Blender."""
 
 from __future__ import annotations
 
@@ -63,9 +63,9 @@ def stretches_of(
 
 
 # Poses ---------------------------------------------------------------------------------------------------------------
-# Where a sensor is while it moves: between two poses in a straight line, turning evenly the shorter way.
+# The pose of a moving sensor: between two poses it moves in a straight line, and turns evenly the shorter way.
 #
-# Knows no Blender.
+# Does not depend on Blender.
 
 
 # How far from a rotation what turns one pose into the next may be: matrices of Blender are float32.
@@ -74,7 +74,7 @@ ROUNDING = 1e-4
 
 @dataclass(frozen=True, slots=True)
 class Path:
-    """From one pose to the next. first, last: (4, 4) from the sensor's space to the world, without scale."""
+    """The path from one pose to the next. first, last: (4, 4) from the sensor's space to the world, without scale."""
 
     first: Float64Array
     last: Float64Array
@@ -90,7 +90,7 @@ class Path:
         return self._turn(origins, shares) + way, self._turn(directions, shares)
 
     def _turn(self, vectors: Float64Array, shares: Float64Array) -> Float64Array:
-        """By a share of what turns the first pose's axes into the last one's (Rodrigues' formula)."""
+        """Rotates by a share of the rotation from the first pose's axes to the last one's (Rodrigues' formula)."""
         start = self.first[:3, :3]
         between = np.linalg.solve(start, self.last[:3, :3])
         if np.abs(between @ between.T - np.eye(3)).max() > ROUNDING or np.linalg.det(between) < 0.0:
@@ -109,9 +109,9 @@ class Path:
 
 
 def _along(vectors: Float64Array, axis: Float64Array) -> Float64Array:
-    """(R,) the vectors' components along an axis.
+    """Returns (R,) the vectors' components along an axis.
 
-    Not by `@`: that is a library's, which rounds as it likes on each processor, and starts threads of its own.
+    It does not use `@`: that calls a library that rounds differently on each processor, and starts threads.
     """
     return vectors[:, 0] * axis[0] + vectors[:, 1] * axis[1] + vectors[:, 2] * axis[2]
 
@@ -134,12 +134,12 @@ def bend(before: Float64Array, here: Float64Array, after: Float64Array, distance
 
 
 # Second eye ----------------------------------------------------------------------------------------------------------
-# Depth cameras of two eyes: a point counts if both see it. Knows no Blender.
+# Depth cameras with two cameras: a point counts if both see it. Does not depend on Blender.
 
 
 Float64Array = npt.NDArray[np.float64]
 
-# Of the way to a point: what is no farther from it is the point's own surface.
+# As a share of the distance to a point: a hit at or beyond it is the point's own surface.
 ALMOST_THERE = 1.0 - 1e-5
 
 

@@ -1,12 +1,12 @@
-"""What a user can set: the modes, what a Blender scene carries, the add-on's preferences.
+"""The users' settings: the modes, the properties of a Blender scene, the add-on's preferences.
 
 modes             the shading modes, one row each
 scene_settings    of a scene: `scene.perfect_bvh`
 scan_settings     of the Scan button: `scene.perfect_bvh.scan`
 label_settings    of the Label Images button: `scene.perfect_bvh.label_images`
-scan_choices      what it offers: formats, colours of points, sensors
+scan_choices      its choices: formats, colours of points, sensors
 view_settings     of overlays and compared trees
 shading_settings  of one viewport's shading
-preferences       the add-on's, and where OpenImageDenoise is looked for
-native_fault      why the engine cannot be loaded, and the way out
+preferences       the add-on's, and the folders where OpenImageDenoise is searched
+native_fault      why the engine cannot be loaded, and advice
 """

@@ -1,4 +1,4 @@
-"""What the Label Images button goes by: `scene.perfect_bvh.label_images`."""
+"""The settings of the Label Images button: `scene.perfect_bvh.label_images`."""
 
 from __future__ import annotations
 

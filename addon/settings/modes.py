@@ -1,10 +1,10 @@
 """The shading modes as the command line and the panel name them. Imports nothing, so that both can list them at once.
 
-What eyes and files get of a mode:
+The treatment of a mode's values on screen and in files:
 - a *picture* goes through the scene's view transform (AgX, Filmic, exposure, look), as every render does;
-- a *palette* (one colour for each id, a scale of colours for a count) goes through plain sRGB, whatever the scene
-  says, so that an id has the same colour in every file;
-- *values* (directions, distances) are raw: what is written is what was measured.
+- a *palette* (one colour for each id, a scale of colours for a count) goes through plain sRGB, for any scene,
+  so that an id has the same colour in every file;
+- *values* (directions, distances) are raw: the measured values are written.
 """
 
 from __future__ import annotations
@@ -17,15 +17,15 @@ from typing import Any
 class Mode:
     """A shading mode.
 
-    name: as `perfect_bvh.render` takes it. label: as users see it. number: what a .blend file keeps of the choice, so
+    name: as `perfect_bvh.render` takes it. label: as users see it. number: the value in .blend files, so
     it never changes. view: the view transform that shows it, None for the scene's own. has_range: its values are
-    distances, which an image file of bytes cannot hold as they are. rays_per_sample: how many rays a sample of a pixel
-    casts, not counting those of light that bounces; has_bounces: whether there is such light. is_noisy: whether its
-    light comes from rays at random, so that a denoiser is of use.
+    distances, which an image file of bytes cannot hold unscaled. rays_per_sample: the number of rays of a sample of a
+    pixel, without those of light that bounces; has_bounces: whether there is such light. is_noisy: whether its
+    light comes from random rays, so that a denoiser is useful.
 
-    What it shows of the scene beside its shape, and is read for it: normals, at the corners; uvs, of the active map;
-    materials: their numbers and viewport colours; offers_grey: those or, as the user likes, one grey for all; shading:
-    what materials are made of, lights, the world.
+    The data of the scene that it needs in addition to shapes: normals, at the corners; uvs, of the active map;
+    materials: their numbers and viewport colours; offers_grey: those or, by the user's choice, one grey for all;
+    shading: materials' surfaces, lights, the world.
     """
 
     name: str
@@ -45,7 +45,7 @@ class Mode:
 
     @property
     def word(self) -> str:
-        """What users type for it: the word that they see."""
+        """The word that users type for it, which is the visible one."""
         return self.label.lower()
 
 
@@ -115,5 +115,5 @@ def find_mode(name: str) -> Mode:
 
 
 def mode_of_render(scene: Any) -> Mode:
-    """What renders of a Blender scene show."""
+    """Returns the mode of renders of a Blender scene."""
     return find_mode(scene.perfect_bvh.mode.lower())

@@ -1,7 +1,7 @@
-"""Why the native engine cannot be loaded, and the way out, for users: another system's zip, another Python.
+"""Why the native engine cannot be loaded, and advice, for users: another system's zip, another Python.
 
-Blender refuses to install most of what does not fit; what is copied by hand, kept over an update of Blender or shared
-by two computers comes here. Knows no Blender.
+Blender refuses to install most mismatches. Files that were copied by hand, kept over an update of Blender or shared
+by two computers are handled here. Does not depend on Blender.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ NAMES = {
     "linux-x64": "Linux",
     "linux-arm64": "Linux on ARM",
 }
-# Which Blenders have which Python, as far as they are its makers' own.
+# The Python versions of Blender's official builds.
 _BLENDERS = {"3.11": "Blender 4.2 to 5.0", "3.13": "Blender 5.1 and later"}
 _PROCESSORS = {"amd64": "x64", "x86_64": "x64", "aarch64": "arm64"}
 _SYSTEMS = {"win": "windows", "macosx": "macos"}
@@ -34,9 +34,9 @@ _WHEEL = re.compile(r"-cp(\d)(\d+)-[^-]+-[^-]+\.whl$")
 
 
 def explain(error: BaseException, manifest: dict[str, Any], folder: Path | None = None) -> str:
-    """A sentence. error: what `import perfect_bvh` raised, told as it is where it is nothing known. manifest: our own.
+    """Returns a sentence. error: of `import perfect_bvh`, quoted if its cause is unknown. manifest: our own.
 
-    folder: of the package `perfect_bvh`, else where Python finds it.
+    folder: of the package `perfect_bvh`, else the one that Python finds.
     """
     found = folder or _engine_folder()
     reason = (
@@ -55,7 +55,7 @@ def read_manifest() -> dict[str, Any]:
 
 
 def this_platform() -> str:
-    """As Blender's manifests name it: that of the program, not that of a processor which emulates another."""
+    """Returns the platform's name in Blender's manifests: the program's, not that of an emulating processor."""
     system, _, rest = sysconfig.get_platform().partition("-")
     processor = rest.rpartition("-")[2].lower()
     if processor == "universal2":
@@ -104,7 +104,7 @@ def _missing(manifest: dict[str, Any]) -> str:
 def _engine_folder() -> Path | None:
     try:
         found = importlib.util.find_spec("perfect_bvh")
-    except ValueError:  # what stands for it in this process is no module that was found
+    except ValueError:  # a replacement in this process that is no found module
         return None
     return None if found is None or found.origin is None else Path(found.origin).parent
 

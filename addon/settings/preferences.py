@@ -52,7 +52,7 @@ def native_summary() -> str:
 
 
 def is_processor_slow() -> bool:
-    """Whether this processor, or the system, lacks what the engine's fast kernels are made of."""
+    """Whether this processor, or the system, lacks the instructions of the engine's fast kernels."""
     import perfect_bvh
 
     return perfect_bvh.available_isas()[-1] == "scalar"
@@ -130,12 +130,12 @@ def unregister() -> None:
 
 
 def redraw_viewports(context: bpy.types.Context | None = None) -> None:
-    """All 3D viewports with their panels, in all windows."""
+    """Redraws all 3D viewports with their panels, in all windows."""
     _redraw("VIEW_3D", context)
 
 
 def redraw_properties() -> None:
-    """All Properties editors, in all windows."""
+    """Redraws all Properties editors, in all windows."""
     _redraw("PROPERTIES", None)
 
 
@@ -168,7 +168,7 @@ def _areas(kind: str, context: bpy.types.Context | None) -> Iterator[bpy.types.A
 # Which denoiser there is on this machine: Blender's own OpenImageDenoise, another one, or the engine's filter.
 
 
-# Where Blender has its own; the module bpy keeps Windows' libraries beside itself.
+# The folders of Blender's own library; the module bpy keeps Windows' libraries in its own folder.
 _PLACES = {
     "linux": ("lib/libOpenImageDenoise.so.2",),
     "win32": ("blender.shared/OpenImageDenoise.dll", "OpenImageDenoise.dll"),
@@ -177,20 +177,20 @@ _PLACES = {
 
 
 def denoiser_libraries() -> tuple[Path, ...]:
-    """The library that Blender carries, beside its own folder of scripts; empty where a distribution shares it."""
+    """Returns the library in Blender's installation, next to its scripts; empty if a distribution shares it."""
     home = Path(bpy.utils.resource_path("LOCAL")).parent
     return tuple(path for place in _PLACES.get(sys.platform, ()) if (path := home / place).exists())
 
 
 def denoising_data_settings(view_layer: bpy.types.ViewLayer) -> bpy.types.bpy_struct | None:
-    """What holds the switch `denoising_store_passes` of a view layer: Cycles keeps it, None if that is disabled."""
+    """Returns the owner of a view layer's switch `denoising_store_passes`: Cycles' data, None if Cycles is disabled."""
     settings = getattr(view_layer, "cycles", None)
     return settings if hasattr(settings, "denoising_store_passes") else None
 
 
 @functools.cache
 def denoiser_in_use() -> str:
-    """Its name, for panels."""
+    """Returns the denoiser's name, for panels."""
     import perfect_bvh
 
     return perfect_bvh.denoiser_name(denoiser_libraries())

@@ -88,7 +88,7 @@ POINT_COLORS = (
 
 
 def items() -> list[tuple[str, str, str, int]]:
-    """For a property. The last one is for columns that a scan was asked for by name."""
+    """Returns the items of a property. The last one is for columns that a scan was requested for by name."""
     found = [(color.identifier, color.label, color.description, color.number) for color in POINT_COLORS]
     return [*found, (OTHER, "Other Column", "Any attribute of the points, by its name", 10)]
 
@@ -112,7 +112,7 @@ Item = tuple[str, str, str, int]
 
 
 def sensor_names() -> tuple[str, ...]:
-    """Those that the add-on brings, in the order of their names; numbers in them count as numbers."""
+    """Returns the add-on's sensors, in the order of their names; numbers in them count as numbers."""
 
     def parts(name: str) -> list[tuple[int, str]]:
         return [(int(part), "") if part.isdigit() else (-1, part) for part in re.split(r"(\d+)", name)]
@@ -121,7 +121,7 @@ def sensor_names() -> tuple[str, ...]:
 
 
 def read_sensor_file(path: Path) -> dict[str, Any]:
-    """What a file says, by its words. Raises ValueError for what is no TOML, OSError if it cannot be read."""
+    """Reads a file's contents by its words. Raises ValueError for invalid TOML, OSError if it cannot be read."""
     try:
         with path.open("rb") as file:
             return tomllib.load(file)
@@ -130,7 +130,7 @@ def read_sensor_file(path: Path) -> dict[str, Any]:
 
 
 def number_of(name: str) -> int:
-    """Of a sensor in .blend files: of its name alone, so that it stays the same whatever other sensors there are."""
+    """Returns a sensor's number in .blend files. It depends only on its name, so other sensors do not change it."""
     return zlib.crc32(name.encode()) & 0x7FFF_FFFF
 
 

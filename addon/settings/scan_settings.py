@@ -1,4 +1,4 @@
-"""What the Scan button goes by: `scene.perfect_bvh.scan`."""
+"""The settings of the Scan button: `scene.perfect_bvh.scan`."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def suggest_columns(settings: PERFECT_BVH_PG_scan, context: bpy.types.Context, t
 
 
 def label_names(settings: PERFECT_BVH_PG_scan) -> tuple[str, ...]:
-    """Of the further columns that are asked for."""
+    """Returns the names of the requested further columns."""
     return tuple(name.strip() for name in settings.labels.split(",") if name.strip())
 
 

@@ -36,7 +36,7 @@ _MOST_BOUNCES = 250
 
 
 def light_path_settings(scene: bpy.types.Scene) -> bpy.types.bpy_struct | None:
-    """What holds them; None where Cycles is disabled."""
+    """Returns the owner of the light path settings; None if Cycles is disabled."""
     return getattr(scene, "cycles", None)
 
 
@@ -62,12 +62,12 @@ MODE_ITEMS = [(mode.name.upper(), mode.label, mode.description, mode.number) for
 
 @dataclass(frozen=True, slots=True)
 class RenderSettings:
-    """What one render uses, read from a scene's properties.
+    """The settings of one render, read from a scene's properties.
 
-    threads: 0 for every core. audit_share: of the camera rays to check again, 0 for none. denoise: whether, where the
-    mode has noise. time_limit: seconds for tracing, 0 for any; the first sample is always finished. noise_threshold:
-    where noise is below it, there are no more samples than min_samples; 0 for none. min_samples: 0 for the renderer's
-    own. light_paths: how far light bounces, None for the renderer's own.
+    threads: 0 for every core. audit_share: the share of camera rays to check again, 0 for none. denoise: whether it is
+    denoised if the mode has noise. time_limit: seconds for tracing, 0 for any; the first sample is always finished.
+    noise_threshold: pixels with less noise get no more samples than min_samples; 0 for none. min_samples: 0 for the
+    renderer's own. light_paths: the limits of light's bounces, None for the renderer's own.
     """
 
     mode: str
@@ -122,7 +122,7 @@ class PERFECT_BVH_PG_settings(bpy.types.PropertyGroup):
         soft_max=256,
         max=65536,
     )
-    # Not kept beside the number, which files had before, and which scripts set.
+    # Separate from the number, which earlier files have, and which scripts set.
     use_render_samples: bpy.props.BoolProperty(
         name="Samples as Render",
         description="Take as many samples in Rendered viewports as in a render",
@@ -216,8 +216,8 @@ class PERFECT_BVH_PG_settings(bpy.types.PropertyGroup):
         max=100,
         subtype="PERCENTAGE",
     )
-    # In no panel: for scripts and the command line. A name of its own, so that no file that was saved when there were
-    # a panel's switch and share beside it has renders checked without a way to see that.
+    # In no panel: for scripts and the command line. It has a new name, so that files from the time when a panel had a
+    # switch and a share for it do not have their renders checked without a visible setting.
     audit: bpy.props.FloatProperty(
         name="Audit",
         description="Share of a render's camera rays that are checked again, in double precision and without a tree; "
@@ -251,7 +251,7 @@ def read_settings(scene: bpy.types.Scene, is_viewport: bool = False) -> RenderSe
 
 
 def preview_settings() -> RenderSettings:
-    """Of Blender's previews of materials, lights and worlds, which are made again while a value is dragged."""
+    """Returns the settings of Blender's previews of materials, lights and worlds, repeated while a value is dragged."""
     return RenderSettings(
         DEFAULT_MODE, samples=64, ao_distance=0.0, use_material_colors=True, threads=0, time_limit=1.0
     )
@@ -280,7 +280,7 @@ def unregister() -> None:
 
 
 # Motion blur ---------------------------------------------------------------------------------------------------------
-# What an image shows of motion: Blender's own settings, and those that Cycles keeps in the file.
+# Motion in images: Blender's own settings, and those that Cycles keeps in the file.
 
 
 # Where the shutter opens, in shares of the time that it is open, from the frame.
@@ -291,10 +291,10 @@ _CURVE_SIZE = 65
 
 @dataclass(frozen=True, slots=True)
 class ShutterSettings:
-    """What of a scene's motion an image shows.
+    """The part of a scene's motion that an image shows.
 
-    begin, end: the part of the animation that is looked at, in frames from the current one. blurs: whether what moves
-    meanwhile is blurred; if not, it is seen in the middle. curve, rolling: as `perfect_bvh.Shutter` takes them.
+    begin, end: the interval of the animation, in frames from the current one. blurs: whether motion in it
+    is blurred; if not, objects are shown at its middle. curve, rolling: as `perfect_bvh.Shutter` takes them.
     """
 
     begin: float
@@ -304,35 +304,35 @@ class ShutterSettings:
     rolling: float | None = None
 
     def make_shutter(self, cameras: tuple[Camera, ...]) -> Shutter:
-        """cameras: at evenly spaced moments from begin to end; empty if the camera stands still."""
+        """Makes a shutter. cameras: at evenly spaced times from begin to end; empty if the camera does not move."""
         import perfect_bvh
 
         frame_time = min(max(-self.begin / (self.end - self.begin), 0.0), 1.0)
         return perfect_bvh.Shutter(self.curve, self.rolling, cameras, frame_time, self.blurs)
 
 
-# From the frame before to the one after: what the Vector pass tells of, as in Cycles.
+# From the previous frame to the next: the interval of the Vector pass, as in Cycles.
 NEIGHBOURS = ShutterSettings(-1.0, 1.0, blurs=False)
 
 
 def rolling_shutter_settings(scene: bpy.types.Scene) -> bpy.types.bpy_struct | None:
-    """What holds those of a rolling shutter; None where Cycles is disabled."""
+    """Returns the owner of the rolling shutter's settings; None if Cycles is disabled."""
     return getattr(scene, "cycles", None)
 
 
 def object_motion_settings(owner: bpy.types.Object) -> bpy.types.bpy_struct | None:
-    """What holds an object's own switches and steps; None where Cycles is disabled."""
+    """Returns the owner of an object's own switches and steps; None if Cycles is disabled."""
     return getattr(owner, "cycles", None)
 
 
 def has_motion_blur(view_layer: bpy.types.ViewLayer, scene: bpy.types.Scene) -> bool:
-    """Whether what moves is to be blurred in renders; a layer may be without, and a shutter of no time shows none."""
+    """Whether renders blur motion; a layer may disable it, and a shutter of zero duration shows none."""
     render = scene.render
     return bool(render.use_motion_blur and render.motion_blur_shutter > 0.0 and view_layer.use_motion_blur)
 
 
 def read_motion_blur(scene: bpy.types.Scene) -> ShutterSettings:
-    """Of a render of `scene` that is to be blurred."""
+    """Reads the settings for a render of `scene` with motion blur."""
     render = scene.render
     opens = _OPENS[render.motion_blur_position] * render.motion_blur_shutter
     return ShutterSettings(
@@ -341,7 +341,7 @@ def read_motion_blur(scene: bpy.types.Scene) -> ShutterSettings:
 
 
 def _read_curve(scene: bpy.types.Scene) -> tuple[float, ...] | None:
-    """None where the shutter is fully open all the time, and where it never opens."""
+    """Reads the shutter's curve; None if it is fully open all the time, or never opens."""
     mapping = scene.render.motion_blur_shutter_curve
     mapping.initialize()
     curve = mapping.curves[0]

@@ -34,15 +34,15 @@ class PERFECT_BVH_PG_shading(bpy.types.PropertyGroup):
 
 
 def overlay_settings(space: bpy.types.SpaceView3D) -> PERFECT_BVH_PG_overlay:
-    """Which boxes of the trees a viewport shows.
+    """Returns a viewport's choice of trees' boxes.
 
-    They stand with its shading: Blender lets add-ons keep nothing with its overlays.
+    It is stored with the viewport's shading: Blender does not let add-ons store anything with its overlays.
     """
     return space.shading.perfect_bvh.overlay
 
 
 def mode_of(scene: bpy.types.Scene, shading: bpy.types.View3DShading) -> str:
-    """What a Rendered viewport of `scene` shows, by the name that `find_mode` takes."""
+    """Returns the mode of a Rendered viewport of `scene`, by the name that `find_mode` takes."""
     own = shading.perfect_bvh.mode
     return (scene.perfect_bvh.mode if own == AS_RENDER else own).lower()
 

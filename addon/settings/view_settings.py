@@ -61,7 +61,7 @@ class PERFECT_BVH_PG_overlay(bpy.types.PropertyGroup):
 
 
 # Tree settings -------------------------------------------------------------------------------------------------------
-# What the button that compares two trees goes by: `scene.perfect_bvh.compare`.
+# The settings of the button that compares two trees: `scene.perfect_bvh.compare`.
 
 
 REFITTED = "REFITTED"
@@ -95,7 +95,7 @@ _ITEMS = [(choice.identifier, choice.label, choice.description, choice.number) f
 
 
 def choice_of(identifier: str) -> TreeChoice:
-    """By what a property holds."""
+    """Returns the choice for a property's value."""
     return next(choice for choice in CHOICES if choice.identifier == identifier)
 
 

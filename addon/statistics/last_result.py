@@ -1,10 +1,10 @@
-"""What was done last for each scene, by a render or of a view, and whether the scene still is as it was.
+"""The last result of each scene, of a render or of a view, and whether the scene has changed since.
 
-That is told by the count of a scene's edits (`events/changes.py`), taken when the scene was read. Panels that tell of
-it are drawn again when it changes, without anybody moving the mouse. A render ends on a thread of its own, from which
-Blender's interface must not be touched: a timer on the main thread finds what is new.
+The count of a scene's edits (`events/changes.py`) when the scene was read shows that. Panels with these results
+are redrawn when it changes, even if the mouse does not move. A render ends on another thread, on which
+Blender's interface must not be used: a timer on the main thread finds new results.
 
-What needs the native engine is imported where it is used: without it the add-on must still register, and say why.
+Modules that need the native engine are imported where they are used: without it the add-on must still register.
 """
 
 from __future__ import annotations
@@ -42,19 +42,19 @@ class _Done:
 
 
 _latest: dict[int, _Done] = {}  # by the scene's session uid
-_render_modes: dict[int, str] = {}  # of each scene's last render, whatever its viewports have done since
+_render_modes: dict[int, str] = {}  # of each scene's last render, independent of its viewports
 _image_modes: dict[int, str] = {}  # of the images that views were rendered to, by their session uid
 _shown: dict[int, tuple[_Done, bool]] = {}  # as panels have it, with whether the scene was edited since
-_has_news = False  # beside that
+_has_news = False  # other news
 
 
 def edits_of(scene: bpy.types.Scene) -> int:
-    """How often `scene` was edited so far: to be asked before it is read, and given to `remember`."""
+    """Returns the number of edits of `scene`: call it before reading the scene, and give it to `remember`."""
     return edit_count(scene.original.session_uid)
 
 
 def remember(scene: bpy.types.Scene, statistics: FrameStatistics, edits: int) -> None:
-    """What was done last for `scene` as it was at so many edits; from any thread."""
+    """Stores the last result of `scene` at this number of edits; from any thread."""
     uid = scene.original.session_uid
     _latest[uid] = _Done(statistics, edits)
     if statistics.source == "Render":
@@ -62,9 +62,9 @@ def remember(scene: bpy.types.Scene, statistics: FrameStatistics, edits: int) ->
 
 
 def confirm_view(scene: bpy.types.Scene, last_change: SyncReport | None) -> None:
-    """A viewport has read `scene` again and found nothing else: what was done last for its trees still holds.
+    """Confirms the last result of a scene's trees: a viewport has read `scene` again and found no difference.
 
-    last_change: of the viewport's sync, which says whose trees they are.
+    last_change: of the viewport's sync, which identifies the trees.
     """
     uid = scene.original.session_uid
     done = _latest.get(uid)
@@ -73,13 +73,13 @@ def confirm_view(scene: bpy.types.Scene, last_change: SyncReport | None) -> None
 
 
 def last_statistics(scene: bpy.types.Scene) -> FrameStatistics | None:
-    """Of what was done last for `scene`, None if nothing was."""
+    """Returns the last result of `scene`, None if there is none."""
     done = _latest.get(scene.session_uid)
     return None if done is None else done.statistics
 
 
 def last_render_mode(scene: bpy.types.Scene) -> str | None:
-    """What the last render of `scene` shows, None if there was none."""
+    """Returns the mode of the last render of `scene`, None if there was none."""
     return _render_modes.get(scene.session_uid)
 
 
@@ -89,7 +89,7 @@ def note_image(image: bpy.types.Image, mode: str) -> None:
 
 
 def image_mode(image: bpy.types.Image) -> str | None:
-    """What the view shows that was last rendered to an image, None if none was."""
+    """Returns the mode of the view that was last rendered to an image, None if there was none."""
     return _image_modes.get(image.session_uid)
 
 
@@ -111,7 +111,7 @@ def is_outdated(scene: bpy.types.Scene) -> bool:
 
 
 def drop_missing(scenes: Iterable[bpy.types.Scene]) -> None:
-    """Forgets what was done for scenes that are not among `bpy.data.scenes` any more."""
+    """Drops results of scenes that are no longer in `bpy.data.scenes`."""
     there = {scene.session_uid for scene in scenes}
     for uid in [uid for uid in list(_latest) if uid not in there]:
         _latest.pop(uid, None)
@@ -142,7 +142,7 @@ def _show_news() -> float:
 
 
 class _FileWatcher:
-    """What was done for a scene is forgotten with it, or with its file."""
+    """Drops results with their scene, or with its file."""
 
     def on_change(self, what: str) -> None:
         drop_missing(bpy.data.scenes)
@@ -176,15 +176,15 @@ Source = Literal["Render", "View to Image", "Viewport"]
 
 @dataclass(frozen=True, slots=True)
 class FrameStatistics:
-    """What one frame cost.
+    """The cost of one frame.
 
-    source: what it was made for. size: (width, height). camera_rays: of all pixels in the border, 0 if untraced.
-    samples: of a pixel, on average. trace_milliseconds: without those of the audit. audit: what checking a share of the
-    camera rays has shown, None if it was not asked for. denoiser: its name, None if the image was not denoised;
+    source: its purpose. size: (width, height). camera_rays: of all pixels in the border, 0 if untraced.
+    samples: of a pixel, on average. trace_milliseconds: without those of the audit. audit: the result of checking a
+    share of the camera rays, None if it was not requested. denoiser: its name, None if the image was not denoised;
     trace_milliseconds are without it too.
-    complaints: what went wrong beside the scene itself, a sentence each.
-    owners: which objects show which meshes, and how much of the camera rays' work each takes.
-    has_own_mode: whether the mode is that of the viewport which it is a view of, and not the scene's.
+    complaints: problems other than those of the scene itself, a sentence each.
+    owners: which objects show which meshes, and the share of the camera rays' work of each.
+    has_own_mode: whether the mode is that of the shown viewport, and not the scene's.
     """
 
     frame: float
@@ -210,7 +210,7 @@ class FrameStatistics:
 
 
 # Summary -------------------------------------------------------------------------------------------------------------
-# What a frame cost and what was done for it, as short rows of text for a panel. Knows no panel.
+# The cost of a frame and its updates, as short rows of text for a panel. Does not depend on panels.
 
 
 def statistics_rows(statistics: FrameStatistics) -> list[tuple[str, str]]:

@@ -1,7 +1,7 @@
-"""What went wrong last for each scene, to be read for as long as nothing newer was done.
+"""The last errors of each scene, kept until a newer result.
 
-Blender shows reports for a few seconds only. What an image could not show is told by its own list (`not_shown.py`);
-here is what stopped an image, a scan or a measurement, and what an image's statistics complain of.
+Blender shows reports for a few seconds only. `not_shown.py` lists the things that an image could not show.
+This module keeps the errors that stopped an image, a scan or a measurement, and complaints of an image's statistics.
 """
 
 from __future__ import annotations
@@ -20,9 +20,9 @@ RENDER, VIEWPORT, VIEW = "Render", "Viewport", "Render View to Image"
 
 @dataclass(frozen=True, slots=True)
 class Message:
-    """source: what it is of. text: a sentence, with what can be done about it. is_error: whether there is no result.
+    """source: its origin. text: a sentence, with advice. is_error: whether there is no result.
 
-    is_note: whether nothing is wrong; such a message is shown by the panel of its source alone.
+    is_note: whether it is no problem; such a message is only shown by the panel of its source.
     """
 
     source: str
@@ -36,7 +36,7 @@ _told: dict[int, dict[str, tuple[Message, ...]]] = {}  # by the scene's session 
 
 
 def tell(scene: bpy.types.Scene, source: str, *texts: str, is_error: bool = False) -> None:
-    """What went wrong in doing something for `scene`, if anything, in place of what did before; from any thread."""
+    """Replaces the last errors of an action for `scene`, if any, by new ones; from any thread."""
     of_scene = _told.setdefault(scene.original.session_uid, {})
     messages = tuple(Message(source, text, is_error) for text in texts)
     if of_scene.get(source, ()) != messages:
@@ -45,21 +45,21 @@ def tell(scene: bpy.types.Scene, source: str, *texts: str, is_error: bool = Fals
 
 
 def add(scene: bpy.types.Scene, source: str, text: str, *, is_error: bool = False, is_note: bool = False) -> None:
-    """The same beside what was told of it."""
+    """Adds a message to the existing ones."""
     of_scene = _told.setdefault(scene.original.session_uid, {})
     of_scene[source] = (*of_scene.get(source, ()), Message(source, text, is_error, is_note))
     tell_of_news()
 
 
 def notes_of(scene: bpy.types.Scene, source: str) -> tuple[str, ...]:
-    """Returns the notes on what was done last."""
+    """Returns the notes on the last action."""
     return tuple(message.text for message in _told.get(scene.session_uid, {}).get(source, ()) if message.is_note)
 
 
 def tell_of_view(scene: bpy.types.Scene, view: object, text: str | None, *, is_error: bool = False) -> None:
-    """What is wrong with what one viewport shows of `scene`, None if nothing is; on the main thread.
+    """Sets the problem of one viewport that shows `scene`, None for no problem; on the main thread.
 
-    view: whose it is, for as long as it lives. Nothing else ends it.
+    view: the owner, which keeps the message while it exists. Nothing else removes it.
     """
     before = _of_views.get(view)
     told = (scene.original.session_uid, Message(VIEWPORT, text, is_error)) if text else None
@@ -75,13 +75,13 @@ def tell_of_view(scene: bpy.types.Scene, view: object, text: str | None, *, is_e
 
 
 def begin_render(scene: bpy.types.Scene) -> None:
-    """What images before it complained of is not of this one."""
+    """Drops messages of earlier renders."""
     for source in (RENDER, VIEW):
         tell(scene, source)
 
 
 def messages_of(scene: bpy.types.Scene) -> tuple[Message, ...]:
-    """All there are of a scene but notes, the gravest first, each once."""
+    """Returns all messages of a scene except notes, the most severe first, each once."""
     told = [message for each in list(_told.get(scene.session_uid, {}).values()) for message in each]
     found = [message for message in told if not message.is_note]
     found += [message for uid, message in list(_of_views.values()) if uid == scene.session_uid]
@@ -95,7 +95,7 @@ def messages_of(scene: bpy.types.Scene) -> tuple[Message, ...]:
 
 
 class _FileWatcher:
-    """What was told of a scene is forgotten with it, or with its file."""
+    """Drops messages with their scene, or with its file."""
 
     def on_change(self, what: str) -> None:
         there = {scene.session_uid for scene in bpy.data.scenes}

@@ -1,8 +1,8 @@
-"""What the last image of each scene lacks, for those who look: a line for viewports, and rows for a panel's list.
+"""The things that the last image of each scene lacks: a line for viewports, and rows for a panel's list.
 
-Panels list what stands in a collection of Blender's, which must not be written while they are drawn, nor from a
-render's thread: a timer on the main thread brings it in step. It belongs to the window manager, so that no scene seems
-edited by it.
+Panels list the contents of a collection of Blender's, which must not be written while they are drawn, nor from a
+render's thread: a timer on the main thread updates it. It belongs to the window manager, so that it does not count as
+an edit of a scene.
 """
 
 from __future__ import annotations
@@ -60,19 +60,19 @@ class PERFECT_BVH_PG_not_shown_list(bpy.types.PropertyGroup):
 
 
 def tell(scene: bpy.types.Scene, rows: Rows, *, goes_on: bool = False) -> None:
-    """What an image of `scene` as it was read last lacks; from any thread.
+    """Stores the things that an image of `scene`, as it was read last, lacks; from any thread.
 
-    goes_on: whether it is another part of the last image, and lacks what that does as well.
+    goes_on: whether it is another part of the last image, to whose rows it adds its own.
     """
     of_scene = _of(scene)
     of_scene.image = _once(*(of_scene.image if goes_on else ()), *rows)
 
 
 def tell_of_view(scene: bpy.types.Scene, view: object, read: Rows, *, with_looks: bool) -> None:
-    """What a viewport lacks beside what the last image does; on the main thread.
+    """Stores the things that a viewport lacks in addition to the last image; on the main thread.
 
-    read: all that was found, for images, too. What the image lacked and is not among it was mended since.
-    view: whose it is, for as long as it lives. with_looks: whether the viewport shows materials, lights and the world.
+    read: all that was found, for images, too. Rows of the image that are not among it were fixed since.
+    view: the owner, while it exists. with_looks: whether the viewport shows materials, lights and the world.
     """
     of_scene, found = _of(scene), set(read)
 
@@ -86,7 +86,7 @@ def tell_of_view(scene: bpy.types.Scene, view: object, read: Rows, *, with_looks
 
 
 def told(scene: bpy.types.Scene) -> Rows:
-    """What the last image of `scene` lacks, and what viewports do."""
+    """Returns the things that the last image of `scene` lacks, and those of viewports."""
     of_scene = _told.get(scene.original.session_uid)
     return () if of_scene is None else of_scene.rows
 
@@ -97,7 +97,7 @@ def line_of(scene: bpy.types.Scene) -> str:
 
 
 def line_in_viewports(scene: bpy.types.Scene) -> str:
-    """The same for what is drawn over viewports."""
+    """Returns the same as a line over viewports."""
     return summarize(_in_viewports(told(scene)))
 
 
@@ -115,7 +115,7 @@ def _in_viewports(rows: Rows) -> Rows:
 
 
 def list_rows() -> bool:
-    """Bring the collection in step with what was told; whether anything was new. On the main thread."""
+    """Update the collection; returns whether anything was new. On the main thread."""
     global _listed
     wanted = {uid: of_scene.rows for uid, of_scene in _told.copy().items()}
     if wanted == _listed:
@@ -139,7 +139,7 @@ def _show_news() -> float:
 
 
 class _FileWatcher:
-    """What was told of a scene is forgotten with it, or with its file."""
+    """Drops rows with their scene, or with its file."""
 
     def on_change(self, what: str) -> None:
         there = {scene.session_uid for scene in bpy.data.scenes}

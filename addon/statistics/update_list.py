@@ -1,7 +1,7 @@
-"""What was updated for the last image of each scene, as rows of a list that Blender draws.
+"""The updates for the last image of each scene, as rows of a list that Blender draws.
 
-Filled by a timer on the main thread, and only while somebody looks: a panel asks for it when it is drawn. It belongs to
-the window manager, so that no scene seems edited by it. What a row is about stays in Python, by the row's number.
+A timer on the main thread fills it, only while it is visible: a panel requests it when it is drawn. It belongs to
+the window manager, so that it does not count as an edit of a scene. The row's data stays in Python, by its number.
 """
 
 from __future__ import annotations
@@ -69,7 +69,7 @@ class PERFECT_BVH_PG_updates(bpy.types.PropertyGroup):
 
 
 def rows_of(scene: bpy.types.Scene) -> PERFECT_BVH_PG_updates | None:
-    """The list of a scene; None if it has none yet. What is missing or old is filled in soon."""
+    """Returns the list of a scene; None if it has none yet. A missing or outdated list is filled soon."""
     statistics = last_statistics(scene)
     known = _listed.get(scene.session_uid)
     if statistics is not None and (known is None or known[0] is not statistics):
@@ -78,13 +78,13 @@ def rows_of(scene: bpy.types.Scene) -> PERFECT_BVH_PG_updates | None:
 
 
 def updates_of(scene_uid: int) -> Updates:
-    """What the list of a scene is made of."""
+    """Returns the data of a scene's list."""
     known = _listed.get(scene_uid)
     return Updates() if known is None else known[1]
 
 
 def row_of(rows: PERFECT_BVH_PG_updates, index: int) -> UpdateRow | None:
-    """What a row of the list is about; None if that is no objects."""
+    """Returns the data of a row of the list; None if it is not about objects."""
     if not 0 <= index < len(rows.rows) or rows.rows[index].state in {FOLD, MORE}:
         return None
     updates = updates_of(rows.scene_uid)
@@ -122,7 +122,7 @@ def _describe(rows: PERFECT_BVH_PG_updates) -> None:
 
 
 def fill() -> bool:
-    """Bring the lists in step with what is known of the scenes that were asked for; whether any has changed."""
+    """Update the lists of the requested scenes; returns whether any has changed."""
     global _is_filling
     if not _asked:
         return False
@@ -188,7 +188,7 @@ def _write_more(made: PERFECT_BVH_PG_updates, count: int, *, is_changed: bool) -
 
 
 def _index_of(made: PERFECT_BVH_PG_updates, before: UpdateRow | None) -> int:
-    """The row about what was chosen before, wherever it has got to: the first changed one if it is not there."""
+    """Return the row of the previous selection, at its new position: the first changed one if it is missing."""
     found = [*updates_of(made.scene_uid).changed, *updates_of(made.scene_uid).unchanged]
     if before is not None and len(before.uids):
         uid = before.uids[0]
@@ -213,7 +213,7 @@ def _show_news() -> float:
 
 
 class _FileWatcher:
-    """What was listed of a scene is forgotten with it, or with its file."""
+    """Drops lists with their scene, or with its file."""
 
     def on_change(self, what: str) -> None:
         there = {scene.session_uid for scene in bpy.data.scenes}
@@ -227,7 +227,7 @@ class _FileWatcher:
 def _forget() -> None:
     _asked.clear()
     _listed.clear()
-    # While Blender starts, when a failure may undo what was registered, there is no data.
+    # While Blender starts, when a failure may undo the registration, there is no data.
     for manager in getattr(bpy.data, "window_managers", ()):
         manager.perfect_bvh_updates.clear()
 

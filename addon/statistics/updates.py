@@ -1,6 +1,7 @@
-"""What the last image had done, object by object: those of one mesh to which the same happened are one row.
+"""The updates for the last image, object by object: objects of one mesh with the same update share a row.
 
-Made of columns, because a scene may have a hundred thousand objects: only so many rows become Python objects.
+Made of columns, because a scene may have a hundred thousand objects: only a limited number of rows becomes Python
+objects.
 """
 
 from __future__ import annotations
@@ -37,7 +38,7 @@ State = Literal[
     "rebuilt",
     "built",
 ]
-# What happens to objects, and then to the trees of their meshes, which tells more.
+# The changes of objects, and then of the trees of their meshes, which are more specific.
 STATES: tuple[State, ...] = (
     *("kept", "unseen", "masked", "moved", "recounted", "replaced", "added", "removed"),
     *("refitted", "rotated", "partly_rebuilt", "rebuilt", "built"),
@@ -51,11 +52,11 @@ Int64Array = npt.NDArray[np.int64]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class UpdateRow:
-    """Objects of one mesh, to which the same happened.
+    """Objects of one mesh with the same update.
 
-    name: of the first, count: how many they are. uids: theirs, as Blender has them. mesh_row: of the scene's meshes.
-    milliseconds: of the mesh's tree. share: of the camera rays' work. mesh, tree: what the data did, and the engine;
-    None where that was not looked at. reason: why they are left out.
+    name: of the first, count: their number. uids: theirs, as Blender has them. mesh_row: of the scene's meshes.
+    milliseconds: of the mesh's tree. share: of the camera rays' work. mesh, tree: the change of the data, and the
+    engine's action; None if they were not checked. reason: why they are left out.
     """
 
     state: State
@@ -70,12 +71,12 @@ class UpdateRow:
 
     @property
     def milliseconds(self) -> float:
-        """What the tree took, if anything was done to it."""
+        """The milliseconds of the tree's update, if there was one."""
         return self.tree.milliseconds if self.tree is not None and self.state in OF_TREES else 0.0
 
     @property
     def title(self) -> str:
-        """Such as "Cube", or "Cube and 19 more"."""
+        """The title, such as "Cube", or "Cube and 19 more"."""
         return self.name if self.count <= 1 else f"{self.name} and {self.count - 1:,} more"
 
     @property
@@ -86,10 +87,10 @@ class UpdateRow:
 
 @dataclass(frozen=True, slots=True)
 class Updates:
-    """Of one image. The rows are the first of those that there are, what took longest and costs rays most first.
+    """The updates of one image. The rows are the first ones of all: longest times and most costly rays first.
 
-    changed_count, unchanged_count: how many objects there are of each. changed_more, unchanged_more: how many of them
-    no row names.
+    changed_count, unchanged_count: the number of objects of each. changed_more, unchanged_more: the number of these
+    objects that are in no row.
     """
 
     changed: tuple[UpdateRow, ...] = ()
@@ -108,7 +109,7 @@ class Updates:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Groups:
-    """Objects by mesh and by what happened, as columns: (G,) each but for members.
+    """Objects by mesh and by update, as columns: (G,) each except members.
 
     members: (P,) rows of the scene's objects, a group's one after the other, from starts on.
     """
@@ -122,7 +123,7 @@ class _Groups:
 
 
 def find_updates(report: SyncReport, owners: Owners) -> Updates:
-    """What a sync did for an image. owners: of the scene that the image shows."""
+    """Returns the updates of a sync for an image. owners: of the scene that the image shows."""
     uids = np.array([obj.session_uid for obj in owners.objects], np.int64)
     trees = {tree.mesh_id: tree for tree in (*report.commit.resting, *report.commit.meshes)}
     groups = _group(owners, uids, _states_of_trees(owners, trees), _states_of_objects(report, uids))
@@ -190,7 +191,7 @@ def _states_of_trees(owners: Owners, trees: dict[int, MeshReport]) -> Int64Array
 
 
 def _states_of_objects(report: SyncReport, uids: Int64Array) -> Int64Array:
-    """(O,): what happened to each object beside its mesh."""
+    """Returns (O,): the change of each object apart from its mesh."""
     from ..sync.report import OBJECT_ACTIONS
 
     columns = report.object_columns
@@ -208,7 +209,7 @@ def _states_of_objects(report: SyncReport, uids: Int64Array) -> Int64Array:
 
 
 def _group(owners: Owners, uids: Int64Array, of_trees: Int64Array, of_objects: Int64Array) -> _Groups:
-    """An object has several rows where its materials differ: the first one stands for all."""
+    """Groups objects. An object has several rows if its materials differ: only the first one counts."""
     _, first, object_of = np.unique(uids, return_index=True, return_inverse=True)
     objects = first[object_of].astype(np.int64)[owners.object_rows]
     meshes = owners.mesh_rows.astype(np.int64)
@@ -246,11 +247,11 @@ def _row_of_unseen(mesh: UnseenMesh) -> UpdateRow:
 
 
 # Update words --------------------------------------------------------------------------------------------------------
-# What a row of the list of updates says: what was done and why, and what users can do about it.
+# The text of a row of the list of updates: the action, its reason, and advice for users.
 
 
 NOTHING = "nothing is to be done"
-# What was done to a mesh's tree, or to the objects.
+# The action on a mesh's tree, or on the objects.
 DONE: dict[State, str] = {
     "kept": "Nothing was done",
     "unseen": "Left out",
@@ -295,7 +296,7 @@ def what_was_done(row: UpdateRow) -> str:
 
 
 def what_to_do(row: UpdateRow) -> str:
-    """A sentence: what makes the next update quicker, or that nothing is to be done."""
+    """Returns a sentence: how to make the next update faster, or that there is nothing to improve."""
     if row.state in _ADVICE:
         return _ADVICE[row.state]
     mesh = row.mesh
@@ -325,7 +326,7 @@ def _about_changing(remade_by: str, reason: str) -> str:
 
 
 def facts_of(row: UpdateRow) -> str:
-    """How large the mesh is, and what it costs rays."""
+    """Returns the size of the mesh, and its cost for rays."""
     found = []
     if row.mesh is not None:
         found.append(count_of(row.mesh.triangle_count, row.mesh.kind.removesuffix("s")))

@@ -1,18 +1,18 @@
-"""Numbers as a person would say them: how long, how fast, how large, which part; and what errors say.
+"""Numbers in words: durations, rates, sizes, shares; and the texts of errors.
 
-Knows nothing of what they are of.
+Does not depend on their meaning.
 """
 
 from __future__ import annotations
 
-# Of seconds and of minutes: from here on the larger unit tells more.
+# Seconds and minutes from which on the larger unit is clearer.
 MOST_SECONDS, MOST_MINUTES = 600.0, 120
-# Less is a number that nobody measures twice.
+# Smaller numbers are below the precision of measurements.
 LEAST_MILLISECONDS = 0.005
 
 
 def number(value: float, digits: int = 2) -> str:
-    """As many digits as told, at most two of them after the point; what stands before it is never rounded away.
+    """Formats with this number of digits, at most two of them after the point; digits before it are never rounded away.
 
     With two: "1,234", "123", "12", "1.2", "0.12"; never a power of ten.
     """
@@ -23,7 +23,7 @@ def number(value: float, digits: int = 2) -> str:
 
 
 def duration(milliseconds: float, digits: int = 2) -> str:
-    """Such as "1.2 ms", "0.28 s", "121 s", "12 min" or "3 h 20 min"."""
+    """Formats a duration, such as "1.2 ms", "0.28 s", "121 s", "12 min" or "3 h 20 min"."""
     if milliseconds < LEAST_MILLISECONDS:
         return "under 0.01 ms" if milliseconds > 0.0 else "0 ms"
     if milliseconds < 99.5:
@@ -45,7 +45,7 @@ def clock(seconds: float) -> str:
 
 
 def rate(rays_per_second: float, digits: int = 2) -> str:
-    """Such as "950 rays/s", "24 k rays/s" or "3.1 M rays/s"."""
+    """Formats a rate, such as "950 rays/s", "24 k rays/s" or "3.1 M rays/s"."""
     for unit, size in (("M ", 1e6), ("k ", 1e3)):
         if rays_per_second >= 0.9995 * size:
             return f"{number(rays_per_second / size, digits)} {unit}rays/s"
@@ -53,7 +53,7 @@ def rate(rays_per_second: float, digits: int = 2) -> str:
 
 
 def memory(byte_count: float) -> str:
-    """In the unit that gives one to four digits before the point."""
+    """Formats bytes in the unit that has one to four digits before the point."""
     size = float(byte_count)
     for unit in ("B", "KiB", "MiB"):
         if size < 1024.0:
@@ -63,16 +63,16 @@ def memory(byte_count: float) -> str:
 
 
 def share(part: float) -> str:
-    """Of a whole that is 1: "45%", and "<1%" of what is more than nothing."""
+    """Formats a share of 1: "45%", and "<1%" for anything small above 0."""
     return "<1%" if 0.0 < part < 0.01 else f"{part:.0%}"
 
 
 def count_of(count: int, one: str, many: str = "") -> str:
-    """Such as "1 triangle" and "1,200 triangles". many: where that is not the one with an s."""
+    """Formats a count, such as "1 triangle" and "1,200 triangles". many: a plural other than with an s."""
     return f"{count:,} {one if count == 1 else many or one + 's'}"
 
 
-# What a tree is over, by the kind of its mesh.
+# The primitives of a tree, by the kind of its mesh.
 _PRIMITIVES = {"triangles": "triangle", "curves": "segment", "points": "point"}
 
 
@@ -82,21 +82,21 @@ def primitive_of(kind: str) -> str:
 
 
 def primitives(count: int, kind: str) -> str:
-    """Such as "1,200 triangles", "3,200 segments" of curves and "1 point"."""
+    """Formats primitives, such as "1,200 triangles", "3,200 segments" of curves and "1 point"."""
     return count_of(count, primitive_of(kind))
 
 
 def sum_of(triangles: int, segments: int, points: int) -> str:
-    """Such as "1,200 triangles, 3,200 segments"; of nothing "0 triangles"."""
+    """Formats a sum, such as "1,200 triangles, 3,200 segments"; "0 triangles" if all are 0."""
     counts = ((triangles, "triangles"), (segments, "curves"), (points, "points"))
     return ", ".join(primitives(count, kind) for count, kind in counts if count) or "0 triangles"
 
 
 def sentence(text: str) -> str:
-    """With a capital at its beginning. Not for what begins with a name that users gave."""
+    """Capitalises the first letter. Not for texts that begin with a user's name for something."""
     return text[:1].upper() + text[1:]
 
 
 def reason_of(problem: BaseException) -> str:
-    """What an error says; the name of its class where it says nothing, as a `MemoryError` mostly does."""
+    """Returns an error's text, or the name of its class if it has none, as a `MemoryError` mostly does."""
     return str(problem) or type(problem).__name__

@@ -1,6 +1,6 @@
-"""What everything else stands on: files that are whole or not there, memory, long calls on threads of their own.
+"""The base of all other modules: files that are whole or missing, memory, long calls on separate threads.
 
-files            files that are whole or not there; paths of each system
-memory           what is free, and refusals of what needs more
-background_work  a long call on a thread of its own
+files            files that are whole or missing; paths of each system
+memory           free memory, and refusals of requests that need more
+background_work  a long call on a separate thread
 """

@@ -1,7 +1,7 @@
-"""A long call of the engine on a thread of its own, so that the thread that began it serves its user meanwhile.
+"""A long call of the engine on a separate thread, so that the thread that began it stays responsive.
 
-A commit touches nothing but the engine's scene and lets go of Python's lock: what reads Blender comes before it, what
-uses the trees after it, both on the thread that began it. The same holds for large batches of rays. Knows no
+A commit uses only the engine's scene and releases Python's lock. Code that reads Blender runs before it, code that
+uses the trees after it, both on the thread that began it. The same holds for large batches of rays. Does not depend on
 Blender.
 """
 
@@ -17,7 +17,7 @@ Made = TypeVar("Made")
 Report = TypeVar("Report")
 
 THREAD_NAME = "Perfect BVH work"
-# How often whoever waits to the end hears of Ctrl-C: on Windows a wait is not interrupted by it, only followed.
+# The interval at which a waiting caller checks for Ctrl-C: on Windows it does not interrupt a wait.
 _HEARING_SECONDS = 0.05
 
 # Those whose thread lives, kept from being forgotten: a process that ends waits for each.
@@ -28,11 +28,11 @@ class BackgroundWork(Generic[Made, Report]):
     """Begins at once.
 
     work: called on the new thread with a progress callable, as the engine's long calls want it.
-    finish: called at most once, with what `work` returned, by the first `settle`, `stop` or `result`, on the thread
-        that calls that: whatever is to know of what was made learns it there and not before.
-    when_stopped: called as well when the work is asked to stop, on the thread that asks.
+    finish: called at most once, with the return value of `work`, by the first `settle`, `stop` or `result`, on the
+        thread that calls that: it publishes the result there and not before.
+    when_stopped: called in addition when the work is asked to stop, on the thread that asks.
 
-    A forked process has no such thread: there it has failed, unless it was over.
+    A forked process has no such thread: there it has failed, unless it had finished.
     """
 
     def __init__(
@@ -49,7 +49,7 @@ class BackgroundWork(Generic[Made, Report]):
         self._reports: list[Report] = []
         self._problem: BaseException | None = None
         self.is_lost = False
-        """Whether it was under way when this process was forked: what it worked on may be locked for ever."""
+        """Whether it was running when this process was forked: its data may be locked for ever."""
         self._thread = threading.Thread(target=self._run, name=THREAD_NAME, daemon=True)
         _running.add(self)
         try:
@@ -66,7 +66,7 @@ class BackgroundWork(Generic[Made, Report]):
         except BaseException as problem:  # noqa: BLE001 - handed on by `result`
             self._problem = problem
         finally:
-            self._work = _over  # what it held on to is free
+            self._work = _over  # releases its objects
             self._has_ended.set()
             _running.discard(self)
 
@@ -90,11 +90,11 @@ class BackgroundWork(Generic[Made, Report]):
         return not self._shall_stop
 
     def wait(self, seconds: float) -> bool:
-        """Waits for the end, at most so long; whether it has come. Ctrl-C ends the waiting, not the work."""
+        """Waits for the end, at most `seconds`; returns whether it has ended. Ctrl-C ends the waiting, not the work."""
         return self._has_ended.wait(seconds)
 
     def ask_to_stop(self) -> None:
-        """From any thread; the engine looks about every twentieth of a second. One that is too far gets done."""
+        """Requests a stop, from any thread; the engine checks for it about every twentieth of a second."""
         self._shall_stop = True
         if self._when_stopped is not None:
             self._when_stopped()
@@ -105,9 +105,9 @@ class BackgroundWork(Generic[Made, Report]):
         self.settle()
 
     def settle(self) -> None:
-        """Waits for the end, whatever it is; `finish` has been called if the work succeeded.
+        """Waits for the end, successful or not; `finish` has been called if the work succeeded.
 
-        What `finish` raises is the work's failure: it is raised by `result`, here only if it is no `Exception`.
+        An error of `finish` is the work's failure: `result` raises it, and this method only if it is no `Exception`.
         """
         while not self._has_ended.wait(_HEARING_SECONDS):
             pass
@@ -121,7 +121,7 @@ class BackgroundWork(Generic[Made, Report]):
                 raise
 
     def result(self) -> Report:
-        """Waits for the end; returns what `finish` did. Raises what the work did, `Cancelled` if it was stopped.
+        """Waits for the end; returns the result of `finish`. Raises the work's error, `Cancelled` if it was stopped.
 
         Ctrl-C stops it.
         """
@@ -136,11 +136,11 @@ class BackgroundWork(Generic[Made, Report]):
 
 
 def _over(_: Callable[[float], bool]) -> Any:
-    """What a work that has ended is made of."""
+    """Replaces the work of an ended call."""
 
 
 def _lose_all() -> None:
-    """In a forked process."""
+    """Marks all work as lost, in a forked process."""
     from perfect_bvh import EngineError
 
     for work in tuple(_running):

@@ -1,4 +1,4 @@
-"""Files that are whole or not there: what is written takes its place only once it is complete."""
+"""Files that are whole or missing: a new file replaces the old one only once it is complete."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 
 def write_arrays(path: Path, arrays: Mapping[str, npt.NDArray[Any]], *, is_compressed: bool = False) -> None:
-    """What np.savez does; but that leaves its archive open when the disk is full. Raises OSError."""
+    """Does the same as np.savez, which leaves its archive open when the disk is full. Raises OSError."""
     import numpy as np  # here: the command line lists its options without it
 
     kind = zipfile.ZIP_DEFLATED if is_compressed else zipfile.ZIP_STORED
@@ -72,16 +72,16 @@ def how_to_install(*packages: str) -> str:
 
 
 # Paths ---------------------------------------------------------------------------------------------------------------
-# What a path may be on each system: how long, of which characters, and how Windows is told of a long one.
+# The limits of paths on each system: their length, their characters, and the form of long ones on Windows.
 #
-# Windows takes up to 259 characters of a path as it is written, and 32,767 of one that begins with `\\?\`. Names hold
-# no characters there that mean something else to it: a colon would silently write a hidden stream of another file,
+# Windows accepts up to 259 characters of a plain path, and 32,767 of one that begins with `\\?\`. Names must not
+# contain characters there that have another meaning: a colon would silently write a hidden stream of another file,
 # and some names are devices.
 
 
 IS_WINDOWS = os.name == "nt"
 
-_LONG = 240  # well below what a file or a folder may have
+_LONG = 240  # well below the limits of a file's or a folder's path
 _PREFIX, _SHARE_PREFIX = "\\\\?\\", "\\\\?\\UNC\\"
 
 _FORBIDDEN = frozenset('<>:"|?*') | {chr(code) for code in range(32)}
@@ -93,12 +93,12 @@ _LIMITS = {"win32": (32_766, 255), "darwin": (1023, 255), "linux": (4095, 255)}
 
 
 def reachable(path: Path) -> Path:
-    """The same file by a name that this system takes whatever its length."""
+    """Returns a path of the same file that this system accepts at any length."""
     return Path(extended_name(str(path))) if IS_WINDOWS else path
 
 
 def extended_name(name: str) -> str:
-    r"""Windows' name of a file with `\\?\` before it if it is long, else as it is."""
+    r"""Returns Windows' name of a file, with `\\?\` before it if it is long, else unchanged."""
     if name.startswith(_PREFIX):
         return name
     whole = ntpath.abspath(name)  # no `..` and no slashes: behind the prefix nothing is looked at
@@ -147,7 +147,7 @@ def _names(path: PurePath) -> tuple[str, ...]:
 
 
 def _length(text: str, system: str) -> int:
-    """As the system counts."""
+    """Returns the length as the system counts it."""
     if system == "win32":
         return len(text.encode("utf-16-le", "surrogatepass")) // 2
     return len(os.fsencode(text))
@@ -158,12 +158,12 @@ def _length(text: str, system: str) -> int:
 
 # Writers that do not notice a full disk leave less room than this behind them.
 _ROOM = bytes(1 << 16)
-# Characters of a file's name in that of the one beside it, which must not be too long where the first just is not.
+# Characters of a file's name in that of its temporary file, whose name must not be too long if the file's just is not.
 _STEM_SHOWN = 32
-# On Windows virus scanners and indexers have each new file open for a moment: what is waited before trying again.
+# On Windows virus scanners and indexers open each new file for a moment: the pauses before further tries.
 _PATIENCE = (0.05, 0.1, 0.2, 0.4) if IS_WINDOWS else ()
 _SHARING_VIOLATION = 32
-# Names as `_make_file` gives them: of a try, or beside a file, with the ending of that.
+# Names from `_make_file`: of a trial, or of a temporary file, with the ending of its file.
 _REMAINDER = re.compile(r"\.(?:(.+)\.)?[0-9a-f]{8}(\.[^.]*)?")
 
 
@@ -189,11 +189,11 @@ def prepare_folder(folder: Path) -> None:
 
 @contextmanager
 def replacing(path: Path) -> Iterator[Path]:
-    """The name of an empty file beside `path` to write into; it takes the place of `path` if that succeeds.
+    """Yields the name of an empty file next to `path` to write into; it replaces `path` if that succeeds.
 
-    After a failure `path` is as it was, and nothing else is left, unless only the last step failed, as it does on
-    Windows while another program has `path` open: then what was written is kept beside it, and the error names both.
-    Raises OSError with the reason, also where the disk is full and the writer said nothing.
+    After a failure `path` is unchanged, and nothing else is left, unless only the last step failed, as it does on
+    Windows while another program has `path` open: then the new file is kept next to it, and the error names both.
+    Raises OSError with the reason, also if the disk is full and the writer did not report it.
     """
     with _explained(path):
         _check_place(path)
@@ -202,7 +202,7 @@ def replacing(path: Path) -> Iterator[Path]:
             yield name
             _settle(name)
         except BaseException:
-            with suppress(OSError):  # what is told is why it failed, not that a remainder may not be removed
+            with suppress(OSError):  # the original error matters, not that of removing a remainder
                 _patiently(os.unlink, name)
             raise
         try:
@@ -213,9 +213,9 @@ def replacing(path: Path) -> Iterator[Path]:
 
 
 def find_remainders(folder: Path, names: Iterable[str]) -> list[Path]:
-    """What a process that was killed meanwhile may have left of writing files of these names into a folder.
+    """Finds files that a killed process may have left while writing files of these names into a folder.
 
-    names: as paths from the folder; those of folders in it that are not there are of files not begun.
+    names: as paths from the folder; files in missing subfolders were not begun.
     """
     wanted: dict[Path, set[tuple[str, str]]] = {folder: set()}
     for name in names:
@@ -229,7 +229,7 @@ def find_remainders(folder: Path, names: Iterable[str]) -> list[Path]:
 
 
 def _remainders_in(folder: Path, wanted: set[tuple[str, str]]) -> Iterator[Path]:
-    """wanted: stems as they are shown, and endings."""
+    """Yields remainders. wanted: stems in their shortened form, and endings."""
     for path in reachable(folder).iterdir():
         match = _REMAINDER.fullmatch(path.name)
         is_trial = match is not None and match[1] is None and match[2] is None
@@ -250,9 +250,9 @@ def _check_names(path: Path) -> None:
 
 
 def find_obstacle(path: Path) -> str | None:
-    """Why Windows would not let a file be replaced, and the way out; None if it would, or the file is not there.
+    """Returns why Windows would not let a file be replaced, and advice; None if it would, or the file does not exist.
 
-    Elsewhere what is open, or write-protected itself, can be replaced.
+    On other systems open or write-protected files can be replaced.
     """
     target = reachable(path)
     if not IS_WINDOWS or not target.exists():
@@ -260,7 +260,7 @@ def find_obstacle(path: Path) -> str | None:
     if not target.stat().st_mode & stat.S_IWRITE:
         return "it is write-protected: clear that in its properties, or give another name"
     try:
-        os.rename(target, target)  # does nothing, for which nobody else may have it open
+        os.rename(target, target)  # does nothing, but fails if another program has it open
     except PermissionError as error:
         if getattr(error, "winerror", None) == _SHARING_VIOLATION:
             return "another program has it open: close it there, or give another name"
@@ -284,7 +284,7 @@ def _settle(name: Path) -> None:
 
 
 def _patiently(act: Callable[..., object], *paths: Path) -> None:
-    """Again, if it is refused, for as long as somebody may just be looking."""
+    """Repeats a refused action for a while, as another program may have opened the file for a moment."""
     for seconds in _PATIENCE:
         try:
             act(*paths)

@@ -1,18 +1,18 @@
-"""Records of a scene and their way into the engine; knows no Blender.
+"""Records of a scene and their transfer to the engine; does not depend on Blender.
 
-records           what extraction writes: instances, objects, meshes, camera
+records           the data that extraction writes: instances, objects, meshes, camera
 look_records      the same of materials, images, lights and the world
-scene_difference  what a new record asks of the engine's scene
-compare           what differs, field by field. Changes nothing.
+scene_difference  the edits that a new record needs in the engine's scene
+compare           the differences, field by field. Changes nothing.
 state             applies the difference, then commits
 held              meshes that the engine holds, and edits of them
 mesh_edits        one mesh into the engine: triangles, curves or points
-plan              what each mesh is expected to do: guessed, then corrected
-keys              which instance is which, across evaluations
-moments           which moments of a shutter are read, and which instance is which there
-motion            what moves between them, as the engine takes it
+plan              the expected changes of each mesh: guessed, then corrected
+keys              identifies instances across evaluations
+moments           the time samples of a shutter, and the identity of instances there
+motion            the motion between them, as the engine takes it
 appearance        camera and looks as the engine takes them
 lookup            from the engine's ids back to objects and polygons
-not_shown         what an image lacks of the scene
-report            what one sync did, to what, and why
+not_shown         the things of the scene that an image lacks
+report            the actions of one sync, their targets and reasons
 """

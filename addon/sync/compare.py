@@ -1,6 +1,6 @@
-"""What differs between the scene as the engine holds it and a new record: pure functions, nothing is changed.
+"""The differences between the scene in the engine and a new record: pure functions, which change nothing.
 
-Arrays are compared as they are, not by hash: that is as fast as reading them once, and never wrong.
+Arrays are compared directly, not by hash: that is as fast as reading them once, and never wrong.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from .records import (
 MeshAction = Literal["added", "removed", "replaced", "deformed", "kept"]
 BoolArray = npt.NDArray[np.bool_]
 _OF_THE_FILM = ("film_transparent", "plain_reflectance", "pass_alpha_threshold")
-# What a mesh has for each of its triangles and corners beside the geometry.
+# A mesh's attributes for each of its triangles and corners, without the geometry.
 ATTRIBUTES = tuple(name for name in MESH_COLUMNS if name not in {"positions", "triangles", "radii", "curve_offsets"})
 
 
@@ -39,7 +39,7 @@ class HeldInstances:
     """The instances that the engine holds, as columns, in the order of the record they came from.
 
     columns: the record's own. keys: (I,) uint64. ids: (I,) int32, the engine's. orders: (I,) int64, as given to the
-    engine. meshes, objects: what the columns' rows stand for.
+    engine. meshes, objects: the meanings of the columns' rows.
     """
 
     columns: InstanceRecords = field(default_factory=InstanceRecords)
@@ -68,7 +68,7 @@ class HeldInstances:
 
 @dataclass(frozen=True, slots=True)
 class MeshDifference:
-    """What happened to one mesh, why, and whether any attribute beside the geometry changed."""
+    """The change of one mesh, its reason, and whether any attribute other than the geometry changed."""
 
     action: MeshAction
     reason: str
@@ -81,11 +81,11 @@ UNCHANGED = MeshDifference("kept", "Blender did not evaluate it again")
 
 @dataclass(frozen=True, slots=True)
 class InstanceDifference:
-    """What happened to the instances of a new record.
+    """The changes of the instances in a new record.
 
     held_rows: (I,) int32, the row of the same instance among those held, -1 for one to be added.
     moved, masked: (I,) bool, instances that stay but are moved or seen by other rays.
-    removed: (H,) bool over the held ones. is_swapped: (I,) bool, added only because what they show is another mesh.
+    removed: (H,) bool over the held ones. is_swapped: (I,) bool, added only because their mesh is another one.
     """
 
     held_rows: Int32Array
@@ -124,7 +124,7 @@ def compare_mesh(old: MeshRecord | None, new: MeshRecord) -> MeshDifference:
 
 
 def topology_change(old: MeshRecord, new: MeshRecord) -> str | None:
-    """Why what is new is more than the old one with other positions or radii; None if it is not."""
+    """Returns why the new mesh is more than the old one with other positions or radii; None if it is not."""
     if old.form != new.form:
         return f"{new.kind} of another kind"
     if old.part_count != new.part_count:
@@ -180,7 +180,7 @@ def compare_instances(
 
 
 def _compare_same(held: HeldInstances, instances: InstanceRecords, rows: Int32Array) -> InstanceDifference:
-    """All are there that were, and no others, though perhaps in another order."""
+    """Compares records with the same instances, possibly in another order."""
     none = np.zeros(len(rows), np.bool_)
     same_masks = held.columns.masks is instances.masks
     return InstanceDifference(

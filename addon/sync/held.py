@@ -33,10 +33,10 @@ _MOST_REMEMBERED = 256
 
 @dataclass(slots=True)
 class _HeldMesh:
-    """A mesh in the engine: its id and usage there, the record it was last given, and since when it has its triangles.
+    """A mesh in the engine: its id and usage there, its last record, and the update in which it got its triangles.
 
     generation: of the scene's commit that brought the triangles; None until it has succeeded. change: of the last
-    update. expected_until: until which update of the tracker that says what is to be expected if it does nothing.
+    update. expected_until: the update of the tracker until which the expectation holds if the mesh does not change.
     """
 
     mesh_id: int
@@ -64,7 +64,7 @@ class HeldMeshes:
         return iter(self._meshes)
 
     def clear(self) -> None:
-        """Nothing is held any more; what meshes did is remembered."""
+        """Drops all meshes; their observed changes are remembered."""
         self._meshes.clear()
         self._fresh.clear()
         self._last = self._ids = None
@@ -83,7 +83,7 @@ class HeldMeshes:
         return np.array([_NEVER if generation is None else generation for generation in found], np.int64)
 
     def compare(self, meshes: tuple[MeshRecord, ...]) -> tuple[Sequence[MeshDifference], list[Hashable]]:
-        """What differs of each mesh, and the keys of those that are gone."""
+        """Returns the difference of each mesh, and the keys of removed ones."""
         if meshes is self._last:
             return (UNCHANGED,) * len(meshes), []
         wanted = {mesh.key for mesh in meshes}
@@ -97,7 +97,7 @@ class HeldMeshes:
         return None if held is None else held.record
 
     def remove(self, scene: MeshScene, key: Hashable) -> MeshChange:
-        """No instance may show it any more."""
+        """Removes a mesh; no instance may show it any more."""
         held = self._meshes.pop(key)
         self._last = self._ids = None
         scene.remove_mesh(held.mesh_id)
@@ -133,7 +133,7 @@ class HeldMeshes:
         self._fresh.clear()
 
     def _expect(self, mesh: MeshRecord, difference: MeshDifference, has_moved: bool) -> Expectation:
-        """Takes in what the mesh did, and tells what to expect of it."""
+        """Registers the mesh's change, and returns the expectation for it."""
         if difference.action == "replaced":
             self._usages.observe(mesh.key, "changing")
         elif difference.action == "deformed":
@@ -173,15 +173,15 @@ class HeldMeshes:
             usage_reason=expected.reason,
             remade_by=mesh.remade_by,
         )
-        # Only what stayed the very same record may be told again in the same words.
+        # Only a mesh that stayed the very same record may be reported again in the same words.
         held.change, held.expected_until = change, expected.until if difference is UNCHANGED else 0.0
         return change
 
 
 # Held motion ---------------------------------------------------------------------------------------------------------
-# The motions that an engine scene holds beside a record: what of them is new, and the edits for that.
+# The motions that an engine scene holds in addition to a record: which of them are new, and their edits.
 #
-# Placing an instance or moving a mesh ends its motion in the engine; so what is edited anyway needs no ending.
+# Placing an instance or moving a mesh ends its motion in the engine, so edited ones need no separate ending.
 
 
 class MovingScene(MeshScene, Protocol):
@@ -193,9 +193,9 @@ class MovingScene(MeshScene, Protocol):
 
 @dataclass(frozen=True, slots=True)
 class MotionDifference:
-    """What a new record asks for beside its instances and meshes; rows are the new record's.
+    """The changes of motions in a new record, apart from its instances and meshes; rows are the new record's.
 
-    ended_instances, ended_meshes: (E,) int32, whose motion ends, and that no other edit ends.
+    ended_instances, ended_meshes: (E,) int32, those whose motion ends and that no other edit ends.
     """
 
     instances: tuple[InstanceMotions, ...] = ()
@@ -247,7 +247,7 @@ def compare_motion(
 def _ended_instances(
     before: SceneMotion, after: SceneMotion, difference: InstanceDifference
 ) -> tuple[Int32Array, bool]:
-    """Rows of those whose motion is to be ended, and whether any motion ends in whichever way."""
+    """Returns the rows of those whose motion must be ended, and whether any motion ends for any reason."""
     moved_before = np.zeros(len(difference.removed), np.bool_)
     for motions in before.instances:
         moved_before[motions.rows] = True
@@ -294,7 +294,7 @@ def _are_held(motions: InstanceMotions, before: SceneMotion, difference: Instanc
 def _compare_meshes(
     held: SceneRecord | None, record: SceneRecord, differences: Sequence[MeshDifference]
 ) -> tuple[tuple[MeshMotion, ...], tuple[int, ...], bool]:
-    """New motions, rows of those that are to be ended, and whether any ends in whichever way."""
+    """Returns new motions, rows of those that must be ended, and whether any ends for any reason."""
     before = {} if held is None else {held.meshes[motion.row].key: motion for motion in held.motion.meshes}
     found, moving = [], set()
     for motion in record.motion.meshes:

@@ -32,14 +32,14 @@ class PlacedInstances(Protocol):
 def instance_keys(record: PlacedInstances) -> Uint64Array:
     """(I,) uint64, distinct: a 64-bit mix of the object's and the instancer's session uid and the persistent id.
 
-    Instances that nothing tells apart are numbered in the order they come. Should two different instances ever get
-    one number, one is taken for a change of the other: everything about an instance is compared besides.
+    Indistinguishable instances are numbered in order. If two different instances ever get
+    the same key, one counts as a change of the other: everything about an instance is compared as well.
     """
     return number_repeated(plain_keys(record))
 
 
 def plain_keys(record: PlacedInstances) -> Uint64Array:
-    """(I,) uint64: the same, but that instances that nothing tells apart have one."""
+    """Returns (I,) uint64: like `instance_keys`, but indistinguishable instances share a key."""
     instances = record.instances
     keys = np.zeros(len(instances), np.uint64)
     for column in (*_uids(record), *instances.persistent_ids.T):
@@ -108,7 +108,7 @@ def mix(values: Uint64Array) -> Uint64Array:
 
 
 def number_repeated(keys: Uint64Array) -> Uint64Array:
-    """Gives the second, third ... of equal keys a key of its own."""
+    """Gives the second, third ... of equal keys other, distinct keys."""
     while True:
         by_key = np.argsort(keys, kind="stable")
         ordered = keys[by_key]

@@ -1,4 +1,4 @@
-"""The plain records of what a scene looks like: materials, images, lights and the world. See `records`."""
+"""The plain records of a scene's looks: materials, images, lights and the world. See `records`."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ Pixels = npt.NDArray[np.uint8] | npt.NDArray[np.float32]
 
 @dataclass(frozen=True, slots=True)
 class HairRecord:
-    """What curves of a material are: a row of `perfect_bvh.HairTable`, whose columns these are."""
+    """The hair of a material's curves: a row of `perfect_bvh.HairTable`, whose columns these are."""
 
     surface: float = 0.0
     fiber: float = 0.0
@@ -33,7 +33,7 @@ class HairRecord:
 
 @dataclass(frozen=True, slots=True)
 class FinishRecord:
-    """What few surfaces have: a row of `perfect_bvh.FinishTable`, whose columns these are."""
+    """Properties that few surfaces have: a row of `perfect_bvh.FinishTable`, whose columns these are."""
 
     sheen: tuple[float, float, float] = (0.0, 0.0, 0.0)
     sheen_roughness: float = 0.5
@@ -53,8 +53,8 @@ class FinishRecord:
 class MaterialRecord:
     """color: viewport colour, scene-linear RGBA. pass_index: for the material index pass.
 
-    The rest is what `AttributeRequest.shading` asks for, see `perfect_bvh.MaterialTable`. program: what is not the same
-    all over the surface, for which the fields have about the mean; None for nothing.
+    The rest is only read if `AttributeRequest.shading` is set, see `perfect_bvh.MaterialTable`. program: the properties
+    that vary over the surface, whose fields hold about the mean; None for none.
     """
 
     name: str
@@ -91,10 +91,10 @@ class MaterialRecord:
 class ImageRecord:
     """pixels: (H, W, 4), row 0 at the bottom: uint8 sRGB or float32 scene-linear.
 
-    extension: what lies beyond its border; interpolation: what lies between pixels; tiles: of a UDIM image, by their
+    extension: the colour beyond its border; interpolation: between pixels; tiles: of a UDIM image, by their
     numbers, the first one being `pixels`, too; is_linear: uint8 is scene-linear; see `perfect_bvh.ImageTexture`.
-    An image that is known to be unchanged since the record before has the very same array. From here on it is
-    read-only: the renderer keeps what it works out of it.
+    An image that is known to be unchanged since the previous record has the very same array. From here on it is
+    read-only: the renderer caches results for it.
     """
 
     name: str
@@ -111,7 +111,7 @@ class ImageRecord:
 
     @property
     def byte_count(self) -> int:
-        """Of the pixels; where there are tiles, `pixels` is one of them."""
+        """The bytes of the pixels; if there are tiles, `pixels` is one of them."""
         return sum(tile.nbytes for tile in self.tiles.values()) if self.tiles else self.pixels.nbytes
 
 
@@ -134,7 +134,7 @@ class LightRecords:
 
 @dataclass(frozen=True, slots=True)
 class WorldRecord:
-    """The fields of `perfect_bvh.World`. backdrop: what the camera sees instead, None for the same."""
+    """The fields of `perfect_bvh.World`. backdrop: the camera's view of it, None for the same."""
 
     color: tuple[float, float, float] = (0.0, 0.0, 0.0)
     image: int = -1

@@ -37,7 +37,7 @@ class HitIds(Protocol):
 
 
 class InstanceDescription(NamedTuple):
-    """What instances are, in the shape of the ids that were asked for.
+    """Descriptions of instances, in the shape of the requested ids.
 
     names: (...) object array of str, the object's name. session_uids: (...) int64, the object's.
     parent_names, parent_session_uids: of the instancer, "" and 0 for a plain object. persistent_ids: (..., 8) int32,
@@ -229,7 +229,7 @@ def _object_array(values: Sequence[str]) -> npt.NDArray[np.object_]:
 
 
 # Label columns -------------------------------------------------------------------------------------------------------
-# Labels by name as columns: whole numbers, numbers, or rows of a table of names. Knows no Blender.
+# Labels by name as columns: whole numbers, numbers, or rows of a table of names. Does not depend on Blender.
 
 
 Float64Array = npt.NDArray[np.float64]
@@ -239,9 +239,9 @@ MISSING = -1
 
 @dataclass(frozen=True, slots=True)
 class LabelTable:
-    """What the values of a label are.
+    """The meaning of a label's values.
 
-    names: of a label whose values are rows of them; None for numbers. missing: the value where nothing has the label:
+    names: of a label whose values are their rows; None for numbers. missing: the value of objects without the label:
     -1 for rows of names and whole numbers, NaN for floats. Numbers are floats if any has a fraction or is -1 itself.
     """
 
@@ -260,7 +260,7 @@ class LabelTable:
         return np.where(np.isnan(values), self.missing, values).astype(np.int32)
 
     def value_of(self, value: float) -> LabelValue:
-        """What an encoded value stands for: a text, a number, None for none."""
+        """Decodes a value: a text, a number, None for none."""
         if np.isnan(value) or value == self.missing:
             return None
         if self.names is not None:
@@ -268,7 +268,7 @@ class LabelTable:
         return int(value) if self.is_whole else float(value)
 
     def described(self) -> dict[str, Any]:
-        """As JSON has it."""
+        """Returns the table as JSON has it."""
         return {
             "names": None if self.names is None else list(self.names),
             "missing": self.missing if self.is_whole else None,
@@ -277,18 +277,18 @@ class LabelTable:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LabelColumn:
-    """values: int32 or float64, of N points or H x W pixels. table: what they stand for."""
+    """values: int32 or float64, of N points or H x W pixels. table: their meaning."""
 
     values: npt.NDArray[Any]
     table: LabelTable
 
     @property
     def names(self) -> tuple[str, ...] | None:
-        """What values are rows of; None for numbers."""
+        """The names of which values are rows; None for numbers."""
         return self.table.names
 
     def value_at(self, place: Any) -> LabelValue:
-        """What stands at an index: a text, a number, None where nothing has the label."""
+        """Returns the value at an index: a text, a number, None where the label is missing."""
         return self.table.value_of(self.values[place])
 
 
@@ -307,7 +307,7 @@ class SceneLabel:
         return self.table.encode(values)
 
     def of_things(self, record: SceneRecord, instance_rows: npt.NDArray[Any]) -> list[LabelValue]:
-        """Of whole instances: what all their materials agree on counts where they have no label themselves."""
+        """Returns the labels of whole instances: without a label, they get the common label of all their materials."""
         agreed = np.array([_agreed(self.of_materials, obj.material_slots) for obj in record.objects] or [np.nan])
         values = self.of_instances[instance_rows]
         values = np.where(np.isnan(values), agreed[record.instances.object_indices[instance_rows]], values)

@@ -1,4 +1,4 @@
-"""A mesh record into an engine's scene: by what it is of, triangles, curves or points."""
+"""Writes a mesh record into an engine's scene: triangles, curves or points."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def add(scene: MeshScene, mesh: MeshRecord, **options: Any) -> int:
 
 
 def move(scene: MeshScene, mesh_id: int, mesh: MeshRecord) -> None:
-    """Other positions and radii of what is there."""
+    """Updates the positions and radii of an existing mesh."""
     if mesh.kind == "triangles":
         scene.update_mesh(mesh_id, mesh.positions)
     elif mesh.kind == "points":

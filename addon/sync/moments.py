@@ -1,7 +1,7 @@
-"""The scene at other moments of the shutter: finds each instance again there, and how its mesh differs.
+"""The scene at other time samples of the shutter: matches each instance, and compares its mesh.
 
-Instances are matched by their keys, and the meshes that they show with them: an evaluated mesh has no name that is
-surer than who shows it. What is the same array is known to be equal, so that what rests costs a look.
+Instances are matched by their keys, and their meshes with them: an evaluated mesh has no better identification than
+its instances. Identical arrays are known to be equal, so static meshes cost almost nothing.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ SAME, DEFORMED, REMADE, BARE = range(4)
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MomentRecord:
-    """The scene at one moment of the shutter: where everything is, and nothing of what it looks like.
+    """The scene at one time sample of the shutter: positions, without looks.
 
     The fields are those of a `SceneRecord`. complaint: why there is no camera, as a sentence.
     """
@@ -52,10 +52,10 @@ class MomentRecord:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MotionSettings:
-    """What users ask of the motion of each of a scene's objects, and of its camera.
+    """The users' settings for the motion of each of a scene's objects, and of its camera.
 
-    steps: (O,) int32, at how many moments an object is to be known, 0 if it is to stand still. deforms: (O,) bool,
-    whether its shape may change meanwhile. camera_steps: as steps. camera_name, camera_uid: of the object, if any.
+    steps: (O,) int32, the number of time samples of an object, 0 if it must not move. deforms: (O,) bool,
+    whether its shape may change in between. camera_steps: as steps. camera_name, camera_uid: of the object, if any.
     """
 
     steps: Int32Array = field(default_factory=lambda: np.empty(0, np.int32))
@@ -66,12 +66,12 @@ class MotionSettings:
 
     @property
     def times(self) -> list[Fraction]:
-        """All moments at which something is to be known, in order: a union of grids."""
+        """Returns all time samples that are needed, in order: a union of grids."""
         counts = {int(count) for count in self.steps} | {self.camera_steps}
         return sorted({time for count in counts if count for time in times_of(count)})
 
     def limited_to(self, times: Container[Fraction]) -> MotionSettings:
-        """The same, but for what asks for others than these moments: it stands still."""
+        """Returns the same settings, but objects that need other time samples than these do not move."""
         steps = self.steps.copy()
         for count in np.unique(steps[steps > 0]).tolist():
             if not all(time in times for time in times_of(count)):
@@ -80,7 +80,7 @@ class MotionSettings:
 
 
 def times_of(steps: int) -> list[Fraction]:
-    """So many, 2 or more, at equal intervals."""
+    """Returns `steps` time samples, 2 or more, at equal intervals."""
     return [Fraction(step, steps - 1) for step in range(steps)]
 
 
@@ -112,7 +112,7 @@ class MomentMatcher:
         self._keys: Uint64Array | None = None
 
     def match(self, moment: MomentRecord) -> MatchedMoment:
-        """Where the record's instances are at a moment."""
+        """Matches the record's instances at a time sample."""
         here, there = self._record.instances, moment.instances
         new_rows = np.empty(0, np.int32)
         if are_same_instances(here, self._record.objects, moment):
@@ -160,7 +160,7 @@ class MomentMatcher:
 
 
 def compare_shapes(here: MeshRecord, there: MeshRecord) -> int:
-    """What became of a mesh at another moment: SAME, DEFORMED, REMADE or BARE."""
+    """Classifies a mesh's change at another time sample: SAME, DEFORMED, REMADE or BARE."""
     if topology_change(here, there):
         return REMADE
     if have_same(here, there, "positions", "radii") or _differ_by_rounding(here, there):
@@ -171,7 +171,7 @@ def compare_shapes(here: MeshRecord, there: MeshRecord) -> int:
 
 
 def _differ_by_rounding(here: MeshRecord, there: MeshRecord) -> bool:
-    """Whether what differs is how the numbers were read: strands stand in the world, and are read in their object's."""
+    """Whether they differ only by rounding: strands are in the world, but are read in their object's space."""
     rounding = max(here.rounding, there.rounding)
     if rounding == 0.0 or here.radii is None or there.radii is None:
         return False

@@ -1,7 +1,7 @@
-"""From a scene at several moments of the shutter to what moves in it: the motions that the engine is given.
+"""From a scene at several time samples of the shutter to the motions that the engine is given.
 
-What is the same at all of its moments gets no motion. What cannot be followed, because it is not there at one of them
-or has other triangles, or may be another instance, stands still as at the frame, and is named once.
+Objects that are the same at all of their samples get no motion. Some objects cannot be followed: they do not exist at
+one sample, have other triangles there, or may be another instance. They do not move, and are listed once.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ from .records import (
     SceneRecord,
 )
 
-# What does not move within a shutter although it should: a row each of what is not shown, in words.
+# Objects that do not move within a shutter although they should: a row of `not_shown` for each, in words.
 
 
 _OF_MISSING = "Bake it, or let it begin or end at a whole frame; or turn its Motion Blur off"
@@ -49,7 +49,7 @@ _OF_ORDER = "Give the points ids, by Set ID, before nodes change their order; or
 _OF_SHAPES = "Keep its number of points the same from frame to frame, or turn its Deformation motion blur off"
 _OF_FLAT = "Scale it to a small number instead of zero, or turn its Motion Blur off"
 _OF_CAMERA = "Keep the camera's type and scale usable throughout the shutter, or turn its Motion Blur off"
-# Nothing of it moves; or all but what it is made of.
+# Nothing of it moves; or everything but its materials.
 _STILL = "it stands still, as at the frame"
 
 IntArray = npt.NDArray[np.intp]
@@ -67,7 +67,7 @@ class MotionWords:
 
     @property
     def rows(self) -> tuple[NotShown, ...]:
-        """All of them."""
+        """Returns all rows."""
         return (*self._rows, *(self._new_row(*new) for new in self._new.values()))
 
     def add_missing(self, missing: BoolArray) -> None:
@@ -76,12 +76,12 @@ class MotionWords:
             self._rows[self._missing_row(owner, count, is_plain)] = None
 
     def add_reordered(self, rows: IntArray) -> None:
-        """Of instances without ids whose order changes."""
+        """Adds instances without ids whose order changes."""
         for owner, count, _ in _owners(self._record, rows):
             self._rows[self._reordered_row(owner, count)] = None
 
     def add_flat(self, rows: IntArray) -> None:
-        """Of instances that a transform flattens at one of their moments."""
+        """Adds instances that a transform flattens at one of their time samples."""
         for owner, count, is_plain in _owners(self._record, rows):
             self._rows[self._flat_row(owner, count, is_plain)] = None
 
@@ -154,14 +154,14 @@ def _instances(count: int) -> str:
 
 
 def row_of(owner: ObjectRecord, text: str, advice: str) -> NotShown:
-    """Of what stands still or is not shown because it cannot be followed."""
+    """Makes a row for an object that does not move or is not shown because it cannot be followed."""
     return NotShown("shape", owner.name, owner.session_uid, text, advice)
 
 
 # Motion --------------------------------------------------------------------------------------------------------------
 
 
-# A matrix whose largest entry is 1 and whose determinant is below it flattens space: how it turns cannot be told.
+# A matrix whose largest entry is 1 and whose determinant is below this flattens space: its rotation is undefined.
 _FLAT = 1e-24
 _APART = "apart"  # first in the keys of meshes that others have at the frame and that move otherwise
 
@@ -172,10 +172,10 @@ def add_motion(
     settings: MotionSettings,
     make_words: Callable[[SceneRecord, MotionSettings], MotionWords] = MotionWords,
 ) -> SceneRecord:
-    """The record with all that moves in it; its list of what is not shown and its warnings name what does not.
+    """Returns the record with all its motion; its `not_shown` and its warnings list objects that do not move.
 
-    moments: of the scene at each of `settings.times`. A mesh that several instances show and that does not do the same
-    at all of them becomes several meshes. make_words: in which words it is said.
+    moments: of the scene at each of `settings.times`. If several instances share a mesh and do not deform alike
+    at all of them, it becomes several meshes. make_words: the wording of the rows.
     """
     matcher = MomentMatcher(record)
     matched = {time: matcher.match(moment) for time, moment in moments.items()}
@@ -209,7 +209,7 @@ def add_motion(
 
 
 def _of_instances(record: SceneRecord, settings: MotionSettings) -> tuple[Int32Array, BoolArray]:
-    """(I,) steps and whether shapes may change: what the object and its instancer both allow, as in Cycles."""
+    """Returns (I,) steps and whether shapes may change, if both object and instancer allow it, as in Cycles."""
     steps = np.append(settings.steps, 0).astype(np.int32)
     deforms = np.append(settings.deforms, True)
     objects, parents = record.instances.object_indices, record.instances.parent_indices
@@ -220,7 +220,7 @@ def _of_instances(record: SceneRecord, settings: MotionSettings) -> tuple[Int32A
 
 
 def _move(record: SceneRecord, at: list[MatchedMoment], asked: BoolArray, words: MotionWords) -> list[InstanceMotions]:
-    """Of the instances that are asked for, which are there at each of the moments, those whose transforms differ."""
+    """Returns those of the requested instances, which exist at each time sample, whose transforms differ."""
     rows = np.flatnonzero(asked & np.logical_or.reduce([moment.moved for moment in at]))
     if not len(rows):
         return []
@@ -233,7 +233,7 @@ def _move(record: SceneRecord, at: list[MatchedMoment], asked: BoolArray, words:
 
 
 def _flattens(transforms: Float32Array) -> BoolArray:
-    """(S, K): whether nobody can tell how the matrix turns."""
+    """Returns (S, K): whether the rotation of the matrix is undefined."""
     linear = transforms[..., :3].astype(np.float64)
     largest = np.abs(linear).max(axis=(-2, -1))
     a, b, c = (linear[..., axis] / np.where(largest > 0.0, largest, 1.0)[..., None] for axis in range(3))
@@ -297,7 +297,7 @@ class _Shapes:
 
 
 def without_parting(record: SceneRecord) -> SceneRecord:
-    """The record as it was read: what was made several meshes for their motions is one again."""
+    """Returns the record as it was read: meshes that were split for their motions are merged again."""
     keys = [mesh.key for mesh in record.meshes]
     whole = [key for key in keys if not _is_apart(key)]
     if len(whole) == len(keys):
@@ -340,7 +340,7 @@ def _camera_motion(
 
 
 # Stretch words -------------------------------------------------------------------------------------------------------
-# What a scan does not follow between two of its key moments, in words that are the same however often it happens.
+# The objects whose motion a scan does not follow between two time samples, with the same words each time.
 
 
 _OF_STRETCH_ORDER = "Give the points ids, by Set ID, before nodes change their order"
@@ -348,7 +348,7 @@ _ADVICE = "Raise Steps per Frame: there is less time between two key moments the
 
 
 class StretchWords(MotionWords):
-    """Of a stretch from one key moment to the next. Without numbers, which differ from stretch to stretch."""
+    """The words for an interval between two time samples. Without numbers, which differ from interval to interval."""
 
     def _missing_row(self, owner: ObjectRecord, count: int, is_plain: bool) -> NotShown:
         subject = "it goes" if is_plain else "some of its instances go"

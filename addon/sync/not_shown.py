@@ -1,4 +1,4 @@
-"""What an image lacks of Blender's scene or shows otherwise: a record each, and one line that counts them."""
+"""The things of Blender's scene that an image lacks or shows differently: a record each, and a line of counts."""
 
 from __future__ import annotations
 
@@ -48,12 +48,12 @@ SELECTABLE: dict[Kind, str] = {
 
 @dataclass(frozen=True, slots=True)
 class NotShown:
-    """One thing that is not shown, or shown otherwise.
+    """One thing that is not shown, or shown differently.
 
-    kind: what name is of; "dark" is a scene in which nothing shines, "scan" an object whose points are drawn over
-    viewports, "shape" an object's, "light" one or an object that shines. session_uid: of the object, material, image,
-    light or world, 0 for others. text: a sentence without its subject: what is not shown; what is shown instead.
-    advice: what can be done about it, if that is not what can be done about all of the kind.
+    kind: the kind of data that the name belongs to. "dark" is a scene without light, "scan" an object whose points are
+    drawn over viewports, "shape" an object's shape, "light" a light or an object that emits light. session_uid: of the
+    object, material, image, light or world, 0 for others. text: a sentence without its subject: what is not shown, and
+    what is shown instead. advice: what the user can do, if it differs from the advice for the kind.
     """
 
     kind: Kind
@@ -77,12 +77,12 @@ def is_of_looks(row: NotShown) -> bool:
 
 
 def without_looks(not_shown: Iterable[NotShown]) -> tuple[NotShown, ...]:
-    """What counts where materials, lights and the world are not shown at all."""
+    """Returns the rows that matter if materials, lights and the world are not shown at all."""
     return tuple([row for row in not_shown if not is_of_looks(row)])
 
 
 def summarize(not_shown: Iterable[NotShown]) -> str:
-    """In one line, such as "3 materials simplified, 1 object not shown"; empty if there is nothing to tell."""
+    """Summarises in one line, such as "3 materials simplified, 1 object not shown"; empty without rows."""
     found: dict[Kind, set[tuple[int, str]]] = {}
     for row in not_shown:
         # A setting has no number: each counts for itself.

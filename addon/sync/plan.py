@@ -1,7 +1,7 @@
-"""The plan: what each mesh is expected to do, found from its object and corrected by what is seen.
+"""The plan: the expected changes of each mesh, guessed from its object and corrected by observed changes.
 
-The class only picks a strategy (which builder, whether a tree is refitted): no answer depends on it. So it may be wrong
-for a while, and it changes slowly: what a mesh did once it is expected to do again for as long as MEMORY updates.
+The class only selects a strategy (a builder, whether a tree is refitted): no answer depends on it. So it may be wrong
+for a while, and it changes slowly: a mesh is expected to repeat an observed change for MEMORY updates.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ _OBSERVED: dict[Usage, str] = {
 
 @dataclass(frozen=True, slots=True)
 class MeshUsage:
-    """What a mesh is expected to do, and the sentence that says why."""
+    """The expected changes of a mesh, and the sentence that says why."""
 
     usage: Usage
     reason: str
@@ -38,7 +38,7 @@ class MeshUsage:
 
 @dataclass(frozen=True, slots=True)
 class Expectation(MeshUsage):
-    """until: the first update for which something else is to be expected although the mesh does nothing."""
+    """until: the first update for which something else is expected even if the mesh does not change."""
 
     until: float
 
@@ -52,7 +52,7 @@ class _Past:
 
 
 class UsageTracker:
-    """Remembers what meshes did, by key, and tells what to expect. A mesh that went away is remembered for a while."""
+    """Remembers the changes of meshes, by key, and predicts new ones. Removed meshes are remembered for a while."""
 
     def __init__(self) -> None:
         self._now = 0
@@ -64,7 +64,7 @@ class UsageTracker:
         return self._now
 
     def observe(self, key: Hashable, did: Usage) -> None:
-        """Takes in what a mesh did in this update."""
+        """Registers a mesh's change in this update."""
         past = self._pasts.get(key)
         if past is None:
             past = self._pasts[key] = _Past(self._now)
@@ -72,9 +72,9 @@ class UsageTracker:
             past.last[did] = self._now
 
     def expect(self, mesh: MeshRecord) -> Expectation:
-        """The most that the mesh did in its last updates; before those are many, what its object tells if it is more.
+        """Returns the largest of the mesh's last changes; before there are many, the object's guess if it is larger.
 
-        A guess that nothing bore out for MEMORY updates is dropped.
+        A guess that is not confirmed within MEMORY updates is dropped.
         """
         past = self._pasts.get(mesh.key)
         if past is None:
@@ -108,7 +108,7 @@ _PARTS = {"radii": RADIUS_ROUNDING, "uvs": 1e-5, "colors": 1e-2}
 
 
 def find_mismatches(synced: SceneRecord, reference: SceneRecord) -> tuple[str, ...]:
-    """A sentence for each difference between what was synced and a reference; none if they are equal."""
+    """Returns a sentence for each difference between the synced scene and a reference; none if they are equal."""
     found = []
     references = {mesh.key: mesh for mesh in reference.meshes}
     for mesh in synced.meshes:
@@ -138,7 +138,7 @@ def find_mismatches(synced: SceneRecord, reference: SceneRecord) -> tuple[str, .
 
 
 def _rounding_of(mesh: MeshRecord, other: MeshRecord, column: str, values: npt.NDArray[Any] | None) -> float:
-    """What numbers may differ by if the mesh is read in two ways; that of its places says nothing of the others."""
+    """Returns the possible rounding difference of numbers read in two ways; positions' does not apply to others."""
     rounding = max(mesh.rounding, other.rounding)
     if rounding == 0.0 or column == "positions" or values is None:
         return rounding

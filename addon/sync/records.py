@@ -1,6 +1,6 @@
 """The plain records that extraction writes and sync reads: numpy arrays and strings, no Blender type.
 
-Everything is copied: a record stays valid after Blender re-evaluates or frees what it was read from.
+Everything is copied: a record stays valid after Blender re-evaluates or frees the data that it was read from.
 """
 
 from __future__ import annotations
@@ -35,10 +35,10 @@ VISIBLE_TO_TRANSMISSION = 1 << 3
 VISIBLE_TO_VOLUME = 1 << 4
 VISIBLE_TO_SHADOW = 1 << 5
 VISIBLE_TO_ALL = 0x3F
-# Of shadow catchers, beside what sees them.
+# The bit of shadow catchers, separate from the visibility bits.
 CATCHES_SHADOWS = 1 << 6
 
-# What the engine takes of coordinates and matrices, in magnitude.
+# The largest magnitude of coordinates and matrices that the engine accepts.
 LARGEST_COORDINATE = 1e18
 
 
@@ -87,29 +87,29 @@ class MeshRecord:
         positions: (V, 3) float32, object space.
         triangles: (T, 3) int32, rows of positions; Blender's own triangulation and order.
         polygon_ids: (T,) int32, the polygon each triangle came from.
-        material_slots, corner_normals: Only if they were asked for, see `AttributeRequest`.
+        material_slots, corner_normals: Only if they were requested, see `AttributeRequest`.
         corner_uvs, corner_colors: (T, 3, 2) and (T, 3, 3) float32, the uv map and the colours that are active for
             renders.
         named_uvs, named_colors: Others by their names.
-        layers: Which of them were asked for; the mesh may lack them.
-        tangents, texture_space, corner_generated: See `perfect_bvh.MeshAppearance`; only if they were asked for.
-        dropped_triangles: How many triangles were left out because a vertex was not finite; `triangle_ids` then holds
+        layers: Those of them that were requested; the mesh may lack them.
+        tangents, texture_space, corner_generated: See `perfect_bvh.MeshAppearance`; only if they were requested.
+        dropped_triangles: The number of triangles left out because a vertex was not finite; `triangle_ids` then holds
             the original index of each kept triangle, and is None when all were kept.
-        was_read: False if Blender is known not to have evaluated the mesh since the record before, whose arrays these
-            are.
-        usage: What will happen to the mesh as far as its object tells: nothing ("static"), other transforms ("rigid"),
-            other positions ("deforming"), other triangles ("changing"). Sync learns better from what it sees, see
+        was_read: False if Blender is known not to have evaluated the mesh since the previous record. The arrays are
+            that record's.
+        usage: The expected changes, guessed from the object: none ("static"), other transforms ("rigid"),
+            other positions ("deforming"), other triangles ("changing"). Sync corrects it by observed changes, see
             `plan`.
         usage_reason: The sentence that says why.
-        remade_by: The name of the modifier that is to blame if its triangles change; "" if there is none.
-        kind: What rays meet. Of curves and points `positions` are the curves' points or the points, without triangles;
-            triangle_ids and dropped_triangles tell of curves or points; material_slots is None or has one for each; uvs
-            and colours are (R, 2) and (R, 3), R being the number of curves, or of their points.
+        remade_by: The name of the modifier that changes its triangles; "" if there is none.
+        kind: The kind of primitive. For curves and points, `positions` are the curves' points or the points, without
+            triangles. triangle_ids and dropped_triangles then count curves or points. material_slots is None or has one
+            for each. uvs and colours are (R, 2) and (R, 3), R being the number of curves, or of their points.
         radii: (V,) float32, not negative.
-        curve_offsets: (C + 1,) int64, of curves: where each begins among the positions.
+        curve_offsets: (C + 1,) int64, of curves: the index of each one's first position.
         curve_kind: Straight from point to point, or bent through them, in `curve_pieces` from one to the next.
-            curve_shape: round, or flat and turned to the ray.
-        rounding: What its positions may differ by when they are read in another way.
+            curve_shape: round, or flat and facing the ray.
+        rounding: The possible difference of its positions if they are read by another method.
     """
 
     key: Hashable
@@ -143,7 +143,7 @@ class MeshRecord:
 
     @property
     def form(self) -> tuple[Any, ...]:
-        """What rays meet, but for its numbers."""
+        """The type of geometry, without its numbers."""
         pieces = 1 if self.curve_kind == "poly" else self.curve_pieces
         return (self.kind, self.curve_kind, self.curve_shape, pieces)
 
@@ -171,7 +171,7 @@ class MeshRecord:
         )
 
 
-# The arrays of a mesh, and those of the instances: what a comparison of records goes through.
+# The arrays of a mesh, and those of the instances, in the order in which records are compared.
 MESH_COLUMNS = (
     "positions",
     "triangles",
@@ -192,10 +192,10 @@ INSTANCE_COLUMNS = ("mesh_indices", "object_indices", "parent_indices", "transfo
 
 @dataclass(frozen=True, slots=True)
 class UnseenMesh:
-    """A mesh that is in the scene and that no ray can meet: it is neither read nor built.
+    """A mesh in the scene that no ray can hit: it is neither read nor built.
 
     Attributes:
-        source, session_uid: What it would come from, as the first two parts of a `MeshRecord`'s key.
+        source, session_uid: Its origin, as the first two parts of a `MeshRecord`'s key.
         reason: A sentence.
         owner, owner_uid: An object that has it.
     """
@@ -287,9 +287,9 @@ class MeshMotion:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SceneMotion:
-    """All that moves within the shutter. instances: one for each number of steps. camera: at each step, or empty.
+    """All motion within the shutter. instances: one for each number of steps. camera: at each step, or empty.
 
-    Times are the engine's: 0 where the shutter opens, 1 where it closes. What has S steps is known at S of them, at
+    Times are the engine's: 0 where the shutter opens, 1 where it closes. A motion with S steps has S samples at
     equal intervals from 0 to 1.
     """
 
@@ -299,7 +299,7 @@ class SceneMotion:
 
     @property
     def count(self) -> int:
-        """Of instances and meshes that have a motion."""
+        """The number of instances and meshes that have a motion."""
         return sum(len(motions.rows) for motions in self.instances) + len(self.meshes)
 
 
@@ -309,8 +309,8 @@ class AttributeRequest:
 
     Attributes:
         corner_uvs: The uv map of each mesh that is active for renders.
-        shading: What materials are made of beside their viewport colour, their images, the uv maps and colours of the
-            meshes that show them, the lights and the world.
+        shading: The data of materials other than their viewport colour, their images, the uv maps and colours of
+            their meshes, the lights and the world.
     """
 
     material_slots: bool = True
@@ -321,18 +321,18 @@ class AttributeRequest:
 
 @dataclass(frozen=True, slots=True)
 class SceneRecord:
-    """Everything read from one evaluated depsgraph at one frame, and what of it moves around that frame.
+    """Everything read from one evaluated depsgraph at one frame, and its motion around that frame.
 
     Attributes:
         motion: Within the shutter that the scene was read for; nothing moves without one. All else is as at the frame.
         camera: None if the scene has none.
         size: (width, height) of a render in pixels, percentage applied.
-        images, lights, world, instance_values: Only if shading was asked for; without it there is no world.
-        instance_values: (I, K, 4) float32, what nodes ask of each instance; None if they ask for nothing.
-        unseen: What was left out because nothing could show it.
+        images, lights, world, instance_values: Only if shading was requested; without it there is no world.
+        instance_values: (I, K, 4) float32, the values of each instance that nodes use; None if they use none.
+        unseen: Meshes that were left out because nothing could show them.
         warnings: Sentences for the user (dropped triangles, objects that could not be read).
-        not_shown: What an image of it lacks or shows otherwise; of materials, lights and the world only if shading was
-            asked for.
+        not_shown: The things that an image of it lacks or shows differently; of materials, lights and the world only if
+            shading was requested.
     """
 
     name: str
@@ -344,8 +344,8 @@ class SceneRecord:
     camera: CameraRecord | None
     size: tuple[int, int]
     film_transparent: bool = False
-    plain_reflectance: float = 0.0  # of what has no material
-    pass_alpha_threshold: float = 0.0  # what has less alpha is not in passes
+    plain_reflectance: float = 0.0  # of surfaces without a material
+    pass_alpha_threshold: float = 0.0  # surfaces with less alpha are not in passes
     images: tuple[ImageRecord, ...] = ()
     lights: LightRecords = field(default_factory=LightRecords)
     world: WorldRecord | None = None

@@ -1,4 +1,4 @@
-"""What one sync did, to which object and mesh, and why; what it cost."""
+"""The actions of one sync, their objects, meshes and reasons, and their cost."""
 
 from __future__ import annotations
 
@@ -34,8 +34,8 @@ OBJECT_ACTIONS: tuple[ObjectAction, ...] = (
 class MeshChange:
     """One distinct mesh, hair or point cloud. mesh_id: the engine's.
 
-    triangle_count: now, or of the removed mesh; where `kind` is another, how many curves or points.
-    action is what the data did: what the engine made of it (refit or rebuild) is in `SyncReport.commit`.
+    triangle_count: now, or of the removed mesh; for another `kind`, the number of curves or points.
+    action is the change of the data; the engine's action (refit or rebuild) is in `SyncReport.commit`.
     usage: the class by which the engine plans, see `plan`; usage_reason: the sentence that says why.
     remade_by: as a `MeshRecord` has it.
     """
@@ -93,17 +93,17 @@ _OBJECT_REASONS: dict[ObjectAction, str] = {
 
 @dataclass(frozen=True, slots=True)
 class SyncReport:
-    """What one `update()` did.
+    """The actions of one `update()`.
 
     meshes: every mesh, also those that were kept. The counts are of instances.
-    motion_count: how many instances and meshes move within the shutter. motion_changed: other ones than before, or
-        otherwise; whether they are kept, moved or deformed is told of the frame itself.
-    camera_changed, materials_changed, attributes_changed: what changes an image without changing the geometry.
+    motion_count: the number of instances and meshes that move within the shutter. motion_changed: whether they or their
+        motions are different. Their actions (kept, moved or deformed) are those at the frame itself.
+    camera_changed, materials_changed, attributes_changed: changes of an image without changes of the geometry.
     finishes_earlier_update: an earlier update's commit failed or was cancelled, and its edits were committed now.
-    commit: the engine's own report: what was built and what was refitted.
+    commit: the engine's own report: the trees that were built or refitted.
     mismatches: only with verify=True: differences between the engine's copy and Blender's own data.
-    unseen: meshes that no ray can meet, of which nothing was made. warnings: what could not be read.
-    not_shown: what an image of the scene lacks or shows otherwise, a row each.
+    unseen: meshes that no ray can hit, which were not built. warnings: data that could not be read.
+    not_shown: things that an image of the scene lacks or shows differently, a row each.
     byte_count: of the committed scene.
     """
 
@@ -133,7 +133,7 @@ class SyncReport:
 
     @property
     def milliseconds(self) -> float:
-        """All of it: read, compare, apply, commit."""
+        """The sum of all times: read, compare, apply, commit."""
         return self.read_milliseconds + self.compare_milliseconds + self.apply_milliseconds + self.commit_milliseconds
 
     @property
@@ -170,10 +170,10 @@ class SyncReport:
 
     @property
     def ledger(self) -> list[dict[str, Any]]:
-        """A row for each decision of the engine about a mesh, of plain values that JSON takes; also to keep it.
+        """Returns a row for each decision of the engine about a mesh, of plain values for JSON; also for keeping it.
 
-        What a mesh was called, its class and why, what was done and why, what each alternative was expected to cost,
-        and how good the tree was when it was built, when it was refitted, and is now.
+        A row has the mesh's name, its class and the reason, the action and the reason, the expected cost of each
+        alternative, and the quality of the tree when it was built, when it was refitted, and now.
         """
         changes = {mesh.mesh_id: mesh for mesh in self.meshes}
         rows = []

@@ -1,4 +1,4 @@
-"""What a new record asks of an engine's scene, and the report of what came of it."""
+"""The edits that a new record needs in an engine's scene, and the report of the result."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ def summarise_objects(
     gone = _Places(held.objects, held.columns.object_indices[difference.removed])
     uids = np.union1d(new.uids, gone.uids)
 
-    # How often each thing happened to each object. One that was there before is not new, whatever its instances.
+    # Counts each change of each object. An object that existed before is not new, even if its instances are.
     ranks = _instance_ranks(record, difference, mesh_actions)
     counts = new.sum_ranks(uids, rows, ranks)
     was_there = np.isin(uids, old.uids)
@@ -138,7 +138,7 @@ PLAIN_FIELDS = ("name", "frame", "warnings", "unseen", "not_shown")
 
 @dataclass(frozen=True, slots=True)
 class SceneDifference:
-    """The difference between what is held and a new record.
+    """The difference between the held scene and a new record.
 
     held, last: the instances and the record before, the latter None if there was none. meshes: one for each mesh of the
     record. removed_meshes: keys.
@@ -157,22 +157,22 @@ class SceneDifference:
 
     @property
     def camera_changed(self) -> bool:
-        """Or its motion, or the size of the image."""
+        """Whether the camera, its motion, or the size of the image changed."""
         return self.last is None or not _have_same_camera(self.last, self.record)
 
     @property
     def materials_changed(self) -> bool:
-        """Or anything else that no ray could tell."""
+        """Whether materials changed, or anything else that no ray can detect."""
         return self.last is None or bool(find_look_differences(self.last, self.record))
 
     @property
     def attributes_changed(self) -> bool:
-        """Of any mesh."""
+        """Whether the attributes of any mesh changed."""
         return self.last is None or any(mesh.attributes_changed for mesh in self.meshes)
 
     @property
     def is_none(self) -> bool:
-        """Whether what is held is what the record says."""
+        """Whether the held scene equals the record."""
         return bool(
             self.last is not None
             and not self.removed_meshes
@@ -201,7 +201,7 @@ class AppliedDifference:
     milliseconds: float
 
     def report(self, commit: CommitReport, read_milliseconds: float, commit_milliseconds: float) -> SyncReport:
-        """What came of it."""
+        """Reports the result."""
         difference = self.difference
         record, instances = difference.record, difference.instances
         return SyncReport(

@@ -1,8 +1,8 @@
-"""Keeps one engine scene in step with records: compares, and applies nothing but the difference.
+"""Keeps one engine scene in step with records: compares, and applies only the difference.
 
-The state is what the engine holds, updated call by call as edits are made. A commit that fails or is cancelled
-leaves edits pending, which the state knows of. An edit that fails leaves it unknown what the engine holds, so
-that scene is given up and the next update fills a fresh one: costly, rare and never wrong.
+The state describes the contents of the engine's scene, and is updated call by call as edits are made. A commit that
+fails or is cancelled leaves edits pending, which the state records. After a failed edit the contents of the engine's
+scene are unknown. That scene is then dropped, and the next update fills a new one: costly, rare and never wrong.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ class TimedCommit(NamedTuple):
 
 
 class SceneState:
-    """One engine scene and what it holds.
+    """One engine scene and its contents.
 
     make_scene: makes an empty engine scene; called once now, and again only after an edit has failed.
     """
@@ -62,7 +62,7 @@ class SceneState:
         self._record: SceneRecord | None = None
         self._has_waiting_edits = False
         self._told_rays: int | None = None
-        self._knows_rays = True  # whether the engine's scene, too, was told of them
+        self._knows_rays = True  # whether the engine's scene, too, was given their number
 
     @property
     def record(self) -> SceneRecord | None:
@@ -94,7 +94,7 @@ class SceneState:
     ) -> SyncReport:
         """Makes the engine's scene equal to a record, and commits it: the four steps below, one after the other.
 
-        Raises what the engine raises; the scene's queries then raise too, until an update succeeds.
+        Raises the engine's errors; the scene's queries then raise, too, until an update succeeds.
         """
         self.scene.mark_stale("the last update did not succeed: call update() again")
         applied = self.apply(self.compare(record))
@@ -103,7 +103,7 @@ class SceneState:
     # The steps of an update ------------------------------------------------------------------------------------------
 
     def compare(self, record: SceneRecord) -> SceneDifference:
-        """What a record asks for. Nothing is changed, and the engine's scene not used: a commit may be under way."""
+        """Returns the edits that a record needs. Does not use the engine's scene: a commit may be in progress."""
         started = time.perf_counter()
         if self._instances.are_those_of(record):
             keys, orders = self._instances.keys, self._instances.orders
@@ -139,9 +139,9 @@ class SceneState:
     def commit(self, expected_rays: int | None = None, progress: Progress | None = None) -> TimedCommit:
         """Commits the edits, on any thread, while no other edits or commits.
 
-        Edits nothing but the engine's scene: whether it succeeds or not, what is held is the same.
-        expected_rays: without it the engine counts on what it was told last, 0 aside. An engine's scene that was made
-            since then was told nothing, so the number is given to it again.
+        Edits only the engine's scene: the held records stay the same, whether it succeeds or not.
+        expected_rays: without it the engine uses the number that it was given last (unless 0). An engine's scene that
+        was made since then has no such number, so it is given again.
         """
         started = time.perf_counter()
         rays = self._told_rays if expected_rays is None and not self._knows_rays else expected_rays

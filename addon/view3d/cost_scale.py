@@ -1,4 +1,4 @@
-"""The scale of the mode "cost" beside what it colours, and what the camera ray under the mouse has visited.
+"""The scale of the mode "cost" next to its pictures, and the cost of the camera ray under the mouse.
 
 In viewports whose Rendered shading is ours, and over a render's result, or a view's image, in image editors.
 """
@@ -39,7 +39,7 @@ def is_shown(context: bpy.types.Context) -> bool:
 
 
 def section() -> Section:
-    """The part of a legend that tells of it."""
+    """Return the part of a legend that describes it."""
     global _colors
     if not _colors:
         from perfect_bvh import cost_to_color
@@ -55,12 +55,12 @@ def encoded(linear: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
 
 
 def sections(context: bpy.types.Context) -> list[Section]:
-    """What a viewport's legend is to tell of it."""
+    """Return the sections of a viewport's legend that describe it."""
     return [section()] if is_shown(context) else []
 
 
 def tip(context: bpy.types.Context) -> tuple[tuple[int, int], list[str]] | None:
-    """Where the mouse is in the region that is being drawn, and what is told there."""
+    """Return the mouse's position in the region that is being drawn, and the tip there."""
     if _pointed is None or _visits is None or _pointed.region != context.region.as_pointer():
         return None
     if not is_shown(context) or _pointed.view != view_of(context):

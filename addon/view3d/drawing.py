@@ -1,8 +1,8 @@
 """Text, panels, colour bars and lines over a 3D viewport, in the pixels of its region, (0, 0) the lower left corner.
 
-For handlers of "POST_PIXEL". Places and extents are pixels; sizes of text and widths of lines are points, which the
-interface's resolution scale makes pixels of, as `pixels` does for whatever else is to grow with it. Colours are RGB or
-RGBA, those of the user's theme where none is given; text without a panel behind it has a shadow, to be read over
+For handlers of "POST_PIXEL". Positions and extents are pixels. Sizes of text and widths of lines are points; the
+interface's resolution scale converts them to pixels, as `pixels` does for other sizes. Colours are RGB or
+RGBA, by default those of the user's theme. Text without a panel behind it has a shadow, to be legible over
 anything.
 """
 
@@ -28,7 +28,7 @@ Point = tuple[float, float]
 FONT = 0  # the interface's own
 TEXT_SIZE = 11.0
 LINE_HEIGHT = 1.5  # of the size of the text
-MARGIN = 8.0  # between what is drawn and the edges of a region or of a panel, in points
+MARGIN = 8.0  # between a drawing and the edges of a region or of a panel, in points
 CORNER_STEPS = 4
 TICK = 3.0
 # Regions that lie over the main one, and from which side they do.
@@ -83,7 +83,7 @@ def free_rect(area: bpy.types.Area, region: bpy.types.Region) -> Rect:
 
 
 def _is_over(other: bpy.types.Region, region: bpy.types.Region) -> bool:
-    """Whether a region that is shown shares pixels with another. What is hidden has no more than one pixel."""
+    """Whether a visible region shares pixels with another. A hidden region has at most one pixel."""
     if other.width <= 1 or other.height <= 1:
         return False
     beside = other.x >= region.x + region.width or other.x + other.width <= region.x
@@ -100,7 +100,7 @@ def panel_color() -> tuple[float, ...]:
 
 
 def panel_text_color() -> tuple[float, ...]:
-    """Text on a panel, RGBA: that of what stands in menus."""
+    """Returns the colour of text on a panel, RGBA: that of text in menus."""
     return (*bpy.context.preferences.themes[0].user_interface.wcol_menu_item.text, 1.0)
 
 
@@ -145,7 +145,7 @@ def draw_panel(x: float, y: float, w: float, h: float) -> None:
 
 
 def draw_text_panel(x: float, y: float, lines: Sequence[str], size: float = TEXT_SIZE) -> None:
-    """Lines of text on a panel of their size, which `text_panel_size` tells; (x, y) is its lower left corner."""
+    """Draw lines of text on a panel of their size (see `text_panel_size`); (x, y) is its lower left corner."""
     width, height = text_panel_size(lines, size)
     draw_panel(x, y, width, height)
     margin, step = pixels(MARGIN), text_size("", size)[1]
@@ -171,7 +171,7 @@ def draw_bar(
 ) -> None:
     """A colour bar from left to right, with numbers under it.
 
-    labels: (where, from 0 to 1, and what stands there). colors: two or more, of places that are evenly apart.
+    labels: (position from 0 to 1, text there). colors: two or more, at even distances.
     color: of the text.
     """
     step = w / (len(colors) - 1)
@@ -206,7 +206,7 @@ def draw_lines_2d(points: Sequence[Point], color: Color, width: float = 1.0, *, 
 
 @contextmanager
 def blended() -> Iterator[None]:
-    """What is drawn meanwhile lets through what is behind it, as its opacity says."""
+    """Drawings within this are blended with the background by their opacity."""
     import gpu
 
     gpu.state.blend_set("ALPHA")
@@ -253,10 +253,10 @@ def _rounded(x: float, y: float, w: float, h: float, radius: float) -> list[Poin
 
 
 # Box lines -----------------------------------------------------------------------------------------------------------
-# Boxes as lines with colors, in arrays as a graphics card takes them. Knows no Blender.
+# Boxes as lines with colors, in arrays for a graphics card. Does not depend on Blender.
 #
-# A box is eight vertices and twelve lines; its colour says how deep in the tree it is, how much of it its siblings
-# cover as well, or what it costs.
+# A box is eight vertices and twelve lines. Its colour shows its depth in the tree, the share of it that its siblings
+# cover as well, or its cost.
 
 
 Float32Array = npt.NDArray[np.float32]
@@ -270,7 +270,7 @@ RAMP = np.array([(0.1, 0.2, 1.0), (0.0, 0.75, 0.95), (0.1, 0.8, 0.2), (1.0, 0.85
 OPACITY = 0.85
 # What costs less than the dearest box by more than this has the first colour.
 COST_DECADES = 4.0
-# More can no longer be told apart, and every viewport that is drawn would wait for them.
+# More are too dense to be distinguished, and would delay the drawing of every viewport.
 MOST_BOXES = 100_000
 
 
@@ -299,7 +299,7 @@ def box_lines(boxes: TreeBoxes, color_by: str) -> BoxLines:
 
 
 def shares(boxes: TreeBoxes, color_by: str) -> npt.NDArray[np.float64]:
-    """(N,) where each box stands on the ramp, 0 to 1."""
+    """Returns (N,) the position of each box on the ramp, 0 to 1."""
     if color_by == "LEVEL":
         return boxes.levels / max(boxes.depth, 1)
     if color_by == "OVERLAP":

@@ -1,6 +1,6 @@
-"""What stands beside the pictures in a 3D viewport: what colours mean, in numbers, and what is under the mouse.
+"""The text next to pictures in a 3D viewport: the meaning of colours, in numbers, and a tip at the mouse.
 
-A legend stands in the lower left corner, above what Blender puts there; a tip beside the mouse.
+A legend is in the lower left corner, above Blender's own text there; a tip is next to the mouse.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ from .drawing import (
     text_size,
 )
 
-# What draws over editors: functions that Blender calls for each main region, and what a tool shows by them.
+# Drawing over editors: functions that Blender calls for each main region, and the object that a tool shows with them.
 
 
 T = TypeVar("T")
@@ -40,7 +40,7 @@ T = TypeVar("T")
 class DrawHandler:
     """Draws from `add` to `remove`.
 
-    draw: finds what it draws into in `bpy.context`.
+    draw: finds its region in `bpy.context`.
     when: "POST_VIEW" to draw in the scene's units, "POST_PIXEL" in the region's pixels.
     space: the kind of editor.
     """
@@ -58,16 +58,16 @@ class DrawHandler:
 
 
 class OneShown(Generic[T]):
-    """What a tool shows over 3D viewports, one thing at a time: until `hide`, or until another file is there.
+    """The object that a tool shows over 3D viewports, one at a time: until `hide`, or until another file is loaded.
 
-    found: it, None where nothing is shown.
+    found: the object, None if none is shown.
     """
 
     def __init__(self) -> None:
         self.found: T | None = None
 
     def show(self, what: T) -> None:
-        """Show it instead of what is shown."""
+        """Show an object in place of the current one."""
         self.hide()
         listen(self)
         self.found = what
@@ -83,19 +83,19 @@ class OneShown(Generic[T]):
         redraw_viewports()
 
     def forget(self) -> None:
-        """What was kept of it goes."""
+        """Drop the object's data."""
 
     def on_change(self, what: str) -> None:
-        """It stays as it is."""
+        """Do nothing: the object does not depend on the scene."""
 
     def on_file_change(self) -> None:
         self.hide()
 
 
 # Close button --------------------------------------------------------------------------------------------------------
-# A cross in the corner of what is drawn over a 3D viewport, which closes it.
+# A cross in the corner of a drawing over a 3D viewport, which closes it.
 #
-# Drawn by whatever draws the rest, since that may cover Blender's own gizmos; gizmos only ask where the mouse is.
+# The drawing's own code draws it, as it may cover Blender's gizmos; gizmos only report the mouse's position.
 
 
 # In points.
@@ -121,14 +121,14 @@ def contains(rect: drawing.Rect, x: float, y: float) -> bool:
 
 
 # Color scale ---------------------------------------------------------------------------------------------------------
-# What colours mean, for a legend: numbers along a bar or beside swatches. Knows no Blender.
+# The meaning of colours, for a legend: numbers along a bar or next to swatches. Does not depend on Blender.
 
 
 @dataclass(frozen=True, slots=True)
 class Scale:
-    """What colours mean. caption: what they tell. labels: places from 0 to 1, and the numbers there.
+    """The meaning of colours. caption: their quantity. labels: positions from 0 to 1, and the numbers there.
 
-    levels: how many swatches stand in the place of a bar, one a level; 0 for a bar.
+    levels: the number of swatches in place of a bar, one a level; 0 for a bar.
     """
 
     caption: str
@@ -161,7 +161,7 @@ class Section:
 
 
 def draw_legend(context: bpy.types.Context, sections: Sequence[Section]) -> None:
-    """In the region that is being drawn; of a quad view in one of the four."""
+    """Draws in the region that is being drawn; in a quad view in one of the four."""
     area, region = context.area, context.region
     if not sections or not is_main(area, region):
         return
@@ -172,7 +172,7 @@ def draw_legend(context: bpy.types.Context, sections: Sequence[Section]) -> None
     height = sum(heights) + pixels(GAP) * (len(sections) - 1) + 2 * pixels(MARGIN)
     left, bottom = free.left + pixels(MARGIN), max(free.bottom, hud_top(area, region)) + pixels(MARGIN)
     if left + width > free.right or bottom + height > free.top:
-        return  # what it would explain is smaller than it
+        return  # the picture is smaller than the legend
     draw_panel(left, bottom, width, height)
     top = bottom + height - pixels(MARGIN)
     for section, section_height in zip(sections, heights, strict=True):
@@ -181,7 +181,7 @@ def draw_legend(context: bpy.types.Context, sections: Sequence[Section]) -> None
 
 
 def draw_tip(context: bpy.types.Context, place: tuple[int, int], lines: Sequence[str]) -> None:
-    """Lines of text to the right of the mouse and below it, or wherever they have room."""
+    """Draw lines of text to the right of the mouse and below it, or where there is room."""
     width, height = text_panel_size(lines)
     free = free_rect(context.area, context.region)
     offset = pixels(TIP_OFFSET)
@@ -194,7 +194,7 @@ def draw_tip(context: bpy.types.Context, place: tuple[int, int], lines: Sequence
 
 
 def is_main(area: bpy.types.Area, region: bpy.types.Region) -> bool:
-    """Whether it is the one of a quad view that stands lower left, or the only one."""
+    """Whether it is the lower left view of a quad view, or the only one."""
     views = [other for other in area.regions if other.type == "WINDOW" and min(other.width, other.height) > 1]
     return min(views, key=lambda view: (view.x, view.y), default=region) == region
 

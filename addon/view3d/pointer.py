@@ -1,10 +1,10 @@
-"""Where the mouse is over 3D viewports, told to whoever listens, while nothing is held up by that.
+"""Reports the mouse's position over 3D viewports to listeners, without blocking anything.
 
 Blender asks each gizmo, at each move of the mouse over a region, whether the mouse is over it. Ours answers that it is
 not, and remembers where it was asked. So no operator runs, clicks and keys go where they always go, each region of each
-window is heard of, and what Blender makes anew after an undo or for another file is made anew here, too.
+window is covered, and gizmos that Blender recreates after an undo or for another file are recreated here, too.
 
-Nobody is asked when the mouse leaves a region. So as long as it is in one that is listened to, a timer looks for it.
+Gizmos are not asked when the mouse leaves a region. So while it is in one with listeners, a timer checks its position.
 """
 
 from __future__ import annotations
@@ -36,12 +36,12 @@ class PointerListener(Protocol):
         """The mouse has moved. place: in pixels of the context's region."""
 
     def on_pointer_left(self) -> None:
-        """The mouse is no longer where it was told to be."""
+        """The mouse is no longer at the last reported position."""
 
 
 @dataclass(frozen=True, slots=True)
 class Pointed:
-    """Where the mouse is. region: its address. place: in its pixels. view: what it looked through then."""
+    """The mouse's position. region: its address. place: in its pixels. view: the region's view at that time."""
 
     region: int
     place: tuple[int, int]
@@ -203,7 +203,7 @@ class OneObject:
 
 
 def find_object(record: SceneRecord, session_uid: int) -> OneObject | None:
-    """None if rays meet no such object. One that is a plain object as well as instances: the object."""
+    """Returns an object; None if rays hit no such object. A plain object is preferred to its instances."""
     rows = [row for row, shown in enumerate(record.objects) if shown.session_uid == session_uid]
     places = np.flatnonzero(np.isin(record.instances.object_indices, rows))
     if not len(places):
@@ -218,10 +218,10 @@ def find_object(record: SceneRecord, session_uid: int) -> OneObject | None:
 
 
 # Sample rays ---------------------------------------------------------------------------------------------------------
-# A few thousand rays that trees are tried with, the same ones whenever the box is the same. Knows no Blender.
+# A few thousand rays for trying trees, always the same ones for the same box. Does not depend on Blender.
 #
-# Primary rays go as a camera's do: from one point, side by side. Diffuse ones go as light does: from where those have
-# met something on into any direction, weighted by the cosine.
+# Primary rays are like a camera's: from one point, side by side. Diffuse ones are like light's: from the hits of
+# primary rays into any direction, weighted by the cosine.
 
 
 Float64Array = npt.NDArray[np.float64]
@@ -233,7 +233,7 @@ TOWARDS = np.array([0.53, 0.75, -0.39])  # from above, aslant to all axes
 
 @dataclass(frozen=True, slots=True)
 class RayCost:
-    """What a ray has met in the mean. nodes: of the trees that rays are traced through."""
+    """The average cost of a ray. nodes: of the trees that rays are traced through."""
 
     nodes: float
     triangles: float
@@ -257,7 +257,7 @@ def primary_rays(lower: npt.ArrayLike, upper: npt.ArrayLike) -> Rays:
 
 
 def diffuse_rays(snapshot: Snapshot, primary: Rays) -> Rays | None:
-    """As many, from what primary rays meet; None if that is nothing. Ask one snapshot, and cast them in many."""
+    """Makes diffuse rays from the hits of primary rays; None without hits. One snapshot makes the rays for all."""
     hits = snapshot.cast_rays(*primary, fields=("t_hit", "positions", "geometric_normals"))
     rows = np.flatnonzero(np.isfinite(hits.t_hit))
     if not len(rows):
@@ -273,6 +273,6 @@ def diffuse_rays(snapshot: Snapshot, primary: Rays) -> Rays | None:
 
 
 def cost_of(snapshot: Snapshot, rays: Rays) -> RayCost:
-    """As the engine counts."""
+    """Returns the cost of rays as the engine counts it."""
     hits = snapshot.cast_rays(*rays, fields=("t_hit", "nodes_visited", "primitives_tested"))
     return RayCost(float(hits.nodes_visited.mean()), float(hits.primitives_tested.mean()))

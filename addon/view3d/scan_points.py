@@ -1,7 +1,7 @@
 """The points of scans in their colours, drawn over 3D viewports that would not show these.
 
-Solid shading draws point clouds in one colour, and this engine draws none yet. Each point is a disc as large as it is
-in Blender, a radius nearer to the eye than its middle: so it covers what Blender draws of it.
+Solid shading draws point clouds in one colour, and this engine draws none yet. Each point is a disc of its size
+in Blender, a radius nearer to the eye than its middle, so that it covers Blender's own drawing.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ void main()
   point_color = color;
 }
 """
-# Linear: what is drawn over viewports is encoded when it is written.
+# Linear: drawings over viewports are encoded when they are written.
 FRAGMENT_SOURCE = """
 void main()
 {
@@ -52,16 +52,16 @@ void main()
 
 @dataclass(slots=True)
 class _Kept:
-    """What was read of a scan, and the batch that draws it."""
+    """The data read from a scan, and the batch that draws it."""
 
     points: Points
     batch: gpu.types.GPUBatch
 
 
 class _Scans:
-    """What is drawn of each scan, by its data's session uid; read again where something may have changed.
+    """The drawing of each scan, by its data's session uid; read again where something may have changed.
 
-    Which objects are scans is looked up again as well: all of them would have to be asked in each redraw.
+    The list of scans is updated then, too: otherwise each redraw would have to check all objects.
     """
 
     def __init__(self) -> None:
@@ -70,9 +70,9 @@ class _Scans:
         self._found: dict[tuple[int, str], list[bpy.types.Object]] = {}  # by scene and view layer
 
     def on_change(self, what: str) -> None:
-        """Of the data-blocks, or of anything else."""
+        """Notes a change of the data-blocks, or of anything else."""
         self._unsure |= self._kept.keys()
-        if what != FRAME_CHANGED:  # what handlers add meanwhile is evaluated again
+        if what != FRAME_CHANGED:  # changes by handlers are evaluated again
             self._found.clear()
 
     def on_file_change(self) -> None:
@@ -84,7 +84,7 @@ class _Scans:
         self._found.clear()
 
     def objects_of(self, view_layer: bpy.types.ViewLayer) -> list[bpy.types.Object]:
-        """Those that are scans, whether they can be seen or not."""
+        """Returns the objects that are scans, visible or not."""
         place = (view_layer.id_data.session_uid, view_layer.name)
         found = self._found.get(place)
         if found is None:
@@ -193,7 +193,7 @@ def register() -> None:
 
 
 def unregister() -> None:
-    """Draw no more, and forget what was drawn."""
+    """Stop drawing, and drop the data."""
     global _shader
     _handler.remove()
     _shader = None

@@ -21,7 +21,7 @@ from .legend import DrawHandler
 if TYPE_CHECKING:
     import gpu
 
-# Of what is drawn: shots in a turn, places where rays end, whole rays.
+# Limits of the drawing: shots in a turn, ends of rays, whole rays.
 TURN, MOST_ENDS, MOST_RAYS = 120, 8192, 32
 UNLIMITED = 100.0  # how far a sensor without a range is drawn
 COLOR = (0.25, 0.85, 0.75, 0.9)
@@ -31,14 +31,14 @@ END_SIZE = 2.0  # in pixels
 
 @dataclass(frozen=True, slots=True)
 class Outline:
-    """What is drawn, in the space of the object. ends: (E, 3) float32, rays: (2 * R, 3) float32, pairs of ends."""
+    """The drawing, in the space of the object. ends: (E, 3) float32, rays: (2 * R, 3) float32, pairs of ends."""
 
     ends: npt.NDArray[np.float32]
     rays: npt.NDArray[np.float32]
 
 
 def outline_of(settings: bpy.types.PropertyGroup) -> Outline:
-    """Where rays of a whole turn end, and some of them from the sensor on. Raises ValueError as `sensor_of` does."""
+    """Returns the ends of rays of a whole turn, and some whole rays. Raises ValueError as `sensor_of` does."""
     pattern = sensor_of(settings).pattern
     is_spinning = isinstance(pattern, SpinningLidar)
     if is_spinning:
@@ -47,7 +47,7 @@ def outline_of(settings: bpy.types.PropertyGroup) -> Outline:
     reach = rays.t_max if math.isfinite(rays.t_max) else UNLIMITED
     starts = rays.origins @ FROM_SENSOR_TO_OBJECT.T
     ends = starts + rays.directions @ FROM_SENSOR_TO_OBJECT.T * reach
-    # Of a head that turns the lines straight ahead, which stand above each other; of others some of all rays.
+    # For a spinning head the vertical lines straight ahead; for others some of all rays.
     ahead = len(rays) // 2 // (lines := int(rays.ring_ids.max()) + 1) * lines if is_spinning else 0
     column = slice(ahead, ahead + lines) if is_spinning else slice(None)
     whole = _some(np.arange(len(rays))[column], MOST_RAYS)
@@ -57,7 +57,7 @@ def outline_of(settings: bpy.types.PropertyGroup) -> Outline:
 
 
 def _some(rows: npt.NDArray[np.intp], most: int) -> npt.NDArray[np.intp]:
-    """At most so many of the rows, spread evenly, with the first and the last."""
+    """Return at most `most` of the rows, spread evenly, with the first and the last."""
     if len(rows) <= most:
         return rows
     return rows[np.linspace(0, len(rows) - 1, most).round().astype(np.intp)]
@@ -82,7 +82,7 @@ class _Drawn:
 
 
 def _batches_of(settings: bpy.types.PropertyGroup) -> tuple[gpu.types.GPUBatch, gpu.types.GPUBatch] | None:
-    """None of a sensor that cannot be: the button tells why."""
+    """Return batches; None for an invalid sensor, whose error the button shows."""
     asked = (*(getattr(settings, name) for name in ("pattern", "elevations", "columns", "rate", "max_distance")),)
     if settings.pattern == "FILE":
         asked += (settings.sensor_file, _changed_at(settings.sensor_file))

@@ -1,4 +1,4 @@
-"""One legend and one tip in a 3D viewport, whatever there is to tell of: the boxes of trees, the costs of rays."""
+"""One legend and one tip in a 3D viewport, for all its contents: the boxes of trees, the costs of rays."""
 
 from __future__ import annotations
 

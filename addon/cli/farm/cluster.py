@@ -31,7 +31,7 @@ CLOSE_SECONDS = 5
 POLL_SECONDS = 0.2
 SAFE_PATH = "PYTHONSAFEPATH"
 LOCAL_SETTINGS = {
-    # The first death of a worker is told at once, not after several: they are counted here, by piece.
+    # The first death of a worker is reported at once, not after several: this module counts them, by chunk.
     "distributed.scheduler.allowed-failures": 0,
     # Dask watches itself oftener than tasks of seconds need.
     "distributed.worker.profile.enabled": False,
@@ -67,7 +67,7 @@ def cluster_client(arguments: argparse.Namespace) -> Iterator[Client]:
 
 
 def _silence() -> None:
-    """What goes wrong with workers is told in our own words, not in Dask's logs."""
+    """Silences Dask's logs: problems of workers are reported in our own words."""
     for name in [name for name in logging.root.manager.loggerDict if name.partition(".")[0] == "distributed"]:
         logging.getLogger(name).setLevel(logging.CRITICAL)
 
@@ -86,8 +86,8 @@ def _local_cluster(count: int) -> Iterator[LocalCluster]:
                 worker_class=PatientNanny,
                 threads_per_worker=1,
                 processes=True,
-                dashboard_address="127.0.0.1:0",  # whatever port is free; None would be that of another cluster
-                memory_limit=0,  # Blenders are processes of their own
+                dashboard_address="127.0.0.1:0",  # any free port; None would be that of another cluster
+                memory_limit=0,  # Blenders are separate processes
                 silence_logs=logging.CRITICAL,
                 preload=[worker.__name__],
             )
@@ -102,7 +102,7 @@ def _local_cluster(count: int) -> Iterator[LocalCluster]:
 
 @contextmanager
 def _without_users_modules() -> Iterator[None]:
-    """Keeps workers that start meanwhile, the first ones and those after a death, from running the user's modules.
+    """Keeps workers that start while this is active, initially and after a death, from running the user's modules.
 
     They look for no modules in the current folder, and do not run the user's script again, as multiprocessing would to
     find its functions: a script then needs no `if __name__ == "__main__"`.
@@ -121,7 +121,7 @@ def _without_users_modules() -> Iterator[None]:
 
 @contextmanager
 def _ignoring_interrupts() -> Iterator[Callable[[], AbstractContextManager[None]]]:
-    """Ctrl-C is ignored meanwhile, by what is started as well; gives a context in which it is heard as before."""
+    """Ignores Ctrl-C while active, in started processes as well; yields a context in which it works as before."""
     if threading.current_thread() is not threading.main_thread():  # which alone hears of it
         yield nullcontext
         return
@@ -150,7 +150,7 @@ def check_workers(client: Client, work: PieceWork, stop: StopRequest, arguments:
     found: dict[str, Any] = {}
     while not found:
         _wait_for_workers(client, stop)
-        # Who dies meanwhile says nothing.
+        # A worker that dies during this is left out.
         found = {
             address: seen
             for address, seen in _look(client, work, arguments.file).items()
@@ -168,7 +168,7 @@ def check_workers(client: Client, work: PieceWork, stop: StopRequest, arguments:
 
 
 def _look(client: Client, work: PieceWork, file: str) -> dict[str, Any]:
-    """What workers say of themselves, or the exceptions that came of asking them, by their addresses."""
+    """Returns workers' reports, or the exceptions of asking them, by their addresses."""
     probe = work.place.folder / f".{secrets.token_hex(4)}"
     with explained():
         probe.touch()
@@ -180,7 +180,7 @@ def _look(client: Client, work: PieceWork, file: str) -> dict[str, Any]:
 
 
 def _wait_for_workers(client: Client, stop: StopRequest) -> None:
-    """Until there is one."""
+    """Waits for the first worker."""
     is_told = False
     while not client.nthreads():
         if stop.is_set:
@@ -192,7 +192,7 @@ def _wait_for_workers(client: Client, stop: StopRequest) -> None:
 
 
 def _fault_of(seen: Any, arguments: argparse.Namespace) -> str | None:
-    """Why a worker cannot do the work; None if it can. seen: what it says of itself, or the exception that came."""
+    """Returns why a worker cannot do the work; None if it can. seen: its report, or the exception."""
     import perfect_bvh
 
     own = perfect_bvh.__version__

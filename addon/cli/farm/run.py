@@ -1,8 +1,8 @@
-"""Hands the pieces of a command's work to workers of Dask, and counts what came of each.
+"""Assigns the chunks of a command's work to workers of Dask, and counts the outcomes.
 
-As many pieces are under way as there are workers, so that each goes to one that is free. A piece whose worker dies is
-done again, elsewhere if there is another; after the third death it counts as failed, and the others go on. What has
-begun leaves whole files only, whatever ends it, so that `--resume` goes on from there.
+The number of chunks in progress equals the number of workers, so that each goes to a free one. A chunk whose worker
+dies is done again, elsewhere if there is another; after the third death it counts as failed, and the others continue.
+A chunk that has begun leaves only whole files, even when it is interrupted, so `--resume` continues from there.
 """
 
 from __future__ import annotations
@@ -27,16 +27,16 @@ if TYPE_CHECKING:
 
     from ..blender import StopRequest
 
-# Which piece comes next: what is expected to take longest is not left to the end, where others would wait for it.
+# The order of chunks: the longest by expectation are not left to the end, where others would wait for them.
 #
-# What a piece takes is known from those that were done: per frame, between the nearest of them before and after.
+# The time of a chunk is estimated from finished ones: per frame, between the nearest of them before and after.
 
 
 NEAR_THE_END = 4  # pieces for each worker: before that, any order will do
 
 
 class Costs:
-    """What pieces took. is_in_order: whether they are to begin in the order of their frames."""
+    """The times of chunks. is_in_order: whether they must begin in the order of their frames."""
 
     def __init__(self, pieces: Sequence[Piece], is_in_order: bool) -> None:
         self._pieces = pieces
@@ -75,7 +75,7 @@ MOST_DEATHS = 3
 
 
 def do_pieces_on_farm(work: PieceWork, stop: StopRequest, arguments: argparse.Namespace, out: TextIO) -> Outcome:
-    """All pieces that are not there; what came of them. Errors: CommandError."""
+    """Does all missing chunks; returns the outcome. Errors: CommandError."""
     outcome = Outcome()
     left = {number for number, piece in enumerate(work.pieces) if not work.place.is_done(piece)}
     outcome.kept = len(work.pieces) - len(left)
@@ -94,7 +94,7 @@ def do_pieces_on_farm(work: PieceWork, stop: StopRequest, arguments: argparse.Na
 
 
 def _job_of(work: PieceWork, arguments: argparse.Namespace, threads: int) -> dict[str, Any]:
-    """All that a worker has to know, as plain data."""
+    """Returns all data that a worker needs, as plain values."""
     import perfect_bvh
 
     from ...pieces.piece import known_checksums
@@ -119,7 +119,7 @@ class _Farm:
         self._stop = stop
         self._job = job
         self._outcome = outcome
-        self._left: set[int] = set()  # the numbers of the pieces that are to be done
+        self._left: set[int] = set()  # the numbers of the unfinished chunks
         self._costs = Costs(work.pieces, is_in_order=work.is_simulated)
         self._running: dict[Future, int] = {}
         self._ended: queue.SimpleQueue[Future] = queue.SimpleQueue()
@@ -230,7 +230,7 @@ class _Farm:
         return True
 
     def _ask(self, call: Callable[[], Any]) -> Any:
-        """What the scheduler answers. Errors: CommandError."""
+        """Returns the scheduler's answer. Errors: CommandError."""
         from distributed import CancelledError
 
         try:
@@ -247,7 +247,7 @@ class _Farm:
         )
 
     def _end_blenders(self) -> None:
-        """However this run ends: none of them goes on."""
+        """Ends all Blenders of this run, after success or failure."""
         if self._client.status != "running":
             return
         try:

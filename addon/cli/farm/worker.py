@@ -1,7 +1,7 @@
-"""What runs within workers of Dask. Each piece is done by a Blender in a process of its own, which lives on.
+"""The code that runs in workers of Dask. Each chunk is done by a Blender in a separate process, which is reused.
 
-Blender wants a process's main thread, which Dask does not give; and a Blender that dies takes nothing with it.
-Several runs may share a worker: each run has Blenders of its own, and stops and ends these alone.
+Blender needs a process's main thread, which Dask does not give; and a crash of that Blender leaves the worker intact.
+Several runs may share a worker: each run has its own Blenders, and stops and ends only these.
 """
 
 from __future__ import annotations
@@ -27,8 +27,8 @@ OWN_GROUP: dict[str, Any] = (
 )
 TRIM = "MALLOC_TRIM_THRESHOLD_"
 LAST_SECONDS = 5  # in which it may say why it ends
-LAST_WORDS = 4000  # bytes of what it has said that are read when it is dead
-KILL_SECONDS = 5  # what is killed may hang in a call of the system, such as one to a server that does not answer
+LAST_WORDS = 4000  # bytes of its last output that are read after its death
+KILL_SECONDS = 5  # a killed process may hang in a system call, such as one to a server that does not answer
 
 _free: list[BlenderProcess] = []
 _busy: set[BlenderProcess] = set()
@@ -67,7 +67,7 @@ class BlenderProcess:
         return self._process.poll() == 0
 
     def ask(self, request: dict[str, Any]) -> dict[str, Any]:
-        """Its answer. Raises DeadBlenderError."""
+        """Returns the process's answer. Raises DeadBlenderError."""
         line = ""
         if self._write(request):
             line = self._process.stdout.readline()  # type: ignore[union-attr]
@@ -81,16 +81,16 @@ class BlenderProcess:
         self._write({"stop": True})
 
     def end(self) -> None:
-        """Kills it, whatever it does: its files are whole or not there."""
+        """Kills the process at any point: its files are whole or missing."""
         self._process.kill()
 
     def tidy(self) -> None:
-        """Removes the temporary files of what was killed, once it is dead."""
+        """Removes the temporary files of a killed process, once it has ended."""
         if self._status(KILL_SECONDS) is not None:
             shutil.rmtree(self._folder, ignore_errors=True)
 
     def close(self) -> None:
-        """Ends it; nobody asks it any more."""
+        """Ends the process; there are no more requests."""
         self.end()
         self.tidy()
         self._said.close()
@@ -101,7 +101,7 @@ class BlenderProcess:
                 continue
 
     def _write(self, request: dict[str, Any]) -> bool:
-        """Whether it could be told."""
+        """Sends a request; returns whether that succeeded."""
         with self._writing:
             try:
                 self._process.stdin.write(json.dumps(request) + "\n")  # type: ignore[union-attr]
@@ -111,7 +111,7 @@ class BlenderProcess:
         return True
 
     def _status(self, seconds: float) -> int | None:
-        """With which it has ended, if it does so within that time."""
+        """Returns its exit status, if it ends within that time."""
         try:
             return self._process.wait(seconds)
         except subprocess.TimeoutExpired:
@@ -128,9 +128,9 @@ class BlenderProcess:
 
 
 def _environment(folder: str) -> dict[str, str]:
-    """Of a Blender with a folder for temporary files: this process's own, but for a setting of Dask's workers.
+    """Returns the environment of a Blender with a folder for temporary files: ours, without a setting of Dask's.
 
-    By that the C library gives memory back to the system at once, and takes it again for each large array.
+    That setting makes the C library return memory to the system at once, and request it again for each large array.
     """
     from dask import config
 
@@ -157,7 +157,7 @@ def do_piece(job: dict[str, Any], number: int) -> dict[str, Any]:
 
 
 def _ask(blender: BlenderProcess, request: dict[str, Any], may_have_left: bool) -> dict[str, Any] | None:
-    """What a busy Blender answers, which is free then; None if it has left, since nobody had asked it for long."""
+    """Returns the answer of a busy Blender, which is free then; None if it has ended, idle for long."""
     lives = False
     try:
         answer = blender.ask(request)
@@ -199,7 +199,7 @@ def _of_job(blenders: Iterable[BlenderProcess], job_id: str) -> list[BlenderProc
 
 
 def look(file: str, probe: str) -> dict[str, Any]:
-    """What a worker is and sees. file: the scene. probe: of the output folder, a file that was just made."""
+    """Reports on a worker. file: the scene. probe: a new file in the output folder, whose visibility is tested."""
     import importlib.util
 
     import perfect_bvh
@@ -216,5 +216,5 @@ def look(file: str, probe: str) -> dict[str, Any]:
 
 
 def dask_setup(_worker: Any) -> None:
-    """For workers that Dask starts with this module as a preload: Ctrl-C is heard of by who has started them."""
+    """Prepares workers that Dask starts with this module as a preload: only their starter handles Ctrl-C."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)

@@ -39,7 +39,7 @@ Offsets = npt.NDArray[np.int64]
 
 
 def kind_of(data: Any) -> MeshKind | None:
-    """What an object's evaluated data are to rays; None if they are nothing that is read."""
+    """Returns the kind of an object's evaluated data for rays; None for unsupported data."""
     if isinstance(data, bpy.types.Mesh):
         return "triangles"
     if isinstance(data, _Curves):
@@ -57,10 +57,10 @@ def read_curves_or_points(
 ) -> MeshRecord | None:
     """Reads evaluated `bpy.types.Curves` or `bpy.types.PointCloud`; None if there is nothing in them.
 
-    A record of none that tells how many were dropped if that is all of them.
+    If all were dropped, an empty record holds their number.
 
     layers: the uv maps and colours that its materials show.
-    last: what was read the last time, whose arrays stand for equal ones. Everything is copied. Curves or points with a
+    last: the last reading, whose arrays replace equal ones. Everything is copied. Curves or points with a
     number that is not finite are dropped, and curves of a single point.
     """
     is_curves = isinstance(data, _Curves)
@@ -111,7 +111,7 @@ def read_curves_or_points(
 
 
 def none_of(kind: MeshKind, key: Hashable, name: str, dropped: int) -> MeshRecord | None:
-    """A record without any that tells how many were dropped, None for none."""
+    """Returns an empty record with the number of dropped ones, None for none."""
     if not dropped:
         return None
     nowhere = np.empty((0, 3), np.float32)
@@ -175,7 +175,7 @@ def _curve_kind(data: Any) -> CurveKind:
 
 
 def held_layers(found: Mapping[str, Float32Array], what: str, last: MeshRecord | None) -> dict[str, Float32Array]:
-    """By name, the last arrays for those that are equal. what: "uvs" or "colors"."""
+    """Returns layers by name, with the last arrays for equal ones. what: "uvs" or "colors"."""
     if last is None:
         return dict(found)
     old: Layers = {**getattr(last, f"named_{what}"), "": getattr(last, f"corner_{what}")}

@@ -1,7 +1,7 @@
 """Instances made by geometry nodes, a whole instancer at a time: no Python object for each (Blender 4.5 and later).
 
-Each instancer's geometry says what it shows and where, as arrays. Objects of which it cannot tell everything are read
-from Blender's list, and only those: see `instancer_survey.py`.
+Each instancer's geometry contains its references and transforms, as arrays. Objects that it does not describe fully
+are read from Blender's list, and only those: see `instancer_survey.py`.
 """
 
 from __future__ import annotations
@@ -23,9 +23,9 @@ from .listing import GroupFinder, Listing, ListWalk, list_instances
 _UNUSED_LEVEL = 2**31 - 1  # Blender's filler in a persistent id
 _LEVELS = 8
 
-# How Blender numbers the instances of a group: plain objects not at all; others by the instance's id, after as many
-# zeros as there are geometries between: an object has none, a mesh that is a reference's own geometry has one. What was
-# read from the list has numbers that were read as well.
+# Blender's numbering of the instances of a group: plain objects have none; others have the instance's id, after as many
+# zeros as there are geometries between: an object has none, a mesh that is a reference's own geometry has one. For
+# instances from the list, the numbers were read as well.
 _PLAIN = -1
 _READ = -2
 
@@ -48,13 +48,13 @@ class _Block:
 
 
 def list_geometry_instances(depsgraph: Any, groups: GroupTable, reader: ArrayReader) -> Listing | None:
-    """What `list_instances` gives, or None, with nothing read, if only that can tell."""
+    """Returns the same as `list_instances`, or None, with nothing read, if only that is possible."""
     surveyed = survey(depsgraph)
     return None if surveyed is None else _Collector(groups, reader).collect(depsgraph, surveyed)
 
 
 class _Collector:
-    """Turns what was surveyed into columns."""
+    """Turns the surveyed instances into columns."""
 
     def __init__(self, groups: GroupTable, reader: ArrayReader) -> None:
         self._groups = groups
@@ -125,7 +125,7 @@ class _Collector:
         return self._groups.add(obj, shown.mesh, parent=instancer, is_own=is_own, numbering=shown.zeros)
 
     def _join(self, *, is_read: bool) -> Listing:
-        """is_read: whether some persistent ids were read: then all of them are made now, to stand in one table."""
+        """Joins the blocks. is_read: whether some persistent ids were read: then all are made now, for one table."""
         counts = [len(block.local) for block in self._blocks]
         transforms = np.empty((sum(counts), 3, 4), np.float32)
         bad_rows = []
@@ -153,7 +153,7 @@ class _Collector:
         return block.ids if block.ids.ndim == 2 else self._expand_ids(block.group_ids, block.ids)
 
     def _expand_ids(self, group_ids: Int32Array, ids: Int32Array) -> Int32Array:
-        """(I, 8) persistent ids as Blender numbers them; without meaning for what is not shown."""
+        """(I, 8) persistent ids in Blender's numbering; meaningless for instances that are not shown."""
         zeros = np.array([*(row[-1] for row in self._groups.rows), _READ], np.int8)[group_ids]  # the last: not shown
         expanded = np.full((len(ids), _LEVELS), _UNUSED_LEVEL, np.int32)
         for count in np.unique(zeros):
@@ -167,7 +167,7 @@ class _Collector:
 
 
 def _random_ids(block: _Block) -> npt.NDArray[np.int64]:
-    """-1 for what was not read."""
+    """Returns Blender's random numbers, -1 where they were not read."""
     return np.full(len(block.local), -1, np.int64) if block.random_ids is None else block.random_ids
 
 
@@ -202,9 +202,9 @@ _OF_MATRICES = "Clear or mend the object's transform, or look what drives it or 
 
 @dataclass(slots=True)
 class InstanceCache:
-    """What the last reading found, so that the next can tell that only transforms are new.
+    """The results of the last reading, so that the next can find out that only transforms have changed.
 
-    shown: (N,) bool, which of the evaluated objects the instances are; None if there are other instances.
+    shown: (N,) bool, the evaluated objects that the instances are; None if there are other instances.
     random_ids: of the instances, see `Listing`.
     """
 
@@ -217,7 +217,7 @@ class InstanceCache:
 
 
 def read_instances(depsgraph: Any, groups: GroupTable, reader: ArrayReader, cache: InstanceCache) -> InstanceRecords:
-    """All visible instances that have triangles, in the depsgraph's own order."""
+    """Reads all visible instances that have triangles, in the depsgraph's own order."""
     listing = list_geometry_instances(depsgraph, groups, reader) if reader.use_views else None
     if listing is None:
         listing = list_instances(depsgraph, groups)
@@ -249,7 +249,7 @@ def _is_same(cache: InstanceCache, rows: npt.NDArray[np.int64], listing: Listing
 
 
 def _find_shown(listing: Listing, groups: GroupTable) -> npt.NDArray[np.bool_]:
-    """(N,) bool: what is shown and has a matrix that is of use."""
+    """(N,) bool: the instances that are shown and have a valid matrix."""
     shown = listing.group_ids != NOT_SHOWN
     bad = listing.bad_rows[shown[listing.bad_rows]]
     for group, count in zip(*np.unique(listing.group_ids[bad], return_counts=True), strict=True):

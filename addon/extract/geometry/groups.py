@@ -37,7 +37,7 @@ _OF_SUBDIVISION = "Raise the levels of the modifier until the surface is smooth 
 
 
 class ObjectTable:
-    """Gives each different `ObjectRecord` a row, in the order they are met.
+    """Gives each different `ObjectRecord` a row, in the order of first use.
 
     An object has a second row where its instances differ in what the record holds: in the materials of a mesh
     that geometry nodes made, or because one instancer is a holdout and another is not.
@@ -62,7 +62,7 @@ class ObjectTable:
 
 
 class AdaptiveSubdivision:
-    """Tells which of the evaluated objects of a depsgraph Cycles would subdivide itself, as finely as the image needs.
+    """Finds the evaluated objects of a depsgraph that Cycles would subdivide itself, as finely as the image needs.
 
     Blender evaluates a number of levels instead.
     """
@@ -88,7 +88,7 @@ class GroupTable:
     """Gives each different (mesh, object, instancer) a row; fills the tables it is given.
 
     rows: (mesh row, object row, instancer's object row or -1, mask, numbering) of each group. instances_lights: whether
-    any of what was met is a light that an instancer shows.
+    an instancer shows a light.
     """
 
     meshes: MeshTable
@@ -104,11 +104,11 @@ class GroupTable:
     _left_out: dict[tuple[str, int], UnseenMesh] = field(default_factory=dict)
 
     def add(self, obj: Any, data: Any, *, parent: Any, is_own: bool, numbering: int = 0) -> int:
-        """The row of a new group, or NOT_SHOWN.
+        """Returns the row of a new group, or NOT_SHOWN.
 
         obj: the evaluated object, or the depsgraph's temporary, that shows data. parent: the instancer or None.
-        is_own: whether data is the object's own and not what geometry nodes made beside it. numbering: how the
-        instances of this group are numbered.
+        is_own: whether data is the object's own and not an additional result of geometry nodes. numbering: the
+        numbering of the instances of this group.
         """
         self.instances_lights |= parent is not None and obj.type == "LIGHT"
         if self.visibility.is_hidden(obj, parent):
@@ -122,7 +122,7 @@ class GroupTable:
         return self._add(obj, data, self.materials.slots(obj, data), mask, parent, is_own, numbering)
 
     def add_strands(self, obj: Any, source: Any, *, parent: Any, numbering: int = 0) -> int:
-        """The row of a new group of what an object's particle systems show as strands, or NOT_SHOWN.
+        """Returns the row of a new group of the strands of an object's particle systems, or NOT_SHOWN.
 
         source: the evaluated object itself, of which obj may be the depsgraph's temporary; the rest as for `add`.
         """
@@ -156,7 +156,7 @@ class GroupTable:
         return len(self.rows) - 1
 
     def warn_of(self, group: int, text: str, advice: str) -> None:
-        """Of a group's object: what of it is left out, and what can be done about it."""
+        """Warns about a group's object: the part that is left out, and advice."""
         record = self.objects.records[self.rows[group][1]]
         told = NotShown("object", record.name, record.session_uid, text, advice)
         self.not_shown[told] = None
@@ -213,7 +213,7 @@ class GroupTable:
             self._note(obj, "its hair shader is shown on curves alone; a diffuse surface is")
 
     def _note_missing_layers(self, obj: Any, slots: tuple[int, ...], wanted: LayerRequest, mesh: MeshRecord) -> None:
-        """What materials look up on a mesh that does not have it. wanted: all that those of these slots do."""
+        """Notes layers that materials use and a mesh lacks. wanted: all that the materials of these slots use."""
         uvs = {name for name in wanted.uvs if (mesh.named_uvs.get(name) if name else mesh.corner_uvs) is None}
         colors = {
             name for name in wanted.colors if (mesh.named_colors.get(name) if name else mesh.corner_colors) is None

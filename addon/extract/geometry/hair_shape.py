@@ -1,9 +1,9 @@
-"""What the scene's settings make of hair: flat or round, bent or straight, as Cycles (5.0) shows it.
+"""The shape of hair by the scene's settings: flat or round, bent or straight, as Cycles (5.0) shows it.
 
-Cycles' own settings decide, or where the Cycles add-on is off those of EEVEE. Hair whose first curve is a poly is round
-and straight, whatever the scene asks for. Ribbons have one piece more from one point to the next than two to the power
-of `subdivisions`, which is of ribbons alone: what is round Cycles bends, and this engine divides. Of those more than
-`MOST_SUBDIVISIONS` are not asked, as each piece is held in memory.
+Cycles' own settings decide, or those of EEVEE if the Cycles add-on is off. Hair whose first curve is a poly is round
+and straight, for any settings of the scene. Ribbons have between two points one piece more than two to the power
+of `subdivisions`, which applies only to ribbons: Cycles bends round hair, and this engine divides it. More than
+`MOST_SUBDIVISIONS` are not used for that, as each piece is held in memory.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ _RIBBON_PIECES = 5  # of Cycles' default
 
 @dataclass(frozen=True, slots=True)
 class HairShape:
-    """Of hair that is no poly. Read from a scene; straight: from point to point."""
+    """The shape of hair that is no poly. Read from a scene; straight: from point to point."""
 
     shape: CurveShape
     pieces: int
@@ -39,7 +39,7 @@ class HairShape:
 
 @dataclass(slots=True)
 class ShapedHair:
-    """What the last reading's hair became: of a mesh that is still the same record the same one is made again."""
+    """The shapes of the last reading's hair: the same mesh record becomes the same shaped record again."""
 
     _hair: HairShape | None = None
     _read: tuple[MeshRecord, ...] = ()

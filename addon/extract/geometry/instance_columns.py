@@ -25,15 +25,15 @@ Uint32Array = npt.NDArray[np.uint32]
 
 # How far lookup3's last mixing turns its words.
 _TURNS = (14, 11, 25, 16, 4, 14, 24)
-# 1 / 2^32: what the largest number comes to is one.
+# 1 / 2^32: it maps the largest number to one.
 _UNIT = np.float32(2.0**-32)
 _NOT_LISTED = -1
 
 
 class InstanceColumns:
-    """Answers for the instances of one evaluation, while that lasts.
+    """Answers for the instances of one evaluation, during that evaluation.
 
-    listed_ids: (I,) int64, the random numbers that Blender's list gave, -1 for what it was not asked for; or None.
+    listed_ids: (I,) int64, the random numbers from Blender's list, -1 for instances that were not in it; or None.
     """
 
     def __init__(
@@ -76,7 +76,7 @@ class InstanceColumns:
         numbers = random_ids(self._instances, self._objects.records)
         listed = self._listed_ids
         if listed is not None:
-            # Blender's list has no number for what stands there as itself.
+            # Blender's list has no number for objects that are not instanced.
             takes = (self._instances.parent_indices >= 0) & (listed != _NOT_LISTED)
             numbers = np.where(takes, listed, numbers).astype(np.uint32)
         return (numbers.astype(np.float32) * _UNIT)[:, None].repeat(4, axis=1)
@@ -91,7 +91,7 @@ class InstanceColumns:
         return np.array([(0.0,) * 4 if value is None else tuple(value) for value in values], np.float32)[rows]
 
     def _of_instancers(self, name: str) -> Float32Array:
-        """What made an instance has the first word: its particles' settings, its geometry, itself; then the object."""
+        """Looks a name up in an instance's maker: its particles' settings, its geometry, itself; then in the object."""
         found = self._of_objects(lambda obj: find_shown_property(obj, name))
         parents = self._instances.parent_indices
         for row in np.unique(parents[parents >= 0]).tolist():
@@ -107,7 +107,7 @@ class InstanceColumns:
         return found
 
     def _of_particles(self, instancer: Any, name: str, rows: npt.NDArray[np.intp], found: Float32Array) -> None:
-        """Of several particle systems that could show an object, the first counts."""
+        """Looks a name up in particle systems; of several that could show an object, the first counts."""
         uids = np.array([record.session_uid for record in self._objects.records], np.int64)
         shown = uids[self._instances.object_indices[rows]]
         for system in reversed(instancer.particle_systems):
@@ -122,7 +122,7 @@ class InstanceColumns:
 
 
 def find_shown_property(obj: Any, name: str) -> Color | None:
-    """Of an evaluated object, or else of what it shows."""
+    """Find the property of an evaluated object, or else of its data."""
     found = find_property(obj, name)
     return found if found is not None or obj.data is None else find_property(obj.data, name)
 
@@ -130,7 +130,7 @@ def find_shown_property(obj: Any, name: str) -> Color | None:
 def find_property(block: Any, name: str) -> Color | None:
     """(R, G, B, A) of a data-block's property, custom or Blender's own, as attribute nodes find it; a number is grey.
 
-    None for what is not there, or is neither a number nor up to four of them.
+    None if it is missing, or is neither a number nor up to four of them.
     """
     if not name:
         return None
@@ -158,7 +158,7 @@ def _as_color(value: Any) -> Color | None:
 def find_instance_attribute(instancer: Any, name: str, persistent_ids: Int32Array) -> Found:
     """(N, 4) colours and (N,) whether there is one, for instances of an evaluated object (Blender 4.5 and later).
 
-    A persistent id has a level for each geometry that an instance stands in, the innermost first. As in Blender, the
+    A persistent id has a level for each nested geometry of an instance, the innermost first. As in Blender, the
     innermost geometry that has the attribute counts.
     """
     count = len(persistent_ids)
@@ -195,7 +195,7 @@ def _find_in(geometry: Any, name: str, ids: Int32Array, levels: npt.NDArray[np.i
 
 
 def _geometry_of(reference: Any) -> Any:
-    """What instances of a reference show, if it may show instances itself."""
+    """Returns the geometry of a reference's instances, if it may have instances itself."""
     if isinstance(reference, bpy.types.GeometrySet):
         return reference
     shows = isinstance(reference, bpy.types.Object) and any(one.type == "NODES" for one in reference.modifiers)
@@ -215,7 +215,7 @@ def _places(points: Any, ids: Int32Array, count: int) -> npt.NDArray[np.intp]:
 
 
 def _read_colors(attribute: Any) -> Float32Array | None:
-    """(N, 4), or None for what is no number, vector or colour."""
+    """(N, 4), or None if it is no number, vector or colour."""
     if attribute is None:
         return None
     kind, count = attribute.data_type, len(attribute.data)
@@ -259,7 +259,7 @@ def random_ids(instances: InstanceRecords, objects: Sequence[ObjectRecord]) -> U
 
 
 def hash_name(name: str) -> int:
-    """Of its bytes in UTF-8."""
+    """Hashes a name's bytes in UTF-8."""
     number = 0
     for byte in name.encode():
         number = (number * 37 + byte) & 0xFFFFFFFF
@@ -267,7 +267,7 @@ def hash_name(name: str) -> int:
 
 
 def hash_pair(first: Uint32Array, second: Uint32Array | np.uint32) -> Uint32Array:
-    """Of two words, element by element."""
+    """Hashes two words, element by element."""
     start = np.uint32(0xDEADBEEF + (2 << 2) + 13)
     words = [first + start, np.broadcast_to(second, first.shape) + start, np.full(first.shape, start, np.uint32)]
     for step, turn in enumerate(_TURNS):

@@ -1,7 +1,7 @@
-"""What each object of an evaluated scene shows beside itself, as its geometry tells it (Blender 4.5 and later).
+"""The instances of each object of an evaluated scene, read from its geometry (Blender 4.5 and later).
 
-Where the geometry cannot tell everything that Blender's list of instances would (nested instances, collections,
-particles, other instancers, hidden originals), that object is left to the list: see `listing.py`.
+The geometry does not contain everything that Blender's list of instances has (nested instances, collections,
+particles, other instancers, hidden originals). Objects with those are read from the list: see `listing.py`.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from ...sync.records import Float32Array
 
 # Objects that are no surface and show nothing.
 SILENT_TYPES = frozenset({"ARMATURE", "CAMERA", "EMPTY", "LATTICE", "LIGHT", "LIGHT_PROBE", "SPEAKER"})
-# Objects whose surface Blender lists as an instance of their own.
+# Objects whose surface Blender lists as a separate instance.
 _SURFACE_TYPES = frozenset({"CURVE", "FONT", "META", "SURFACE"})
 _INSTANCER_SWITCHES = ("show_instancer_for_viewport", "show_instancer_for_render")
 _COMPONENTS = ("curves", "pointcloud", "volume", "grease_pencil")
@@ -36,11 +36,11 @@ LISTED: Final = _Listed.LISTED
 
 @dataclass(slots=True)
 class Shown:
-    """What instances of one reference show: an object, or the mesh of a geometry.
+    """The target of one instance reference: an object, or the mesh of a geometry.
 
-    zeros: how many stand before the id in what Blender numbers the instances by, one for each geometry between.
+    zeros: the number of zeros before the id in Blender's numbering of instances, one for each geometry between.
     matrices: (4, 4) float32, of the geometries between, from the outermost; empty if they change nothing.
-    owner: keeps the geometry, which is known by address.
+    owner: keeps the geometry, which is identified by its address.
     """
 
     obj: Any
@@ -52,9 +52,9 @@ class Shown:
 
 @dataclass(slots=True)
 class Instancer:
-    """What an evaluated object shows beside itself; None for references to nothing. The geometry owns the points.
+    """The instances of an evaluated object; None for empty references. The geometry owns the points.
 
-    points: None for a surface, which is shown once, where the object is.
+    points: None for a surface, which is shown once, at the object.
     """
 
     geometry: Any
@@ -70,7 +70,7 @@ Survey = list[tuple[Any, Instancer | _Listed | None]]
 
 
 def survey(depsgraph: Any) -> Survey | None:
-    """Each evaluated object with what it shows beside itself; None if Blender's list is needed, or is as good."""
+    """Returns each evaluated object with its instances; None if Blender's list is needed, or equally good."""
     if not _IS_SUPPORTED or not _may_have_node_instances():
         return None
     surveyed: Survey = [(obj, _survey_any(obj)) for obj in depsgraph.objects]
@@ -101,7 +101,7 @@ def _may_show(obj: Any) -> Iterator[Any]:
         tree = modifier.node_group if modifier.type == "NODES" else None
         for block in () if tree is None else _used_by(tree):
             (shown if isinstance(block, bpy.types.Object) else collections).append(block)
-        if tree is not None:  # what is given to the nodes from outside
+        if tree is not None:  # the inputs of the nodes
             values = _given_to(modifier)
             shown += [value for value in values if isinstance(value, bpy.types.Object)]
             collections += [value for value in values if isinstance(value, bpy.types.Collection)]
@@ -152,7 +152,7 @@ def _survey_any(obj: Any) -> Instancer | _Listed | None:
 
 
 def _survey(obj: Any) -> Instancer | None:
-    """What an evaluated object shows beside itself, None for nothing. Raises _UnsupportedError."""
+    """Returns the instances of an evaluated object, None for none. Raises _UnsupportedError."""
     _check_family(obj)
     if obj.type in _SURFACE_TYPES:
         return _survey_surface(obj)
@@ -211,7 +211,7 @@ def _has_repeated(ids: Any) -> bool:
 
 
 def _resolve(reference: Any, zeros: int = 0, matrices: tuple[Float32Array, ...] = ()) -> Shown | None:
-    """What a reference shows. Raises _UnsupportedError if that is more than one thing."""
+    """Returns the target of a reference. Raises _UnsupportedError if there is more than one."""
     if not isinstance(reference, bpy.types.GeometrySet):
         _check_object(reference)
         return Shown(reference, reference.data, zeros, list(matrices), None)
@@ -237,7 +237,7 @@ def _check_object(reference: Any) -> None:
 
 
 # Usage ---------------------------------------------------------------------------------------------------------------
-# A first guess at how a mesh will behave, from what its object carries; sync corrects it by what it sees.
+# A first guess of a mesh's changes, from the data of its object; sync corrects it by observed changes.
 
 
 _DEFORMING_MODIFIERS = frozenset(
@@ -255,7 +255,7 @@ _DEFORMING_MODIFIERS = frozenset(
     }
 )
 _CHANGING_MODIFIERS = frozenset({"BUILD", "EXPLODE", "FLUID", "MESH_SEQUENCE_CACHE"})
-# What makes other triangles of other vertices, even where no setting of its own is animated.
+# Modifiers that make other triangles when vertices move, even if none of their settings is animated.
 _RETOPOLOGISING_MODIFIERS = frozenset({"BOOLEAN", "DECIMATE", "REMESH", "WELD"})
 # Objects that are mostly grown by nodes, and what makes these move them. Nodes of meshes mostly move instances.
 _GROWN_TYPES = frozenset({"CURVES", "POINTCLOUD"})
@@ -275,9 +275,9 @@ _REMAKING_MODIFIERS = (
 
 
 def guess_usage(original: Any, timed: dict[int, bool] | None = None) -> MeshUsage:
-    """What the meshes of an original object are likely to do from frame to frame, and why.
+    """Guesses the changes of an original object's meshes from frame to frame, and gives the reason.
 
-    timed: what is known of node trees by their uids, for one reading; it is filled.
+    timed: known results for node trees by their uids, for one reading; it is filled.
     """
     guess = _guess_from_shape(original, {} if timed is None else timed) or _guess_from_motion(original)
     return guess or MeshUsage("static", "nothing animates it")
@@ -328,7 +328,7 @@ def _why_deforming(original: Any, modifiers: list[tuple[str, str]], timed: dict[
 
 
 def _goes_by_time(tree: Any, timed: dict[int, bool]) -> bool:
-    """Whether geometry nodes, or groups within them, read what the time is."""
+    """Whether geometry nodes, or groups within them, read the current time."""
     if tree is None:
         return False
     uid = tree.session_uid

@@ -28,10 +28,10 @@ class Listing:
     """N instances in the depsgraph's own order.
 
     group_ids: (N,) int32, rows of the groups, or NOT_SHOWN. transforms: (N, 3, 4) float32. bad_rows: (B,) int32, those
-    whose transform is useless. ids: (N, ...) int32, what tells instances of one group apart.
-    expand_ids: makes (N, 8) persistent ids from group_ids and ids. is_plain: nothing stands there but the evaluated
-    objects themselves, in their order. random_ids: (N,) int64, Blender's random number for each, -1 for what the list
-    was not asked for; None if it was asked for none.
+    whose transform is useless. ids: (N, ...) int32, which distinguish the instances of a group.
+    expand_ids: makes (N, 8) persistent ids from group_ids and ids. is_plain: whether it contains only the evaluated
+    objects themselves, in their order. random_ids: (N,) int64, Blender's random number for each, -1 where the list
+    was not asked; None if it was asked for none.
     """
 
     group_ids: Int32Array
@@ -83,7 +83,7 @@ def _find_groups(instances: Any, finder: GroupFinder) -> tuple[list[int], dict[i
 
 
 def _with_strands(listing: Listing, strands: Int32Array) -> Listing:
-    """With further instances, each right after that beside which it stands.
+    """Adds instances of strands, each right after its own object's instance.
 
     strands: (N,) int32, their groups, or NOT_SHOWN.
     """
@@ -121,7 +121,7 @@ class GroupFinder:
         self.saw_only_objects = True  # none of the instances was made by another object
 
     def find(self, instance: Any, numbering: int = 0) -> int:
-        """Its row, or NOT_SHOWN; the numbering is that of a group that is new."""
+        """Returns an instance's row, or NOT_SHOWN; the numbering is that of a new group."""
         source = instance.instance_object
         if source is not None:
             self.saw_only_objects = False
@@ -129,7 +129,7 @@ class GroupFinder:
         data = obj.data
         if data is None:
             return NOT_SHOWN
-        if not instance.show_self:  # only what has strands is shown without its surface
+        if not instance.show_self:  # only objects with strands are shown without their surface
             self.saw_strands = self.saw_strands or has_strands(obj)
             return NOT_SHOWN
         token = obj if source is None else (data, source, instance.parent)
@@ -146,11 +146,11 @@ class GroupFinder:
         return group
 
     def find_strands(self, instance: Any, numbering: int = 0) -> int:
-        """The row of the strands that an instance shows beside its surface, or NOT_SHOWN."""
+        """The row of the strands that an instance shows in addition to its surface, or NOT_SHOWN."""
         obj, source = instance.object, instance.instance_object
         if not instance.show_particles or obj.data is None or not len(obj.particle_systems):
             return NOT_SHOWN
-        if source is not None and source.data != obj.data:  # what geometry nodes made beside it
+        if source is not None and source.data != obj.data:  # an additional result of geometry nodes
             return NOT_SHOWN
         token = obj if source is None else (source, instance.parent)
         group = self._known_strands.get(token)
@@ -163,7 +163,7 @@ class GroupFinder:
 
 @dataclass(slots=True)
 class ListedPart:
-    """An object's own entry and those of what it shows. matrices: (4, 4) each, in rows."""
+    """An object's own entry and those of its instances. matrices: (4, 4) each, in rows."""
 
     group_ids: list[int] = field(default_factory=list)
     matrices: list[Any] = field(default_factory=list)
@@ -191,7 +191,7 @@ class ListWalk:
         self._numbering = numbering
 
     def read(self, obj: Any) -> ListedPart:
-        """What belongs to an evaluated object; what stands before it is passed over."""
+        """Reads the entries of an evaluated object; skips entries before them."""
         while self._item is not None and (self._item.is_instance or self._item.object != obj):
             self._item = next(self._items, None)
         if self._item is None:

@@ -1,17 +1,17 @@
-"""The distinct meshes of one evaluation: each is read once, however many objects show it, and gets a key that lasts.
+"""The distinct meshes of one evaluation: each is read once, for any number of objects, and gets a key that lasts.
 
-Evaluated meshes have new addresses and new session uids at every evaluation, so neither can be a key. What
-lasts is the object or mesh data-block that a mesh came from:
+Evaluated meshes have new addresses and new session uids at every evaluation, so neither can be a key. The
+object or mesh data-block that a mesh came from stays the same:
 
-- ("mesh", uid of the data-block): shown as it is, by any number of objects;
-- ("object", uid of the object): what an object's modifiers, or its curve, text or metaball, made;
-- ("made", uid of the object, digest of the triangles): what geometry nodes made and show as instances. The
+- ("mesh", uid of the data-block): shown unmodified, by any number of objects;
+- ("object", uid of the object): the result of an object's modifiers, or of its curve, text or metaball;
+- ("made", uid of the object, digest of the triangles): made by geometry nodes and shown as instances. The
   digest leaves the positions out, so that such a mesh is still the same one when it deforms;
 - ("particle hair", uid of the object): the strands of all its particle systems.
 
 Curves and points have such keys with their kind in the first word.
 
-A last number tells apart what would otherwise be equal.
+A last number distinguishes keys that would otherwise be equal.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ from .instancer_survey import find_remaker, guess_usage
 from .meshes import read_mesh
 from .particle_hair import ParticleHair, read_particle_hair
 
-# The meshes of the last reading: what has not been evaluated since is not read, and what is equal is not copied.
+# The meshes of the last reading: those not evaluated since are not read, and equal ones are not copied.
 
 
 Place = tuple[float, ...]
@@ -54,9 +54,9 @@ class CachedMesh:
 
 @dataclass(slots=True)
 class MeshCache:
-    """One reading's meshes by token, and what the log of evaluations said then.
+    """One reading's meshes by token, and the state of the evaluation log at that time.
 
-    A token names a mesh before it is read: what it comes from, and a number among others from there.
+    A token identifies a mesh before it is read: its origin, and a number among others of that origin.
     """
 
     meshes: dict[Hashable, CachedMesh] = field(default_factory=dict)
@@ -67,9 +67,9 @@ class MeshCache:
     def find_untouched(
         self, token: Hashable, mesh: Any, uids: tuple[int, ...], reading: MeshCache, log: EvaluationLog | None
     ) -> CachedMesh | None:
-        """The cached mesh if it is sure to be what a reading would give. reading: the cache that is being made.
+        """Return the cached mesh if a reading would surely give the same. reading: the new cache.
 
-        That the mesh lies where it lay proves nothing, but that it does not is reason enough to read it.
+        An unchanged address proves nothing, but a changed one is reason enough to read the mesh.
         """
         cached = self.meshes.get(token)
         if cached is None or log is None or self.since < 0:
@@ -82,7 +82,7 @@ class MeshCache:
 
 
 def place_of(mesh: Any) -> Place:
-    """Addresses and sizes of an evaluated mesh's arrays; of particle hair what it is made by, too."""
+    """Return addresses and sizes of an evaluated mesh's arrays; for particle hair also those of its source."""
     if isinstance(mesh, ParticleHair):
         return mesh.place()
     positions, corners = (mesh.attributes[name].data for name in ("position", ".corner_vert"))
@@ -95,16 +95,16 @@ def place_of(mesh: Any) -> Place:
 
 NO_MESH = -1
 _NOTHING = AttributeRequest(material_slots=False)
-STRANDS = "particle hair"  # first in the keys of what is read of it
+STRANDS = "particle hair"  # first in the keys of its records
 _Mesh = bpy.types.Mesh  # looking it up is slow
 _OF_VERTICES = "Delete such vertices in Edit Mode, or look which modifier or driver makes them"
 
 
 class MeshTable:
-    """Reads meshes on first sight and hands out their rows; pointers are only used within one evaluation.
+    """Reads each mesh once and returns its row; pointers are only used within one evaluation.
 
-    cache: of the last reading. log: what was evaluated since, None if that is not known: then everything is read.
-    only_places: no attributes are read, whatever is asked; what the cache has is as good with them.
+    cache: of the last reading. log: the evaluations since, None if they are not known: then everything is read.
+    only_places: no attributes are read, even if requested; cached meshes that have them are used.
     """
 
     def __init__(
@@ -123,13 +123,13 @@ class MeshTable:
         self._last = cache or MeshCache()
         self.cache = MeshCache({}, attributes, depsgraph.as_pointer(), -1 if log is None else log.now)
         self._attributes = attributes = _NOTHING if only_places else attributes
-        # What is asked of every mesh, whatever its materials show.
+        # The layers that are requested of every mesh, for any materials.
         self._layers = LayerRequest(uvs=frozenset([""])) if attributes.corner_uvs else NO_LAYERS
         self._rows: dict[int, int] = {}  # by the mesh's pointer; twins have one
         self._mesh_counts: Counter[int] = Counter()  # by row: how many meshes have it
         self._tokens: dict[int, Hashable] = {}
         self._counts: Counter[Hashable] = Counter()  # by what meshes come from
-        self._key_counts: Counter[Hashable] = Counter()  # without twins: by their keys but for the number
+        self._key_counts: Counter[Hashable] = Counter()  # of duplicates: by their keys without the number
         self._twins = _TwinFinder()
         self._timed: dict[int, bool] = {}  # see `guess_usage`
         self.records: list[MeshRecord] = []
@@ -142,11 +142,11 @@ class MeshTable:
         return bool(self._depsgraph.mode == "RENDER")
 
     def row(self, obj: Any, mesh: Any, is_own: bool, layers: LayerRequest) -> int:
-        """The row of an evaluated mesh, or NO_MESH if it has no faces; or of curves, points or particle hair.
+        """Return the row of an evaluated mesh, or NO_MESH if it has no faces; or of curves, points or particle hair.
 
         obj: the evaluated object, or the depsgraph's temporary, that shows the mesh. is_own: whether it is the
-        object's own mesh and not one that geometry nodes made beside it. layers: what the object's materials show of
-        it; the mesh has, in the end, what all that show it want.
+        object's own mesh and not an additional result of geometry nodes. layers: those that the object's materials use;
+        in the end the mesh has the layers for all objects that show it.
         """
         pointer = mesh.as_pointer()
         row = self._rows.get(pointer)
@@ -240,7 +240,7 @@ class MeshTable:
         return read_mesh(mesh, None, _name_of(original, mesh), self._attributes, layers, self._reader, known)
 
     def _find_untouched(self, original: Any, mesh: Any, token: Hashable, layers: LayerRequest) -> MeshRecord | None:
-        """What was read the last time, if it is sure to be what is there."""
+        """Return the last reading's mesh if it is surely the current one."""
         if original.mode != "OBJECT":
             return None
         cached = self._last.find_untouched(token, mesh, _uids_of(original), self.cache, self._log)
@@ -249,7 +249,7 @@ class MeshTable:
         return replace(cached.record.narrowed(layers), name=_name_of(original, mesh), was_read=False)
 
     def _origin(self, original: Any, mesh: Any, is_own: bool) -> tuple[Any, ...]:
-        """What a mesh comes from: all of its key but the last numbers."""
+        """Return the origin of a mesh: all of its key but the last numbers."""
         uid = original.session_uid
         if isinstance(mesh, ParticleHair):
             return (STRANDS, uid)
@@ -267,7 +267,7 @@ class MeshTable:
 
     @staticmethod
     def own_key(original: Any) -> tuple[str, int]:
-        """Of an original object's own mesh, evaluated: the first two parts of its key."""
+        """Returns the first two parts of the key of an original object's own evaluated mesh."""
         if original.type == "MESH" and not len(original.modifiers):
             return ("mesh", original.data.session_uid)
         return ("object", original.session_uid)
@@ -283,7 +283,7 @@ class MeshTable:
 
 
 def _digest(record: MeshRecord) -> bytes:
-    """Of what stays the same when curves or points move."""
+    """Digests the data that stays the same when curves or points move."""
     offsets = record.curve_offsets
     lasting = len(record.positions).to_bytes(8, "little") if offsets is None else offsets.data
     return hashlib.blake2b(lasting, digest_size=12).digest()
@@ -293,7 +293,7 @@ _UNNAMED = ("Mesh", "Curves", "Point Cloud", "PointCloud")
 
 
 def _name_of(original: Any, mesh: Any) -> str:
-    """What users know a mesh by: Blender calls one that it makes for an evaluation "Mesh"."""
+    """Returns the name by which users know a mesh: Blender calls one that it makes for an evaluation "Mesh"."""
     return original.name if mesh.name in _UNNAMED else mesh.name
 
 
@@ -337,7 +337,7 @@ class _TwinFinder:
 
 
 def _have_equal_content(first: MeshRecord, second: MeshRecord) -> bool:
-    if first.layers != second.layers:  # what was not read may differ
+    if first.layers != second.layers:  # layers that were not read may differ
         return False
     if first.form != second.form:
         return False

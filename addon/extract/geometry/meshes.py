@@ -33,9 +33,8 @@ from .tangents import corner_tangents
 
 # The uv maps and colours that materials name: of meshes a row a triangle, of hair and points one a curve or a point.
 #
-# A name stands for whatever has it, as in Cycles: a uv map or a colour attribute, or what geometry nodes stored. The
-# uv map that has no name is of curves the first attribute with two numbers, which is where on the surface they are
-# rooted.
+# As in Cycles, a name selects any uv map, colour attribute or attribute stored by geometry nodes. For curves, the uv
+# map without a name is the first attribute with two numbers, which holds the root's position on the surface.
 
 
 # The property and the channels of an element, by the attribute's type.
@@ -50,7 +49,7 @@ CHANNELS = {
 
 @dataclass(frozen=True, slots=True)
 class Corners:
-    """Where the corners of a mesh's triangles find their values, by an attribute's domain."""
+    """The indices of triangle corners' values, by an attribute's domain."""
 
     corner_triangles: Int32Array
     triangles: Int32Array
@@ -93,7 +92,7 @@ def read_uv_maps(mesh: Any, request: LayerRequest, corners: Corners, reader: Arr
 
 
 def _gather(values: Float32Array, corners: Corners) -> Float32Array:
-    """Of each triangle's corners; Blender's own indices need no check of their range."""
+    """Gathers the values of triangles' corners; Blender's own indices need no check of their range."""
     return np.take(values, corners.corner_triangles, axis=0, mode="clip")
 
 
@@ -188,9 +187,9 @@ def read_mesh(
     """Reads an evaluated `bpy.types.Mesh`; None if it has no faces. Everything is copied.
 
     layers: the uv maps and colours that its materials show.
-    last: what was read the last time, whose arrays stand for equal ones: then there is nothing to copy or to compare.
+    last: the last reading, whose arrays replace equal ones: then nothing is copied or compared later.
 
-    Triangles with a vertex that is not finite are dropped: no ray can meet them, and one of them would make every
+    Triangles with a vertex that is not finite are dropped: no ray can hit them, and one of them would make every
     box around it useless.
     """
     mesh.calc_loop_triangles()
@@ -252,7 +251,7 @@ def _read_tangents(
 
 
 def _read_texture_space(mesh: Any) -> Float32Array:
-    """(2, 3): what a place is multiplied with, and what is added, for places of 0 to 1 in the mesh's texture space."""
+    """(2, 3): factors and offsets of positions, which map them to 0 to 1 in the mesh's texture space."""
     size = np.array(mesh.texspace_size, np.float64)
     scale = np.divide(0.5, size, out=np.zeros(3), where=size != 0.0)
     return np.array([scale, 0.5 - np.array(mesh.texspace_location) * scale], np.float32)
@@ -286,9 +285,9 @@ def _held(values: npt.NDArray[Any], last: npt.NDArray[Any] | None) -> npt.NDArra
 def _read_positions(
     view: Float32Array, triangles: Int32Array, last: Float32Array | None
 ) -> tuple[Float32Array, Int32Array | None]:
-    """The last positions if they are equal, else a copy that the engine can hold; and which triangles to keep.
+    """Returns the last positions if they are equal, else a copy that the engine can hold; and which triangles to keep.
 
-    The second value is None if that is all of them. What was read the last time had been looked through.
+    The second value is None if all are kept. The last reading was already checked.
     """
     if last is not None and are_equal(view, last):
         return last, None
@@ -318,7 +317,7 @@ def read_material_slots(
 ) -> Int32Array:
     """(T,) int32: the material slot of each triangle. Zero where the mesh has no slots; never negative.
 
-    last: what was read the last time, which stands for equal ones.
+    last: the last reading, whose array replaces an equal one.
     """
     attribute = mesh.attributes.get("material_index")
     if attribute is None or attribute.domain != "FACE" or attribute.data_type != "INT":

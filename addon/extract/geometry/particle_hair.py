@@ -26,7 +26,7 @@ _EDITED = frozenset({"EDIT", "PARTICLE_EDIT"})  # modes in which Cycles shows no
 
 @dataclass(frozen=True, slots=True)
 class ParticleHair:
-    """An evaluated object's particle systems that show strands, with their modifiers; stands beside its mesh."""
+    """An evaluated object's particle systems that show strands, with their modifiers; in addition to its mesh."""
 
     obj: Any
     systems: tuple[tuple[Any, Any], ...]
@@ -59,7 +59,7 @@ class ParticleHair:
 
 
 def particle_hair_of(obj: Any, for_render: bool) -> ParticleHair | None:
-    """What an evaluated object shows as strands, None for nothing. for_render: whether the depsgraph is a render's."""
+    """Return the strands of an evaluated object, None for none. for_render: whether the depsgraph is a render's."""
     if not len(obj.particle_systems):
         return None
     switch = "show_render" if for_render else "show_viewport"
@@ -76,14 +76,14 @@ def has_strands(obj: Any) -> bool:
 
 
 def _is_strands(system: Any) -> bool:
-    """Of the system of a modifier, which may have none, as a system may have no settings."""
+    """Whether a modifier's system shows strands; a modifier may have no system, and a system no settings."""
     settings = None if system is None else system.settings
     return settings is not None and bool(settings.type == "HAIR" and settings.render_type == "PATH")
 
 
 @dataclass(frozen=True, slots=True)
 class _Part:
-    """What one system shows: strands with their radii, (S, K), and lengths, (S,)."""
+    """The strands of one system, with their radii, (S, K), and lengths, (S,)."""
 
     system: Any
     modifier: Any
@@ -103,11 +103,11 @@ def read_particle_hair(
 ) -> MeshRecord | None:
     """Reads strands as curves; None if there are none. Everything is copied.
 
-    A record of none that tells how many were dropped if that is all of them.
+    If all strands were dropped, an empty record holds their number.
 
-    layers: the UV maps and colours that its materials show. last: what was read the last time, whose arrays stand for
+    layers: the UV maps and colours that its materials show. last: the last reading, whose arrays replace
     equal ones. others: see `read_strands`. Strands with a number that is not finite are dropped, and those without a
-    length show nothing.
+    length are invisible.
     """
     parts = [_read_part(modifier, system, hair, reader, others) for modifier, system in hair.systems]
     parts = [part for part in parts if len(part.strands.points)]
@@ -163,7 +163,7 @@ class _Kept:
         return cls([np.flatnonzero(some) for some in flags], ids, bool(together.all()))
 
     def joined(self, arrays: list[npt.NDArray[Any]]) -> npt.NDArray[Any]:
-        """What each part has, (S, ...) or (S, K, ...), of those that are shown, in one row: point by point if K."""
+        """Joins the arrays of the parts, (S, ...) or (S, K, ...), for shown strands: point by point if K."""
         if not self.are_all:
             arrays = [array[some] for array, some in zip(arrays, self.rows, strict=True)]
         flat = [array.reshape(-1, *array.shape[2:]) if array.ndim > 1 else array for array in arrays]
@@ -225,7 +225,7 @@ _Layers = dict[str, list[Float32Array]]
 def _read_layers(
     hair: ParticleHair, parts: list[_Part], layers: LayerRequest, reader: ArrayReader
 ) -> tuple[_Layers, _Layers]:
-    """What the emitter has at the roots, by name: (S, 2) and (S, 3) of each part."""
+    """The emitter's layers at the roots, by name: (S, 2) and (S, 3) of each part."""
     mesh = hair.obj.data
     maps = mesh.uv_layers
     uvs: _Layers = {}

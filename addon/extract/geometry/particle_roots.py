@@ -1,8 +1,8 @@
-"""Where the strands of old particle hair are rooted, and what the emitting mesh has there: UV maps, vertex colours.
+"""The roots of old particle hair, and the emitting mesh's attributes there: UV maps, vertex colours.
 
-Blender keeps for each particle a face and four weights, which Python is not told; they are read from its own memory
-and compared with what `uv_on_emitter` says of some strands on every read. Where they differ, or where a modifier
-changes the mesh after the particles, that is asked of each strand, a Python call a strand.
+Blender keeps for each particle a face and four weights, which have no Python interface. They are read from its memory
+and compared with `uv_on_emitter` for some strands on every read. If they differ, or if a modifier
+changes the mesh after the particles, `uv_on_emitter` is called for each strand.
 """
 
 from __future__ import annotations
@@ -17,9 +17,9 @@ import numpy.typing as npt
 from ...sync.records import Float32Array, Int32Array
 from ..pointer_views import CORNER_TRIANGLES, CORNER_UVS, CORNER_VERTS, ArrayReader, view_of_memory
 
-# Blender tells particles' UV maps and colours of the mesh as it was at their modifier, and takes their number for
-# granted: one that is added only later is none of it, and asking for it is an access to memory that is not there.
-# These modifiers leave faces, UV maps and colours as they are.
+# Blender returns particles' UV maps and colours of the mesh as it was at their modifier, and does not check their
+# number: asking for one that is only added later accesses memory that does not exist.
+# These modifiers do not change faces, UV maps and colours.
 _DEFORMING = frozenset(
     {
         *("ARMATURE", "CAST", "CLOTH", "COLLISION", "CORRECTIVE_SMOOTH", "CURVE", "DISPLACE", "HOOK"),
@@ -60,7 +60,7 @@ Int8Array = npt.NDArray[np.int8]
 
 @dataclass(frozen=True, slots=True)
 class Roots:
-    """Of the strands numbered first, first + 1, ...; faces and weights: (S,) and (S, 4), None if unknown.
+    """The roots of strands numbered first, first + 1, ...; faces and weights: (S,) and (S, 4), None if unknown.
 
     corners: (F, 4) int32, the mesh's corners of each of Blender's old faces, which have 3, then -1, or 4.
     """
@@ -82,7 +82,7 @@ class Roots:
         return np.einsum("sc,scw->sw", weights, values[corners], dtype=np.float32)
 
     def ask(self, accessor: str, number: int, rows: Iterable[int] | None = None) -> Float32Array | None:
-        """The same as Blender tells it, of each strand or those in the rows; None if it knows nothing of the layer.
+        """Returns Blender's own values, of each strand or those in the rows; None if it does not have the layer.
 
         accessor: "uv_on_emitter", "mcol_on_emitter". The layer must be one that `is_askable`.
         """
@@ -93,7 +93,7 @@ class Roots:
             return None
 
     def ask_one(self, accessor: str, number: int, row: int) -> Any:
-        """Of the strand in this row."""
+        """Returns Blender's own value for the strand in this row."""
         strand = self.first + row
         particles = self.system.particles
         particle = particles[min(strand, len(particles) - 1)]
@@ -111,10 +111,10 @@ def find_roots(
     maps: frozenset[int] = frozenset(),
     is_final: bool = True,
 ) -> Roots:
-    """Of an evaluated particle system that shows `count` strands from the number `first` on.
+    """Finds the roots of an evaluated particle system that shows `count` strands from the number `first` on.
 
-    maps: the numbers of the UV maps that are asked for, which are compared; the first one if there are none. is_final:
-    whether the mesh is that which the particles saw, without which faces mean nothing.
+    maps: the numbers of the requested UV maps, which are compared; the first one if there are none. is_final:
+    whether the particles were distributed on this mesh, without which faces are meaningless.
     """
     corners, kinds = _old_faces(mesh, reader)
     unknown = Roots(system, modifier, first, count, corners, None, None)
@@ -158,7 +158,7 @@ def _read(system: Any, first: int, count: int) -> tuple[Int32Array, Float32Array
 
 
 def _view(collection: Any, dtype: np.dtype[Any]) -> npt.NDArray[Any] | None:
-    """None if its elements are not as far apart as expected."""
+    """Views a collection as an array; None if its elements are not as far apart as expected."""
     count = len(collection)
     if count == 0:
         return None
@@ -195,7 +195,7 @@ def _old_faces(mesh: Any, reader: ArrayReader) -> tuple[Int32Array, Int8Array]:
 
 
 def _turned(faces: Int32Array, kinds: Int8Array, mesh: Any, reader: ArrayReader) -> tuple[Int32Array, Int8Array]:
-    """In quads vertex 0 stands neither third nor last: there it would mean that there is no fourth corner."""
+    """Rotates quads so that vertex 0 is neither third nor last: there it would mean that there is no fourth corner."""
     verts = reader.view(mesh.attributes[".corner_vert"].data, CORNER_VERTS)
     turned = (kinds == _QUAD) & (verts[faces[:, 2:]] == 0).any(axis=1)
     faces[turned] = faces[turned][:, [2, 3, 0, 1]]

@@ -66,7 +66,7 @@ def _angles(places: Floats, up: Floats) -> Floats:
 
 
 def _projected(vectors: Floats, up: Floats) -> Floats:
-    """What of vectors lies across a normal."""
+    """Returns the components of vectors perpendicular to a normal."""
     return vectors - up * np.einsum("...i,...i->...", vectors, up)[..., None]
 
 

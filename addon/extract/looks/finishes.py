@@ -84,7 +84,7 @@ def mix_finishes(
         return nodes.weighted((weights[0], weights[1]), values, weight)
 
     def amounts(name: str) -> list[Operand]:
-        """About how much there is of a layer; colours count alike."""
+        """Returns the approximate amounts of a layer; colours count alike."""
         return [0.0 if is_number(value, 0.0) else share for value, share in zip(pair(name), shares, strict=True)]
 
     shares = nodes.less(1.0, weight), weight
@@ -132,7 +132,7 @@ class FinishReader:
         if "Diffuse Roughness" in inputs and _is_on(inputs["Diffuse Roughness"]):
             fields["diffuse_roughness"] = self._number(inputs["Diffuse Roughness"], 0.0, scope)
         is_clear = is_number(self._values.number(inputs["Transmission Weight"], 0.0, scope), 1.0)
-        if not is_clear or _is_on(inputs["Metallic"]):  # what is clear is never brushed
+        if not is_clear or _is_on(inputs["Metallic"]):  # glass is never brushed
             names = ("Anisotropic", "Anisotropic Rotation")
             fields.update(self._brushed(*(inputs[name] for name in names), inputs["Tangent"], scope))
         return Finish(**fields)
@@ -201,17 +201,17 @@ _WALK, _WALK_FORWARD, _MOST_WALKED = (0.842, 0.18), (-0.26, 0.42), 0.91
 
 
 def walked(reader: ValueReader, color: Operand, method: str, anisotropy: Any, scope: Scope | None) -> Operand:
-    """Read the colour of the diffuse surface that stands for subsurface scattering.
+    """Read the colour of the diffuse surface that replaces subsurface scattering.
 
-    Christensen and Burley's scattering and that of skin reflect the colour itself, whatever their radii are, and so
+    Christensen and Burley's scattering and that of skin reflect the colour itself, for any radii, and so
     does a diffuse surface, which needs no further rays. Only "Random Walk" is darker.
 
     Args:
         reader: Of the nodes.
-        color: That the nodes ask for.
+        color: The colour that the nodes set.
         method: BURLEY, RANDOM_WALK or RANDOM_WALK_SKIN.
         anisotropy: The input socket.
-        scope: The group that the node stands in.
+        scope: The group that contains the node.
     """
     if method != "RANDOM_WALK":
         return color

@@ -1,8 +1,8 @@
-"""Images that materials and the world show, as arrays: read once, and again when Blender's image is another.
+"""Images of materials and the world, as arrays: read once, and again when Blender's image has changed.
 
-An image is taken as unchanged if its file, its size and its settings are as before and it was not painted on. One
-with unsaved strokes is read at every sync, as are movies and sequences: nothing tells when the next stroke came, or the
-next frame. Of a sequence the file of the frame is read; of a movie Blender shows Python the first frame alone.
+An image counts as unchanged if its file, its size and its settings are as before and it was not painted on. One
+with unsaved strokes is read at every sync, as are movies and sequences: Blender does not report the next stroke or the
+next frame. Of a sequence the file of the frame is read; of a movie Blender gives Python only the first frame.
 """
 
 from __future__ import annotations
@@ -55,13 +55,13 @@ def look_of_tiles(image: Any) -> tuple[Any, ...]:
 
 
 def sample_packed(packed: Any) -> tuple[int, bytes]:
-    """Read what tells a packed file from another one of its size: its end, where checksums are, and some bytes."""
+    """Read bytes that distinguish a packed file from others of its size: its end with checksums, and some others."""
     data = packed.data
     return len(data), data[-64:] + data[:: 1 + len(data) // 4096]
 
 
 def _fill_of(tile: Any) -> tuple[Any, ...]:
-    """What a tile without a file is generated of."""
+    """The settings from which a tile without a file is generated."""
     if not getattr(tile, "is_generated_tile", True):  # Blender 4.2 does not say
         return ()
     size = tile.generated_width, tile.generated_height
@@ -69,9 +69,9 @@ def _fill_of(tile: Any) -> tuple[Any, ...]:
 
 
 def read_tiles(image: Any, read: Callable[[Any], T | None], warn: Callable[[str], None]) -> dict[int, T]:
-    """What `read` makes of each tile, by the tiles' numbers, in their order. What is missing is left out and named.
+    """Return the results of `read` for each tile, by the tiles' numbers, in order. Missing tiles are reported.
 
-    Each is read as an image of its own, which is gone afterwards; the first as the image itself.
+    Each is read as a separate image, which is removed afterwards; the first as the image itself.
     """
     numbers = [tile.number for tile in image.tiles]
     found = {numbers[0]: read(image)}
@@ -101,8 +101,8 @@ def _read_tile(data: Any, image: Any, path: str, read: Callable[[Any], T | None]
         tile = data.images.load(path)
     except RuntimeError:  # there is no such file
         return None
-    # Bytes are handed out as they are. Settings are left alone where they can be: Blender tells of changes, even of an
-    # image that is gone.
+    # Bytes are returned unchanged. Settings are only changed where necessary: Blender reports each change, even of an
+    # image that was removed.
     space = image.colorspace_settings.name
     if tile.is_float and tile.colorspace_settings.name != space:
         tile.colorspace_settings.name = space
@@ -113,7 +113,7 @@ def _read_tile(data: Any, image: Any, path: str, read: Callable[[Any], T | None]
 
 @contextmanager
 def _files_of(image: Any, warn: Callable[[str], None]) -> Iterator[str]:
-    """The path, with a token for the number, of files with the tiles as they are now."""
+    """Yield the path, with a token for the number, of files with the tiles' current pixels."""
     path = bpy.path.abspath(image.filepath, library=image.library)
     # Blender 4.2 does not say which are generated, nor could it write them: they are warned of as missing files are.
     has_files = bool(image.filepath) and not any(getattr(tile, "is_generated_tile", False) for tile in image.tiles)
@@ -193,10 +193,10 @@ _MOST_PREVIEWED = 1024
 
 @dataclass(slots=True)
 class ImageCache:
-    """What was read last.
+    """The results of the last reading.
 
-    held: by image and what was made of it: what it looked like from outside, and the pixels. around: by the nodes of a
-    world: the images that they show, and the pixels of what they show in each direction.
+    held: by image and use: the image's properties, and the pixels. around: by the nodes of a
+    world: their images, and the pixels of their colours in each direction.
     """
 
     held: dict[tuple[int, Hashable], tuple[tuple[Any, ...], Any]] = field(default_factory=dict)
@@ -214,11 +214,11 @@ class ImageCache:
 
 
 class ImageReader:
-    """Gives each image that is met a row, in the order they are met. The cache then holds those, and no others.
+    """Gives each image a row, in the order of first use. Afterwards the cache holds only those.
 
-    for_preview: of an image only every so many pixels are kept, about 1024 a side at most, and of UDIM images the first
-    tile and of sequences the first file alone: to read the others makes data-blocks for a moment, which a thread beside
-    the user's edits must not. frame: the scene's.
+    for_preview: images are kept at a lower resolution, at most about 1024 pixels a side; of UDIM images only the first
+    tile, and of sequences only the first file. Reading others creates temporary data-blocks, which a thread must not do
+    while the user edits. frame: the scene's.
     """
 
     def __init__(self, cache: ImageCache, frame: int = 1, *, for_preview: bool = False) -> None:
@@ -256,7 +256,7 @@ class ImageReader:
         return row
 
     def around(self, nodes: Hashable, make: Callable[[], Floats]) -> Floats:
-        """What a world's nodes show in each direction: made again only where they or their images are others."""
+        """Return the colours of a world's nodes in each direction; computed again only if nodes or images changed."""
         shown = [record.pixels for record in self.records]
         images, pixels = self._around_before.get(nodes, ([], None))
         is_same = len(images) == len(shown) and all(map(operator.is_, images, shown))
@@ -275,7 +275,7 @@ class ImageReader:
         return bool(self._held(image, uid, "alpha", lambda: np.array([(pixels[..., 3] < opaque).any()])).all())
 
     def mean(self, nodes: Nodes, value: Value) -> tuple[float, ...]:
-        """About the mean of a value over the surfaces that show it."""
+        """Estimate the mean of a value over the surfaces that show it."""
         if value.is_even:
             operand = value.operand
             return operand if isinstance(operand, tuple) else (float(operand),)  # type: ignore[arg-type]
@@ -312,7 +312,7 @@ class ImageReader:
         return pixels
 
     def _original(self, image: Any, uid: int) -> Pixels:
-        """As Blender has it, without a place in the cache."""
+        """Read Blender's pixels, without storing them in the cache."""
         held = self.cache.held.get((uid, None)) or self._before.get((uid, None))
         if held is not None and held[1] is not _MISSING and _has_look(image, held[0]):
             return held[1]  # type: ignore[no-any-return]

@@ -147,7 +147,7 @@ def _read_sky_sun(world: Any, images: ImageReader) -> list[tuple[Any, ...]]:
 
 
 def _follow_shader(socket: Any, scope: Scope | None, reader: ValueReader, depth: int) -> Value:
-    """Read the radiance that a world's shader socket gets, or what a light's is multiplied with."""
+    """Read the radiance of a world's shader socket, or the factor of a light's."""
     output, source_scope = trace_back(socket, scope, reader.omissions.note_foreign)
     if not output.is_output or output.node.type in GROUPS or depth > _DEEPEST:  # an empty group
         return constant(0.0, 0.0, 0.0)
@@ -199,7 +199,7 @@ def _record(value: Value, reader: ValueReader, images: ImageReader) -> WorldReco
     return WorldRecord((1.0, 1.0, 1.0), len(images.records) - 1)
 
 
-# Of what nodes show around a scene: an image of so many pixels.
+# The size of the image of the colours that nodes show around a scene.
 _WIDTH, _HEIGHT = 2048, 1024
 
 
@@ -265,7 +265,7 @@ def lights_few(obj: Any) -> bool:
 
 
 def _note_object(obj: Any, omissions: Omissions) -> None:
-    """What the object of a light says of whom it lights."""
+    """Note an object's settings about which objects a light lights."""
     if lights_few(obj):
         omissions.note(LIGHT_LINKING, LIGHTS_ALL)
     if not all(getattr(obj, name) for name in _LIGHT_RAYS):
@@ -302,7 +302,7 @@ def _read_light(
 
 
 def _power_of(light: Any, images: ImageReader, omissions: Omissions) -> Color:
-    """Watts of each channel: energy, exposure, colour, temperature, and what the light's own emission node says."""
+    """Read watts of each channel: energy, exposure, colour, temperature, and the light's own emission node."""
     power = light.energy * 2.0 ** getattr(light, "exposure", 0.0)
     color = _times(tuple(light.color), power)
     if getattr(light, "use_temperature", False):

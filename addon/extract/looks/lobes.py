@@ -1,8 +1,8 @@
-"""What of a surface mirrors, refracts, or lets light through diffuse: shares of it, which mixes of shaders combine.
+"""The shares of a surface that mirror, refract, or transmit light diffusely; mixes of shaders combine them.
 
-A surface is split into shares that add up to one: metal, then of the rest what is clear, then of the rest what is
-translucent; what remains is diffuse under a dielectric reflection, as in Blender's Principled BSDF. Each share, colour
-and roughness may be another one from place to place.
+A surface is split into shares that add up to one: metal, then of the rest glass, then of the rest translucent; the
+remainder is diffuse under a dielectric reflection, as in Blender's Principled BSDF. Each share, colour
+and roughness may vary over the surface.
 """
 
 from __future__ import annotations
@@ -31,10 +31,10 @@ NO_COLOR: Color = (0.0, 0.0, 0.0)
 class Lobes:
     """See `perfect_bvh.MaterialTable`, whose columns these are.
 
-    even_metal: of the metal, how much mirrors alike at all angles. tinted_glass, plain_refraction: of what is clear,
-    how much has its own tint on what it mirrors, too, and how much mirrors nothing. metal, tint, translucent: colours
-    of what is metal, clear, translucent; None for what follows from the base colour: the colour itself, its square
-    root, none.
+    even_metal: the share of the metal that reflects equally at all angles. tinted_glass, plain_refraction: the shares
+    of the glass whose reflections are tinted, and that has no reflections. metal, tint, translucent: colours of metal,
+    glass and the translucent share; None for the default from the base colour: the colour itself, its square root,
+    none.
     """
 
     metallic: Operand = 0.0
@@ -58,7 +58,7 @@ DIFFUSE = Lobes()
 
 
 class Shares(NamedTuple):
-    """Of a whole surface."""
+    """Shares of a whole surface."""
 
     metal: Operand
     clear: Operand
@@ -74,7 +74,7 @@ class Part(NamedTuple):
     base: Operand
 
     def shares(self, nodes: Nodes) -> Shares:
-        """How much of the mix each of its own shares is."""
+        """Return the fraction of each share in the mix."""
         lobes = self.lobes
         below_metal = nodes.times(self.weight, nodes.less(1.0, lobes.metallic))
         below_clear = nodes.times(below_metal, nodes.less(1.0, lobes.transmission))
@@ -97,9 +97,9 @@ class Part(NamedTuple):
 
 
 def mix_parts(nodes: Nodes, first: Part, second: Part, constant_share: float) -> tuple[Operand, Lobes]:
-    """The base colour and the lobes of a mix.
+    """Return the base colour and the lobes of a mix.
 
-    constant_share: of the second part on average, for what a material has one number of.
+    constant_share: of the second part on average, for properties of which a material has only one number.
     """
     parts = first, second
     metals, clears, thins, rests = zip(*(part.shares(nodes) for part in parts), strict=True)
@@ -117,7 +117,7 @@ def mix_parts(nodes: Nodes, first: Part, second: Part, constant_share: float) ->
         return nodes.weighted(weights, (getattr(first.lobes, name), getattr(second.lobes, name)), otherwise)
 
     def fixed(kind: str, name: str) -> float:
-        """Of what there is one number of: by how much of each part is of that kind, on average."""
+        """Mix a property that has only one number, by the average share of each part that is of that kind."""
         amounts = [
             _amount(part, kind) * share
             for part, share in zip(parts, (1.0 - constant_share, constant_share), strict=True)
@@ -129,7 +129,7 @@ def mix_parts(nodes: Nodes, first: Part, second: Part, constant_share: float) ->
         return is_number(nodes.plus(*weights), 0.0)
 
     base = nodes.weighted(rests, (first.base, second.base), weight)
-    if is_number(rest, 0.0):  # nothing is diffuse: it is the metal's, or what is clear
+    if is_number(rest, 0.0):  # nothing is diffuse: all is metal or glass
         base = nodes.weighted(clears if has_none(metals) else metals, (first.base, second.base), weight)
     return base, Lobes(
         metallic=nodes.plus(*metals),
@@ -152,7 +152,7 @@ def mix_parts(nodes: Nodes, first: Part, second: Part, constant_share: float) ->
 
 
 def _amount(part: Part, kind: str) -> float:
-    """About how much of a part is metal, clear, or has facets between which light may be lost."""
+    """Estimate the share of a part that is metal, glass, or has facets between which light may be lost."""
     metallic, transmission, reflectance = (
         operand if isinstance(operand, float) else 0.5
         for operand in (part.lobes.metallic, part.lobes.transmission, part.lobes.reflectance)
@@ -238,7 +238,7 @@ class HairReader:
     def _colors(
         self, node: Any, inputs: Mapping[str, Any], radial: float, scope: Scope | None
     ) -> tuple[Value, npt.NDArray[np.float64]]:
-        """The base colour, and what is absorbed beside what that says if it is not the same all over."""
+        """Return the base colour, and the additional absorption if it varies over the surface."""
         if node.parametrization == "ABSORPTION":
             socket = inputs["Absorption Coefficient"]
             absorption = np.maximum(np.float64(self._even(socket, scope)[:3]), 0.0)
@@ -272,7 +272,7 @@ SURFACE_ALONE = HairRecord(surface=1.0)
 
 
 def sum_hair(parts: Sequence[tuple[HairRecord | None, float]]) -> HairRecord | None:
-    """So much of each; None stands for an ordinary surface alone, and is the sum if there is nothing else."""
+    """Return the sum of weighted parts. None is an ordinary surface, and is the result if there is nothing else."""
     if all(hair is None for hair, _ in parts):
         return None
     rows = [(hair or SURFACE_ALONE, weight) for hair, weight in parts]
@@ -293,7 +293,7 @@ def _mean(values: Sequence[Any], amounts: Sequence[float]) -> Any:
 
 
 def fixed(hair: HairRecord, color: npt.NDArray[Any]) -> HairRecord:
-    """With the base colour of this mean, instead of the material's."""
+    """Fix the base colour to this mean, instead of the material's."""
     if not hair.colored:
         return hair
     return replace(

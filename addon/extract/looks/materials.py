@@ -20,15 +20,15 @@ from .node_colors import ReadSurface, read_surface
 from .node_graph import Omissions
 from .values import AskInstances, Source, Value
 
-# Of what has no material. From Blender 5.0 on Cycles takes it for a new Principled BSDF, before for a Diffuse BSDF.
+# Of surfaces without a material. From Blender 5.0 on Cycles shows a new Principled BSDF there, before a Diffuse BSDF.
 PLAIN_REFLECTANCE = 0.04 if bpy.app.version >= (5, 0, 0) else 0.0
 
 
 class MaterialReader:
-    """Gives each material that is met a row, in the order they are met.
+    """Gives each material a row, in the order of first use.
 
-    override: the view layer's material override, which stands for every material of the scene.
-    images: where what the materials are made of is wanted, too: takes the images that they show.
+    override: the view layer's material override, which replaces every material of the scene.
+    images: given if shading is requested: receives the images of the materials.
     """
 
     def __init__(self, override: Any = None, images: ImageReader | None = None) -> None:
@@ -83,7 +83,7 @@ class MaterialReader:
         return record
 
     def are_volumes(self, slots: tuple[int, ...]) -> bool:
-        """Whether what has these materials shows nothing, for they have no surface."""
+        """Whether objects with these materials are invisible because they have no surface."""
         return bool(self._volumes) and bool(slots) and self._volumes.issuperset(slots)
 
     def shine(self, slots: tuple[int, ...]) -> bool:
@@ -95,9 +95,9 @@ class MaterialReader:
         return any(row >= 0 and self.records[row].hair is not None for row in slots)
 
     def slots(self, obj: Any, data: Any) -> tuple[int, ...]:
-        """Rows of an evaluated object's material slots, -1 for an empty slot; object-linked slots included.
+        """Return rows of an evaluated object's material slots, -1 for an empty slot; object-linked slots included.
 
-        data: what it shows; its own, or a mesh that geometry nodes made for an object without object-linked slots.
+        data: its own data, or a mesh that geometry nodes made for an object without object-linked slots.
         """
         if data == obj.data:
             materials = [slot.material for slot in obj.material_slots]
@@ -109,7 +109,7 @@ class MaterialReader:
         return tuple([self.row(material) for material in materials])
 
     def layers(self, slots: tuple[int, ...]) -> LayerRequest:
-        """What of a mesh the materials of these rows show."""
+        """Return the layers of a mesh that the materials of these rows use."""
         if self._images is None:
             return NO_LAYERS
         layers = self._layers.get(slots)
@@ -131,7 +131,7 @@ def instance_values(sources: dict[Source, int], ask: AskInstances) -> Float32Arr
     return np.stack([ask(source) for source in sources], axis=1) if sources else None
 
 
-# What a record has one number or colour of, by the lobes' names, where no program says more.
+# Properties of which a record has one number or colour, by the lobes' names, if no program sets them.
 _LOBE_SLOTS = {
     "metallic": "METALLIC",
     "roughness": "ROUGHNESS",
@@ -147,7 +147,7 @@ _TINTS = (("metal", "METAL", 1.0), ("transmission", "TINT", 0.5), ("translucent"
 
 
 def _with_surface(record: MaterialRecord, read: ReadSurface) -> MaterialRecord:
-    """The record with what is the same all over the surface, and a program for the rest."""
+    """Return the record with the properties that are the same all over the surface, and a program for the rest."""
     surface, values = read.surface, read.values
     lobes, slots = surface.lobes, dict[str, Operand]()
 

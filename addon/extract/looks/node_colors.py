@@ -1,6 +1,6 @@
-"""What a material's nodes come to: a base colour, its own light, how much of it is there, how shiny it is.
+"""The result of a material's nodes: base colour, emission, alpha, roughness and lobes.
 
-What is the same all over it is a number or a colour; the rest is instructions of the material's program.
+Properties that are the same everywhere are numbers or colours; the others are instructions of the material's program.
 """
 
 from __future__ import annotations
@@ -42,11 +42,11 @@ _COLOR_INPUTS = ("Base Color", "Color")
 
 @dataclass(frozen=True, slots=True)
 class Surface:
-    """base, emission: colours; emission is radiance of what is there. alpha: 0 to 1.
+    """base, emission: colours; emission is the radiance of the opaque part. alpha: 0 to 1.
 
-    lobes: what of it mirrors, refracts and lets light through. normal: None for that of the mesh. hair: what curves of
-    it are instead. holdout: of what is there, how much cuts a hole
-    into the image; a number for all of the surface. has_volume: it is nothing but the border of one, and shows nothing.
+    lobes: the shares that mirror, refract and transmit. normal: None for the mesh's. hair: the shading of
+    curves. holdout: the share of the opaque part that cuts a hole
+    into the image; a number for the whole surface. has_volume: it is only the border of a volume, and is invisible.
     absorption: of light inside the mesh, by length.
     """
 
@@ -108,7 +108,7 @@ def _read(material: Any, plain: Value, values: ValueReader, omissions: Omissions
 
 
 def _note_source(socket: Any, scope: Scope | None, omissions: Omissions, instead: str) -> None:
-    """Note what is linked to a socket that is not shown."""
+    """Note the unsupported nodes that are linked to a socket."""
     output, _ = trace_back(socket, scope)
     omissions.note_node(output.node, output, instead)
 
@@ -122,7 +122,7 @@ class _SurfaceReader:
         self._finishes = FinishReader(values)
 
     def follow(self, socket: Any, scope: Scope | None, depth: int) -> Surface:
-        """Read what a shader socket gets."""
+        """Read the surface of a shader socket."""
         output, source_scope = trace_back(socket, scope, self._omissions.note_foreign)
         if not output.is_output or output.node.type in GROUPS or depth > _DEEPEST:  # an empty group
             return Surface(BLACK)
@@ -135,7 +135,7 @@ class _SurfaceReader:
         if node.type == "MIX_SHADER":
             factor = self._nodes.clamp(self._values.read_or(constant(0.5), HALF, node.inputs[0], scope).operand)
             for side in (0, 1):
-                if is_number(factor, float(side)):  # of the other nothing is to be seen
+                if is_number(factor, float(side)):  # the other side is invisible
                     return self.follow(node.inputs[1 + side], scope, depth + 1)
             return self._mix(*(self.follow(node.inputs[index], scope, depth + 1) for index in (1, 2)), factor)
         if node.type == "ADD_SHADER":
@@ -191,7 +191,7 @@ class _SurfaceReader:
     def _subsurface(
         self, node: Any, inputs: dict[str, Any], base: Operand, scope: Scope | None
     ) -> tuple[Operand, dict[str, Operand]]:
-        """Read the colour of what is diffuse, and the colours of lobes that keep the base colour."""
+        """Read the colour of the diffuse part, and the colours of lobes that keep the base colour."""
         weight = self._share(inputs["Subsurface Weight"], 0.0, scope)
         if is_number(weight, 0.0):
             return base, {}
@@ -204,7 +204,7 @@ class _SurfaceReader:
         return self._values.normal(socket, scope) if socket is not None and is_fed(socket, scope) else None
 
     def _emission(self, color: Any, strength: Any, scope: Scope | None) -> Operand:
-        """Light of its own; a strength that cannot be known is none."""
+        """Read the emission; an unknown strength counts as 0."""
         if not strength.is_linked and not strength.default_value:
             return BLACK
         bright = self._values.read_or(constant(0.0), "no light of its own is", strength, scope).operand
@@ -213,7 +213,7 @@ class _SurfaceReader:
         return self._nodes.times(_as_color(self._values.read(color, scope).operand), bright)
 
     def _lobes_by_name(self, node: Any, base: Operand, scope: Scope | None) -> Lobes:
-        """What of a surface a simple shader node makes."""
+        """Read the lobes of a simple shader node."""
         if node.type in {"BSDF_GLOSSY", "BSDF_ANISOTROPIC"}:
             return Lobes(metallic=1.0, **self._facets(node, 0.5, scope), even_metal=1.0)
         if node.type == "BSDF_METALLIC":
@@ -267,7 +267,7 @@ class _SurfaceReader:
         return self._least(self._values.number(socket, 1.5, scope), LEAST_IOR)
 
     def _reflectance(self, ior_socket: Any, scope: Scope | None) -> Operand:
-        """What a surface of this index of refraction mirrors of what comes from straight above."""
+        """Return the reflectance, seen from straight above, of a surface of this index of refraction."""
         nodes, ior = self._nodes, self._ior(ior_socket, scope)
         if isinstance(ior, float):
             return ((ior - 1.0) / (ior + 1.0)) ** 2
@@ -278,7 +278,7 @@ class _SurfaceReader:
         return self._values.overall(Value(number))[0]
 
     def _mix(self, first: Surface, second: Surface, factor: Operand) -> Surface:
-        """By alpha the colours count: a transparent share adds nothing but its transparency."""
+        """Mix two surfaces. Colours are weighted by alpha: a transparent share adds only its transparency."""
         nodes = self._nodes
         amounts = nodes.times(nodes.less(1.0, factor), first.alpha), nodes.times(factor, second.alpha)
         alpha = nodes.plus(*amounts)
@@ -306,7 +306,7 @@ class _SurfaceReader:
         )
 
     def _parts(self, first: Surface, second: Surface, weight: Operand) -> tuple[Part, Part]:
-        """By how much each counts in what is no hair."""
+        """Return the weights of both in everything but hair."""
         nodes = self._nodes
         whole = [1.0 if surface.hair is None else surface.hair.surface for surface in (first, second)]
         if whole != [1.0, 1.0] and any(whole):
@@ -315,7 +315,7 @@ class _SurfaceReader:
         return Part(first.lobes, nodes.less(1.0, weight), first.base), Part(second.lobes, weight, second.base)
 
     def _sum_hair(self, *parts: tuple[Surface, float], base: Operand) -> HairRecord | None:
-        """On a surface of this base colour, the hair of which other base colours count by their means."""
+        """Sum up hair on a surface of this base colour; the base colours of other hair count by their means."""
         rows = []
         for surface, weight in parts:
             hair = surface.hair

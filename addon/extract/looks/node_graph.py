@@ -21,18 +21,18 @@ _LONGEST_WAY = 1000
 
 @dataclass(frozen=True, slots=True)
 class Scope:
-    """The group that a node stands in. node: its group node, which stands in the scope `outer`, None at the top."""
+    """The group that contains a node. node: its group node, which is in the scope `outer`, None at the top."""
 
     node: Any
     outer: Scope | None
 
     @property
     def key(self) -> tuple[int, ...]:
-        """What tells two uses of one group apart."""
+        """Distinguishes two uses of one group."""
         return (self.node.as_pointer(), *(self.outer.key if self.outer is not None else ()))
 
 
-# By a node's type. What is written here is the same for all nodes of a type.
+# By a node's type, as these are the same for all nodes of a type.
 _identifiers: dict[str, list[str]] = {}
 
 
@@ -47,15 +47,15 @@ def inputs_of(node: Any) -> dict[str, Any]:
 def trace_back(
     socket: Any, scope: Scope | None, note_foreign: Callable[[Any], None] | None = None
 ) -> tuple[Any, Scope | None]:
-    """Find what an input socket's value comes from: another node's output, or an input that has a value of its own.
+    """Find the source of an input socket's value: another node's output, or an input with an unlinked value.
 
-    As in Cycles, the last socket on the way that is not a muted node's or a reroute's has its own value if what is
-    linked to it leads nowhere: muted nodes without a link inside, links that are muted or invalid, foreign nodes.
+    As in Cycles, if the link leads nowhere (muted nodes without a link inside, links that are muted or invalid, foreign
+    nodes), the value is that of the last socket on the way that does not belong to a muted node or a reroute.
 
     Args:
         socket: An input.
-        scope: The group that its node stands in.
-        note_foreign: Takes a node of another render engine that is met; Cycles ignores it.
+        scope: The group that contains its node.
+        note_foreign: Receives nodes of another render engine, which Cycles ignores.
     """
     own = socket, scope
     for _ in range(_LONGEST_WAY):
@@ -93,7 +93,7 @@ def is_fed(socket: Any, scope: Scope | None) -> bool:
 
 
 def find_output(tree: Any) -> tuple[Any, Scope | None] | None:
-    """Find the output node that Cycles shows and the group that it stands in, None without one.
+    """Find the output node that Cycles shows and the group that contains it, None without one.
 
     A node for Cycles alone counts before one for all engines, and then one of the tree before those of groups in it.
     """
@@ -132,9 +132,9 @@ def _find(sockets: Any, wanted: Any) -> Any:
 
 
 # Shown nodes ---------------------------------------------------------------------------------------------------------
-# Which shader nodes are shown, and what is shown in place of the others: the one table, and its notes to users.
+# The supported shader nodes, and the replacements of the others: the only table, and its notes to users.
 #
-# A node type that stands nowhere here is not shown at all. The list in docs/preview.md is compared with this one.
+# A node type that is missing here is not shown at all. The list in docs/preview.md is compared with this one.
 
 
 FLAT = "its flat colour is"
@@ -165,7 +165,7 @@ VALUES += ("LIGHT_FALLOFF",)
 TREES = ("GROUP", "GROUP_INPUT", "GROUP_OUTPUT", "REROUTE", "FRAME", "OUTPUT_MATERIAL", "OUTPUT_WORLD", "OUTPUT_LIGHT")
 SHOWN_NODES = frozenset({*SHADERS, *TEXTURES, *VALUES, *TREES})
 
-# What is shown of nodes that are read, but not as they are.
+# Replacements of parts of nodes that are simplified.
 SIMPLIFIED_NODES: dict[str, str] = {
     "LIGHT_PATH": "what the camera sees is, for all rays",
     "BSDF_HAIR": "a diffuse surface is, or a translucent one",
@@ -202,7 +202,7 @@ IGNORED_INPUTS: dict[str, tuple[IgnoredInput, ...]] = {
 
 
 def name_of(node: Any, output: Any = None) -> str:
-    """What users know a node by. output: the socket that is asked for, if it may be one of several."""
+    """Return the name by which users know a node. output: the requested socket, if there may be several."""
     name = f"{node.label} ({node.bl_label})" if node.label else str(node.bl_label)
     return f"{name} {output.name}" if output is not None and node.type in _MANY_SIDED else name
 
@@ -211,9 +211,9 @@ _CONSTANTS = frozenset({"VALUE", "RGB"})
 
 
 class Omissions:
-    """What of one material, light or world is not shown, noted while its nodes are read: each thing once.
+    """The unsupported parts of one material, light or world, noted while its nodes are read: each part once.
 
-    count: how often anything was noted or met again so far. kind: what the nodes are of.
+    count: how often anything was noted, including repetitions. kind: the kind of data that has the nodes.
     """
 
     def __init__(self, kind: Kind) -> None:
@@ -222,7 +222,7 @@ class Omissions:
         self._instead: dict[str, str] = {}
 
     def note(self, what: str, instead: str = FLAT) -> None:
-        """That `what` is not shown, and what is instead."""
+        """Note that `what` is not shown, and that `instead` is."""
         self.count += 1
         self._instead.setdefault(what, instead)
 
@@ -239,7 +239,7 @@ class Omissions:
         self.note("a tree without an output for Cycles", instead)
 
     def note_too_large(self, instead: str) -> None:
-        """Note that the nodes are more than a program may hold, and what is shown in place of all of them."""
+        """Note that the nodes exceed the limit of a program, and the replacement of all of them."""
         self._instead.clear()
         self.note("a node tree of more than 10,000 instructions or 65,536 channels", instead)
 
@@ -251,16 +251,16 @@ class Omissions:
 
     @property
     def mark(self) -> int:
-        """For `since`."""
+        """Return a mark for `since`."""
         return len(self._instead)
 
     def since(self, mark: int, instead: str) -> None:
-        """What became of all that was noted since the mark."""
+        """Set the replacement for everything that was noted since the mark."""
         for what in list(self._instead)[mark:]:
             self._instead[what] = instead
 
     def note_ignored(self, kind: str, inputs: Mapping[str, Any], scope: Scope | None) -> None:
-        """The inputs of a shader node of this type that change what it looks like and are not shown."""
+        """Note the inputs of a shader node of this type that affect its look and are not shown."""
         for wanted in IGNORED_INPUTS.get(kind, ()):
             socket = inputs.get(wanted.identifier)
             if socket is not None and (socket.is_linked or not _is_neutral(socket, wanted)):

@@ -199,7 +199,7 @@ def _bright_contrast(reader: ValueReader, node: Any, output: Any, scope: Scope |
 
 @reads("GAMMA")
 def _gamma(reader: ValueReader, node: Any, output: Any, scope: Scope | None) -> Value:
-    """Negative channels stay as they are."""
+    """Apply a gamma; negative channels are not changed."""
     color, power = reader.inputs(node, ("Color", "Gamma"), scope)
     nodes = reader.nodes
     above, below = (

@@ -1,4 +1,4 @@
-"""Places that nodes ask for, what is looked up there, and how a surface is met: images, attributes, normals."""
+"""Positions for nodes, lookups there, and the hit on the surface: images, attributes, normals."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ def _vector_transform(reader: ValueReader, node: Any, output: Any, scope: Scope 
 
 
 def _transformed(reader: ValueReader, vector: Operand, mode: str, source: str, target: str) -> Value:
-    """What depends on where the surface stands, or on the camera: of lights and worlds a guess."""
+    """Transform a vector by the object's or the camera's pose; for lights and worlds the result is a guess."""
     if reader.omissions.kind != "material":
         return reader.fallback
     spaces = len(_SPACES) * _SPACES.index(source) + _SPACES.index(target)
@@ -76,7 +76,7 @@ def _tangent(reader: ValueReader, node: Any, output: Any, scope: Scope | None) -
 
 
 def radial_tangent(reader: ValueReader, axis: str = "Z") -> Operand:
-    """Read the direction around an axis through the middle of the mesh's texture space, beside the normal."""
+    """Read the direction around an axis through the middle of the mesh's texture space, in addition to the normal."""
     nodes = reader.nodes
     middle = nodes.minus(reader.input("GENERATED").operand, (0.5, 0.5, 0.5))
     parts = [0.0 if channel is None else channels_of(middle, channel) for channel in _RADIAL[axis]]
@@ -165,7 +165,7 @@ def _is_multiplied(node: Any) -> bool:
 
 @reads("TEX_SKY")
 def _sky(reader: ValueReader, node: Any, output: Any, scope: Scope | None) -> Value:
-    """Its mean above the horizon, where it does not stand round the scene as it is."""
+    """Read its mean above the horizon, unless it surrounds the scene unchanged."""
     reader.omissions.note_node(node, instead="its mean is")
     pixels = read_sky(node)[0].pixels
     return constant(*pixels[len(pixels) // 2 :].mean(axis=(0, 1)).tolist())
@@ -185,7 +185,7 @@ def _light_path(reader: ValueReader, node: Any, output: Any, scope: Scope | None
 
 @reads("ATTRIBUTE", "VERTEX_COLOR")
 def _attribute(reader: ValueReader, node: Any, output: Any, scope: Scope | None) -> Value:
-    """What a mesh has, or what an object or its instancer has; of the alpha of a mesh's colours nothing is read."""
+    """Read an attribute of a mesh, or of an object or its instancer; the alpha of a mesh's colours is not read."""
     kind = getattr(node, "attribute_type", "GEOMETRY")
     if kind in ATTRIBUTE_KINDS:
         found = reader.ask(Source(ATTRIBUTE_KINDS[kind], node.attribute_name))

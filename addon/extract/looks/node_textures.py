@@ -14,7 +14,7 @@ _METRICS = ("EUCLIDEAN", "MANHATTAN", "CHEBYCHEV", "MINKOWSKI")
 _PROFILES = ("SIN", "SAW", "TRI")
 _DIRECTIONS = ("X", "Y", "Z")
 _GABOR = ("Value", "Phase", "Intensity")
-# Where each output of a Voronoi Texture stands among the instruction's channels, and how wide it is.
+# The first channel of each output of a Voronoi Texture in the instruction, and its width.
 _VORONOI = {"Distance": (0, 1), "Color": (1, 3), "Position": (4, 3), "W": (7, 1), "Radius": (8, 1)}
 
 
@@ -32,7 +32,7 @@ def _mixed(reader: ValueReader, node: Any, share: Operand, scope: Scope | None) 
 
 @reads("TEX_CHECKER")
 def _checker(reader: ValueReader, node: Any, output: Any, scope: Scope | None) -> Value:
-    """Its factor is 1 where the first colour is."""
+    """Read a checker; its factor is 1 where the first colour is."""
     vector = reader.vector(node, scope, "GENERATED")
     factor = reader.work("checker", vector, *_numbers(reader, node, scope, "Scale"))
     if vector.is_guess or output.identifier == "Fac":

@@ -1,6 +1,6 @@
-"""What the value of a node's socket comes to: the same everywhere, or instructions of the material's program.
+"""The value of a node's socket: a constant, or instructions of the material's program.
 
-What cannot be known (nodes that are not shown) is a guess, and so is what is made of guesses alone.
+Values that cannot be known (of unsupported nodes) are guesses, and so are values that depend only on guesses.
 """
 
 from __future__ import annotations
@@ -25,11 +25,11 @@ _RENAMED = {"Fac": "Factor", "Bright": "Brightness", "Color1": "Color 1", "Color
 
 
 class ValueReader:
-    """Reads sockets of one node tree into `nodes`. fallback: the colour that stands for what cannot be known.
+    """Reads sockets of one node tree into `nodes`. fallback: the colour in place of unknown values.
 
-    omissions: takes what of the nodes is not shown.
-    is_camera: whether nodes that ask what kind of ray looks are told that the camera's does. pass_index: of the
-    material. sources: gives what nodes ask of instances its row among the instances' values.
+    omissions: receives the unsupported parts of the nodes.
+    is_camera: whether nodes that depend on the kind of ray get the camera's. pass_index: of the
+    material. sources: returns the row of a source among the instances' values.
     """
 
     def __init__(
@@ -49,13 +49,13 @@ class ValueReader:
         self.fallback = Value(fallback.operand, is_guess=True)
         self.is_camera = float(is_camera)
         self.was_asked_for_rays = False
-        self.bump_width: float | None = None  # pixels from where a bump is to the places beside it
+        self.bump_width: float | None = None  # pixels from a bump to the points next to it
         self.follows_objects = False  # whether values depend on where other objects are
         self._known: dict[tuple[int, ...], Value] = {}
         self._depth = 0
 
     def read(self, socket: Any, scope: Scope | None = None) -> Value:
-        """Read what an input socket gets: a number if it is one of numbers."""
+        """Read the value of an input socket: a number for sockets of numbers."""
         if not socket.is_linked:  # most are not
             return own_value(socket)
         output, scope = trace_back(socket, scope, self.omissions.note_foreign)
@@ -64,7 +64,7 @@ class ValueReader:
         return _converted(self.nodes, self._read_output(output, scope), output.type, socket.type)
 
     def read_or(self, unknown: Value, instead: str, socket: Any, scope: Scope | None) -> Value:
-        """Read an input socket, `unknown` for a guess, of which users are told that `instead` is shown."""
+        """Read an input socket. A guess becomes `unknown`, and users are told that `instead` is shown."""
         mark = self.omissions.mark
         value = self.read(socket, scope)
         if not value.is_guess:
@@ -79,7 +79,7 @@ class ValueReader:
         return self.read_or(constant(unknown), f"{socket.name} {unknown:.3g} is", socket, scope).operand
 
     def even_number(self, socket: Any, unknown: float, scope: Scope | None = None) -> float:
-        """Read a number for all of a surface: the mean of what is not the same everywhere."""
+        """Read a number for the whole surface: the mean of a value that varies over it."""
         operand = self.number(socket, unknown, scope)
         if isinstance(operand, Output):
             operand = self.images.mean(self.nodes, Value(operand))[0]
@@ -97,7 +97,7 @@ class ValueReader:
         return Value(self.nodes.add(kind, *operands, mode=mode, numbers=numbers), all_guessed(values))
 
     def input(self, mode: str, layer: str = "", number: int = 0) -> Value:
-        """What a hit has."""
+        """Add an input of the hit."""
         if self.omissions.kind != "material":
             return self.fallback
         found = self.nodes.add("input", mode=mode, layer=layer, numbers=(float(number),))
@@ -114,7 +114,7 @@ class ValueReader:
         return self.input("NORMAL").operand
 
     def ask(self, source: Source) -> Value:
-        """What each instance has."""
+        """Add an input with the value of each instance."""
         if self._sources is None or self.omissions.kind != "material":  # lights and the world are no instances
             return self.fallback
         row = self._sources.setdefault(source, len(self._sources))
@@ -146,7 +146,7 @@ class ValueReader:
         return value
 
     def vector(self, node: Any, scope: Scope | None, unlinked: str) -> Value:
-        """Read the Vector input of a texture. unlinked: what it is without a link, "UV" or "GENERATED"."""
+        """Read the Vector input of a texture. unlinked: its value without a link, "UV" or "GENERATED"."""
         socket = node.inputs.get("Vector")
         if socket is None:
             return constant(0.0, 0.0, 0.0)
@@ -169,7 +169,7 @@ def all_guessed(values: Sequence[Any]) -> bool:
 
 
 def _converted(nodes: Nodes, value: Value, source: str, target: str) -> Value:
-    """As Cycles takes a value of one kind of sockets in another: colours have a luminance, vectors a mean."""
+    """Convert a value between kinds of sockets as Cycles does: colours have a luminance, vectors a mean."""
     if target == "VALUE" and width_of(value.operand) != 1:
         kind = "luminance" if source == "RGBA" else "average"
         return Value(nodes.add(kind, value.operand), value.is_guess)

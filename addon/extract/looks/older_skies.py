@@ -21,7 +21,7 @@ Floats = npt.NDArray[np.float64]
 
 # An odd number of rows, so that one lies on the horizon: the models have a kink there.
 _WIDTH, _HEIGHT = 512, 257
-# Below this latitude a formula goes on with what it has there.
+# Below this latitude a formula keeps its value there.
 LOWEST_LATITUDE = 0.001
 # More than half precision holds is where Preetham's formula divides by nearly nothing.
 _BRIGHTEST = 65504.0
@@ -83,7 +83,7 @@ def _preetham(up: Floats, cosine: Floats, elevation: float, turbidity: float, _:
 
 
 def _hosek_wilkie(up: Floats, cosine: Floats, elevation: float, turbidity: float, albedo: float) -> Floats:
-    """As `_preetham`: a quintic Bezier curve of the cubic root of the elevation, linear in turbidity and albedo."""
+    """Evaluate like `_preetham`: a quintic Bezier curve of the cubic root of the elevation, linear in the other two."""
     table = _read_table()
     low = min(int(turbidity), len(table) - 1)
     by_albedo = table[low - 1] + (table[low] - table[low - 1]) * (turbidity - low)
@@ -95,7 +95,7 @@ def _hosek_wilkie(up: Floats, cosine: Floats, elevation: float, turbidity: float
 
 
 def _radiance(up: Floats, cosine: Floats, spread: Floats, glow: Floats, lift: float) -> Floats:
-    """What both models have: how it changes from the horizon upwards, times how it does away from the sun."""
+    """Return both models' radiance: its change from the horizon upwards, times that away from the sun."""
     even, sharp, narrowing, wide, round_sun, width, upwards = glow
     haze = (1.0 + cosine**2) / (1.0 + width**2 - 2.0 * width * cosine) ** 1.5 if round_sun else 0.0
     away = even + sharp * np.exp(narrowing * np.arccos(cosine)) + wide * cosine**2 + round_sun * haze

@@ -1,9 +1,9 @@
-"""What a Sky Texture node shows, as an image round the scene and a sun: light scattered once in a round atmosphere.
+"""The image of a Sky Texture node, round the scene, and its sun: light scattered once in a round atmosphere.
 
-After Nishita et al., "Display of the Earth taking into account atmospheric scattering" (1993): along each way of sight
-the sunlight that air and dust send to the eye is summed up, dimmed on its way in and out. What is scattered more often,
-where Blender's newer model has it, grows with that, and with the light of sun and sky on the ground, where air and dust
-lie before it that scatter it. The shares were fitted to what Cycles shows.
+After Nishita et al., "Display of the Earth taking into account atmospheric scattering" (1993): along each line of
+sight, the sunlight that air and dust scatter to the eye is summed up, dimmed on its way in and out. Blender's newer
+model has multiple scattering, too. It grows with single scattering, and with the light of sun and sky on the ground
+where air and dust in front of the ground scatter it. The shares were fitted to Cycles' images.
 """
 
 from __future__ import annotations
@@ -37,9 +37,9 @@ _OZONE = np.interp(
 # Sunlight above the air, by Planck's law for 5590 K. This, and what air and dust scatter, were fitted to what Cycles
 # shows of light that was scattered once, by sun's heights, altitudes and densities.
 _SUN = 2.8e17 * _WAVES**-5.0 / np.expm1(1.4388e7 / (_WAVES * 5590.0))
-# Of light that was scattered more often, by channels: what it adds to that of once, at once and where much air and dust
-# lie before it, and, there, shares of the sun's and of the sky's light on the ground; and how much of the dust that
-# model of Blender's has.
+# Multiple scattering, by channels, relative to single scattering: a constant part, and one that grows with the air and
+# dust in between; with these also grow shares of the sun's and of the sky's light on the ground; and the share of the
+# dust in that model of Blender's.
 _MORE, _MORE_IN_HAZE = np.array([0.86, 1.11, 1.3]), np.array([0.39, 0.093, 0.0])
 _OF_SUN, _OF_SKY, _LESS_DUST = np.array([0.034, 0.0465, 0.031]), np.array([0.076, 0.081, 0.228]), 0.65
 # Cycles' sun is darker towards its edge, and other amounts dim it than what lights the air: how bright the disc is, and
@@ -67,7 +67,7 @@ class Sky:
 
 
 def read_sky(node: Any) -> tuple[Sky, float]:
-    """Of a Sky Texture node of any Blender and model; and how far it is turned, from +Y to +X, in radians."""
+    """Read a Sky Texture node of any Blender and model; returns also its rotation, from +Y to +X, in radians."""
     if node.sky_type in {"PREETHAM", "HOSEK_WILKIE"}:
         x, y, z = node.sun_direction
         elevation = math.atan2(z, math.hypot(x, y))
@@ -143,10 +143,10 @@ def _light_along(eye: Floats, latitudes: Floats, towards_sun: Floats, densities:
 def _scattered(
     eye: Floats, ways: Floats, towards_sun: Floats, densities: Floats, *, is_exact: bool
 ) -> tuple[Floats, Floats]:
-    """(N, waves): the light that comes from N directions, and how much each is dimmed from end to end.
+    """(N, waves): the light that comes from N directions, and the attenuation from end to end of each.
 
-    is_exact: whether what is gained in a step is dimmed by half of it, as it is on the average, and steps are shorter
-    nearby. Of light that was scattered once Cycles' are even, and dim by the whole: near the horizon, where they are
+    is_exact: whether the light gained in a step is dimmed by half of it, the average, and steps are shorter
+    nearby. Cycles' single scattering uses equal steps and dims by the whole step. Near the horizon, where steps are
     long, that takes a sixth of the blue at four degrees and two fifths at none.
     """
     lengths = _way_in_air(eye[None], ways)
@@ -208,7 +208,7 @@ def _density(heights: Floats) -> Floats:
 
 
 def _loss(amounts: Floats, densities: Floats) -> Floats:
-    """(N, waves): the exponent of what is left of light after so much of each."""
+    """(N, waves): the exponent of the transmittance for these amounts of each."""
     coefficients = np.stack([_AIR, np.full_like(_AIR, _DUST * _DUST_LOSS), _OZONE])
     return (amounts * densities) @ coefficients if np.isfinite(amounts).all() else _finite_loss(amounts, densities)
 

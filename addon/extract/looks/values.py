@@ -1,4 +1,4 @@
-"""What a socket may come to: one value everywhere, or what a program of nodes gives from place to place."""
+"""The values of sockets: a constant, or the output of a program of nodes at each point."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _XYZ_TO_REC709 = np.array([(3.2406, -1.5372, -0.4986), (-0.9689, 1.8758, 0.0415)
 
 @dataclass(frozen=True, slots=True)
 class Value:
-    """operand: a number, or three channels. is_guess: whether it only stands for what cannot be known."""
+    """operand: a number, or three channels. is_guess: whether it only replaces an unknown value."""
 
     operand: Operand
     is_guess: bool = False
@@ -31,7 +31,7 @@ class Value:
 
 
 def constant(*channels: float) -> Value:
-    """Of one number, or of three or more channels, the first three of which count."""
+    """Make a constant of one number, or of three or more channels, the first three of which count."""
     return Value(float(channels[0]) if len(channels) == 1 else tuple([float(channel) for channel in channels[:3]]))
 
 
@@ -67,7 +67,7 @@ class Nodes(NodeBuilder):
         return one if is_number(other, 1.0) and width_of(other) == 1 else self._work("DIVIDE", one, other)
 
     def less(self, whole: float, part: Operand) -> Operand:
-        """What is left of a number."""
+        """Subtract from a number."""
         return whole - part if isinstance(part, float) else self.minus(whole, part)
 
     def clamp(self, operand: Operand, least: float = 0.0, most: float = 1.0) -> Operand:
@@ -109,7 +109,7 @@ class Nodes(NodeBuilder):
 
 
 class ImageRows(Protocol):
-    """Gives images their rows, and tells about what the values of nodes are on average."""
+    """Gives images their rows, and averages the values of nodes."""
 
     def row(self, image: Any, extension: str, interpolation: str) -> int: ...
 
@@ -176,13 +176,13 @@ class Source(NamedTuple):
 
     @property
     def stand_in(self) -> tuple[float, ...]:
-        """What stands for the answer where no instance is known: nothing vanishes that is multiplied with it."""
+        """The value if no instance is known: products with it do not vanish."""
         return (0.5 if self.kind == "random" else 1.0,) * 4
 
 
 RANDOM = Source("random")
 
-# (N, 4): what a source gives for each of the instances in question.
+# Returns (N, 4): the values of a source for each of the instances in question.
 AskInstances = Callable[[Source], Pixels]
 
 # The outputs of the node Object Info.

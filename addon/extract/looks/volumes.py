@@ -16,7 +16,7 @@ _DEEPEST = 64
 
 
 def read_absorption(values: ValueReader, socket: Any, scope: Scope | None, depth: int = 0) -> Absorption:
-    """Read how much light is absorbed by length, of each channel, from what a volume socket gets."""
+    """Read the absorption of light by length, of each channel, from a volume socket."""
     output, scope = trace_back(socket, scope, values.omissions.note_foreign)
     node = output.node
     if not output.is_output or depth > _DEEPEST:
@@ -44,7 +44,7 @@ def _weighted(parts: list[Absorption], weights: tuple[float, float]) -> Absorpti
 
 
 def _even_color(values: ValueReader, socket: Any, scope: Scope | None) -> Absorption:
-    """Read a colour, the mean of what is not the same everywhere, at least 0."""
+    """Read a colour, at least 0; the mean of one that varies."""
     color = values.read_or(constant(0.5, 0.5, 0.5), "grey is", socket, scope)
     if not color.is_even:
         values.omissions.note(f"{socket.name} of a volume from place to place", "its mean is")

@@ -1,4 +1,4 @@
-"""Casts the beams of a sensor and gives what it measures of them: light's ways, echoes, and noise. Knows no Blender."""
+"""Casts the beams of a sensor and returns its measurements: light's paths, echoes, and noise. Needs no Blender."""
 
 from __future__ import annotations
 
@@ -29,9 +29,9 @@ if TYPE_CHECKING:
 
     from ...live.scene_sync import SceneSync
 
-# From what the rays of beams met to echoes: merged, compared with what the sensor can detect, and chosen by its rules.
+# Turns the hits of the beams' rays into echoes: merged, compared with the sensor's detection limit, chosen by rules.
 #
-# Knows no Blender.
+# Does not depend on Blender.
 
 
 IntArray = npt.NDArray[Any]
@@ -41,9 +41,10 @@ IntArray = npt.NDArray[Any]
 class Echoes:
     """E echoes, beam after beam, the nearest first.
 
-    beams: (E,) rows of the batch's beams. ranges: (E,) float64, in world units, the mean of what is one echo, by
-    energy. energies: (E,) float64, the reflectivity of what would return as much if it filled the beam. strongest: (E,)
-    rows of the arrivals, which of them gave back the most. are_single: (E,) whether it alone is the echo.
+    beams: (E,) rows of the batch's beams. ranges: (E,) float64, in world units, the mean of an echo's hits, weighted by
+    energy. energies: (E,) float64, the reflectivity of a surface that would return as much if it filled the beam.
+    strongest: (E,) rows of the arrivals that returned the most. are_single: (E,) whether the echo has only that one
+    hit.
     """
 
     beams: npt.NDArray[np.int64]
@@ -62,9 +63,9 @@ class Echoes:
 
 
 def merge(beams: IntArray, ranges: Float64Array, energies: Float64Array, resolution: float) -> Echoes:
-    """One echo for each run of arrivals of a beam of which none is farther than `resolution` behind the one before.
+    """Merges each run of a beam's arrivals, of which none is more than `resolution` behind the one before.
 
-    beams, ranges, energies: (A,) each; what has no energy is no part of any.
+    beams, ranges, energies: (A,) each; arrivals without energy belong to no echo.
     """
     present = np.flatnonzero(energies > 0.0)
     order = present[np.argsort(beams[present], kind="stable")]  # beam after beam, as they have arrived
@@ -73,7 +74,7 @@ def merge(beams: IntArray, ranges: Float64Array, energies: Float64Array, resolut
     begins = np.ones(len(order), np.bool_)
     begins[1:] = (of_beam[1:] != of_beam[:-1]) | (at[1:] - at[:-1] > resolution)
     groups, firsts = np.cumsum(begins) - 1, np.flatnonzero(begins)
-    # Sums by bincount go from the first to the last, whatever else is in the batch.
+    # Sums by bincount go from the first to the last, independent of the rest of the batch.
     sums = np.bincount(groups, weights=energy, minlength=len(firsts))
     means = np.bincount(groups, weights=energy * at, minlength=len(firsts)) / sums
     are_single = np.bincount(groups, minlength=len(firsts)) == 1
@@ -102,7 +103,7 @@ def _sorted_where_apart(order: IntArray, beams: IntArray, ranges: Float64Array, 
 
 
 def _strongest(energy: Float64Array, at: Float64Array, groups: IntArray, firsts: IntArray) -> IntArray:
-    """Of each group, the row of what has the most energy; of several the nearest. firsts: where the groups begin."""
+    """Returns each group's row with the most energy; the nearest of equal ones. firsts: where the groups begin."""
     if not len(firsts):
         return firsts
     rows = np.flatnonzero(energy == np.maximum.reduceat(energy, firsts)[groups])
@@ -112,14 +113,14 @@ def _strongest(energy: Float64Array, at: Float64Array, groups: IntArray, firsts:
 
 
 def are_detected(echoes: Echoes, detection: Detection) -> npt.NDArray[np.bool_]:
-    """(E,) whether each returns as much as what has the least detectable reflectivity at its distance."""
+    """Returns (E,) whether each returns as much as the least detectable reflectivity at its distance."""
     if not detection.distances:
         return np.ones(len(echoes), np.bool_)
     return echoes.energies >= np.interp(echoes.ranges, detection.distances, detection.reflectivities)
 
 
 def choose(echoes: Echoes, rules: tuple[str, ...], most: int) -> npt.NDArray[np.int64]:
-    """Rows of those that are kept, in their order: the rules take turns, each the best of what is left of each beam."""
+    """Returns the rows of kept echoes, in order: the rules take turns, each the best of the rest of each beam."""
     left = np.arange(len(echoes))
     chosen = []
     for turn in range(most):
@@ -137,7 +138,7 @@ def choose(echoes: Echoes, rules: tuple[str, ...], most: int) -> npt.NDArray[np.
 
 
 def _key(echoes: Echoes, rule: str) -> Float64Array:
-    """What is smallest for the best."""
+    """Returns the sort key; the smallest is the best."""
     return {"first": echoes.ranges, "strongest": -echoes.energies, "last": -echoes.ranges}[rule]
 
 
@@ -189,7 +190,7 @@ class Returns:
 
 
 class BeamCaster:
-    """Of one stretch of a scan."""
+    """Casts the beams of one interval of a scan."""
 
     def __init__(self, light: Light, random: RayNoise, sync: SceneSync, snapshot: Snapshot, mask: int, threads: int):
         self._light = light
@@ -201,7 +202,7 @@ class BeamCaster:
         self._places = disc_places(light.beam.rays)
 
     def cast(self, batch: Batch) -> Returns:
-        """What the sensor measures of a batch."""
+        """Returns the sensor's measurements of a batch."""
         beam = self._light.beam
         arrivals = self._arrivals(batch)
         echoes = merge(arrivals.rows // beam.rays, arrivals.ranges, arrivals.energies / beam.rays, beam.resolution)
@@ -213,7 +214,7 @@ class BeamCaster:
         return self._measured(batch, arrivals, echoes, self._outcomes(batch, arrivals, echoes, lost))
 
     def _outcomes(self, batch: Batch, arrivals: Arrivals, echoes: Echoes, lost: npt.NDArray[np.int64]) -> Outcomes:
-        """(B,) of each beam, wherever its points are. echoes: that are kept. lost: beams that dropout took one from."""
+        """Returns (B,) the outcome of each beam. echoes: those that are kept. lost: beams that lost one by dropout."""
         found = np.full(len(batch.directions), Outcome.HIT_NOTHING, np.int8)
         found[arrivals.rows // self._light.beam.rays] = Outcome.TOO_DARK
         missed = np.flatnonzero(found == Outcome.HIT_NOTHING)
@@ -226,7 +227,7 @@ class BeamCaster:
         return found
 
     def _arrivals(self, batch: Batch) -> Arrivals:
-        """All that the rays of all beams meet, those of a beam one after the other, a bounce after the other."""
+        """Returns all hits of the rays of all beams, beam after beam, and bounce after bounce."""
         count = len(self._places)
         directions = spread_over_disc(batch.directions, batch.across, self._places, self._light.beam.divergence)
         ways, farthest = ways_of(_repeated(batch.origins, count), directions, batch.rays.t_min, batch.rays.t_max)
@@ -249,7 +250,7 @@ class BeamCaster:
         ray_ids = batch.first_id + beams
         distances = measured_distances(noise, random, echoes.ranges, ray_ids, return_ids, batch.rays.ring_ids[beams])
         ahead = measured_directions(noise, random, batch.directions[beams], batch.across[beams], ray_ids)
-        # What is alone an echo, on the beam's own line, is where it was met, bit for bit.
+        # A single hit on the beam's own line keeps its position, bit for bit.
         is_middle = arrivals.rows[strongest] % len(self._places) == 0
         is_exact = echoes.are_single & arrivals.are_straight[strongest] & is_middle
         positions = batch.origins[beams] + distances[:, None] * ahead

@@ -1,6 +1,6 @@
-"""What light does to a sensor's beams, as numbers that a sensor's file says; `README.md` beside this states the rules.
+"""The physics of a sensor's beams, as numbers in a sensor's file; `README.md` in this folder states the rules.
 
-Knows no Blender.
+Does not depend on Blender.
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ class Beam:
 
 @dataclass(frozen=True, slots=True)
 class Optics:
-    """What of light's ways is followed, and what intensities are.
+    """The followed paths of light, and the meaning of intensities.
 
     Attributes:
         refract: Whether transparent surfaces bend rays. If not, they are thin, and rays go straight on.
@@ -108,7 +108,7 @@ class Detection:
 
 @dataclass(frozen=True, slots=True)
 class Noise:
-    """What is random, and what is off.
+    """Random and systematic errors.
 
     Attributes:
         range, range_square: Standard deviation of distances, in world units: range + range_square * distance ** 2.
@@ -139,7 +139,7 @@ class Noise:
 
 @dataclass(frozen=True, slots=True)
 class Light:
-    """All of it: the tables [beam], [light], [detection] and [noise] of a sensor's file."""
+    """All settings of light: the tables [beam], [light], [detection] and [noise] of a sensor's file."""
 
     beam: Beam = field(default_factory=Beam)
     optics: Optics = field(default_factory=Optics)
@@ -148,7 +148,7 @@ class Light:
 
 
 # Beam rays -----------------------------------------------------------------------------------------------------------
-# The rays that stand for a beam: its middle, and others evenly over its disc. Knows no Blender.
+# The rays that sample a beam: one at its middle, and others evenly over its disc. Does not depend on Blender.
 
 
 # Vogel 1979: each seed of a sunflower is turned by so much of a turn from the one before.
@@ -156,7 +156,7 @@ GOLDEN_TURN = math.pi * (3.0 - math.sqrt(5.0))
 
 
 def disc_places(count: int) -> Float64Array:
-    """(count, 2) places in the unit disc, the first its middle; each stands for the same share of it."""
+    """Returns (count, 2) points in the unit disc, the first at its middle; each samples the same share of it."""
     numbers = np.arange(count, dtype=np.float64)
     radii, angles = np.sqrt(numbers / max(count - 0.5, 1.0)), numbers * GOLDEN_TURN
     return np.stack([radii * np.cos(angles), radii * np.sin(angles)], axis=1)
@@ -193,7 +193,7 @@ def spread_over_disc(
 
 
 def dot(first: Float64Array, second: Float64Array) -> Float64Array:
-    """(N,) of (N, 3) each, summed in one order, whatever stands beside them."""
+    """Returns (N,) dot products of (N, 3) each, always summed in the same order."""
     return first[:, 0] * second[:, 0] + first[:, 1] * second[:, 1] + first[:, 2] * second[:, 2]
 
 
@@ -208,10 +208,10 @@ def unit(vectors: Float64Array) -> Float64Array:
 
 
 # Ray noise -----------------------------------------------------------------------------------------------------------
-# Random numbers that belong to rays: of the seed, the ray's number and a channel alone. Knows no Blender.
+# Random numbers of rays: they depend only on the seed, the ray's number and a channel. Does not depend on Blender.
 #
-# Whatever is cast beside it, in whichever order, by however many workers: a ray has the same ones, and on every system
-# the same bits: nothing but whole numbers, sums, products, quotients and square roots is used.
+# A ray's numbers do not depend on other rays, their order or the number of workers. They have the same bits on every
+# system: only whole numbers, sums, products, quotients and square roots are used.
 
 
 Float64Array = npt.NDArray[np.float64]
@@ -261,7 +261,7 @@ def _mixed(values: UInt64Array) -> UInt64Array:
 
 
 def _normal_of(shares: Float64Array) -> Float64Array:
-    """What so large a share of a normal distribution is below; to seven digits."""
+    """Returns the quantile of the normal distribution for these shares; to seven digits."""
     aside = shares - 0.5
     middle = 0.180625 - aside * aside
     central = aside * _ratio(_CENTRAL, np.maximum(middle, 0.0))
@@ -293,7 +293,7 @@ def _logarithm(values: Float64Array) -> Float64Array:
 
 
 # Measuring -----------------------------------------------------------------------------------------------------------
-# Where a sensor says that echoes are: with its noise, bias and dropout, which belong to each ray. Knows no Blender.
+# The measured positions of echoes: with each ray's noise, bias and dropout. Does not depend on Blender.
 
 
 IntArray = npt.NDArray[Any]
@@ -304,7 +304,7 @@ LINE = 1 << 32  # of lines, which are no rays
 
 
 def are_lost(noise: Noise, random: RayNoise, ray_ids: IntArray) -> npt.NDArray[np.bool_]:
-    """(N,) whether each ray returns nothing, whatever it met."""
+    """Returns (N,) whether each ray returns nothing, for any surface that it hit."""
     if noise.dropout <= 0.0:
         return np.zeros(len(ray_ids), np.bool_)
     return random.uniform(ray_ids, DROPOUT) < noise.dropout
@@ -313,7 +313,7 @@ def are_lost(noise: Noise, random: RayNoise, ray_ids: IntArray) -> npt.NDArray[n
 def measured_distances(
     noise: Noise, random: RayNoise, distances: Float64Array, ray_ids: IntArray, return_ids: IntArray, ring_ids: IntArray
 ) -> Float64Array:
-    """(N,) what is measured of distances, at least 0."""
+    """Returns (N,) the measured distances, at least 0."""
     found = distances + noise.bias
     if noise.range or noise.range_square:
         sigma = noise.range + noise.range_square * distances * distances

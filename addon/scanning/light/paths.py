@@ -1,7 +1,8 @@
-"""The ways of a beam's light: from surface to surface, all rays of a batch at once. Knows no Blender.
+"""The paths of a beam's light: from surface to surface, all rays of a batch at once. Does not depend on Blender.
 
-At each surface a ray leaves an echo, what comes straight back along its way, and goes on: through alpha and thin glass
-along its own line, in refracting glass bent, and mirrored. Light comes back as it went, so that all shares count twice.
+At each surface a ray leaves an echo, the light that returns straight along its path, and continues: through alpha and
+thin glass along its own line, refracted in thick glass, and mirrored. Light returns along the same path, so all shares
+count twice.
 """
 
 from __future__ import annotations
@@ -28,15 +29,16 @@ FIELDS = (
 )
 # Ways that give back less of the light than that are given up, and so are echoes: images' alpha is never quite 0.
 LEAST_SHARE = 1e-6
-# Of coordinates: what a ray that leaves a surface passes over, so that it does not meet that surface's neighbours.
+# In parts of coordinates: the distance that a ray skips when it leaves a surface, so that it misses its neighbours.
 STEP_OFF = 1e-6
 
 
 @dataclass(frozen=True, slots=True)
 class Cast:
-    """What the R rays of a batch are cast with.
+    """The data for casting the R rays of a batch.
 
-    times: (R,) of the queries. farthest: (R,) how far light may go, in world units. eyes: (R, 3) of a second eye.
+    times: (R,) of the queries. farthest: (R,) the largest length of light's path, in world units. eyes: (R, 3) of a
+    second eye.
     """
 
     snapshot: Snapshot
@@ -78,12 +80,12 @@ class Ways:
 
 @dataclass(frozen=True, slots=True)
 class Arrivals:
-    """A times that a ray met something.
+    """A hits of rays.
 
-    rows: (A,) which of the batch's. ranges: (A,) float64, how far the light went, in world units. energies: (A,)
-    float64, what comes back, in parts of what white paper would return. The rest is what was met, as `perfect_bvh.Hits`
-    has it; directions: (A, 3), in which it was met. are_straight: (A,) whether it lies on the ray's own line. bounces:
-    (A,) how many surfaces the light had passed, or was mirrored by, before.
+    rows: (A,) the rays' rows in the batch. ranges: (A,) float64, the length of the light's path, in world units.
+    energies: (A,) float64, the returned light, in parts of that of white paper. The rest describes the surface, as
+    `perfect_bvh.Hits` has it; directions: (A, 3), of the rays that hit it. are_straight: (A,) whether it is on the
+    original ray's line. bounces: (A,) the number of surfaces that the light had passed, or was mirrored by, before.
     """
 
     rows: npt.NDArray[np.int64]
@@ -139,7 +141,7 @@ def ways_of(origins: Float64Array, directions: Float64Array, t_min: float, t_max
 
 
 def follow_light(cast: Cast, ways: Ways) -> Iterator[Arrivals]:
-    """What the rays meet, bounce after bounce."""
+    """Yields the hits of the rays, bounce after bounce."""
     for bounce in range(cast.optics.bounces + 1):
         hits = _cast_rays(cast, ways, is_first=bounce == 0)
         rows = np.flatnonzero(hits.is_hit)
@@ -191,7 +193,7 @@ def _cast_rays(cast: Cast, ways: Ways, is_first: bool) -> Hits:
 
 @dataclass(frozen=True, slots=True)
 class _Met:
-    """Where rays have met what may let light go on, and how it does."""
+    """Hits on surfaces that may pass light on, and how they do."""
 
     cast: Cast
     ways: Ways
@@ -218,7 +220,7 @@ class _Met:
         yield self._mirrored(surfaces.mirrored(self.cosines, ratios, limit))
 
     def _straight(self, passed: Float64Array) -> Ways:
-        """On the same line, behind what was met: beyond its t, so that it cannot be met again."""
+        """Continues on the same line, behind the hit surface: beyond its t, so that it cannot be hit again."""
         rows, shares = self._that_count(passed)
         lows = np.nextafter(self.hits.t_hit[rows], np.float32(np.inf))
         return replace(self.ways.part(rows), lows=lows, shares=shares)
@@ -230,7 +232,7 @@ class _Met:
         return self._leaving(rows, shares, directions, self.ways.indices[rows])
 
     def _bent(self, passed: Float64Array, ratios: Float64Array) -> Ways:
-        """By Snell's law. Behind what was met light is as fast as in there if it goes in, else as in air."""
+        """Refracts by Snell's law. Behind the surface, entering light has the speed of the medium, else that of air."""
         rows, shares = self._that_count(passed)
         ratio, cosines, along = 1.0 / ratios[rows], self.cosines[rows], self.along[rows]
         inner = np.sqrt(np.maximum(1.0 - ratio * ratio * (1.0 - cosines * cosines), 0.0))
@@ -241,7 +243,7 @@ class _Met:
     def _leaving(
         self, rows: npt.NDArray[np.int64], shares: Float64Array, directions: Float64Array, indices: Float64Array
     ) -> Ways:
-        """From where something was met, on another line."""
+        """Continues from the hits on another line."""
         ways, origins, before = self.ways.part(rows), self.hits.positions[rows], self.ranges[rows]
         scale = np.maximum(np.abs(origins).max(axis=1, initial=0.0), before)
         return replace(
@@ -257,7 +259,7 @@ class _Met:
         )
 
     def _that_count(self, passed: Float64Array) -> tuple[npt.NDArray[np.int64], Float64Array]:
-        """Rows of those that go on, and their shares of the light: it passes here twice."""
+        """Returns the rows of rays that continue, and their shares of the light: it passes here twice."""
         shares = self.ways.shares * passed * passed
         rows = np.flatnonzero((shares >= LEAST_SHARE) & (self.ranges < self.cast.farthest[self.ways.rows]))
         return rows, shares[rows]

@@ -1,8 +1,8 @@
-"""What of a beam's light a surface gives back, lets through and mirrors, by its shares and the angle. Knows no Blender.
+"""The light that a surface returns, transmits and mirrors, by its shares and the angle. Does not depend on Blender.
 
-A surface is the shares that the renderer has (`perfect_bvh.MaterialTable`): metal, what is clear, what is translucent,
-and the rest, diffuse under a dielectric reflection. Reflectivities are in parts of what white paper gives back that is
-met straight on.
+A surface has the shares of the renderer (`perfect_bvh.MaterialTable`): metal, glass, translucent, and the rest, diffuse
+under a dielectric reflection. Reflectivities are in parts of the light that white paper returns when it is hit
+perpendicularly.
 """
 
 from __future__ import annotations
@@ -24,12 +24,13 @@ LEAST_ALPHA = 0.01
 
 @dataclass(frozen=True, slots=True)
 class Surfaces:
-    """N places on surfaces; all (N,) float64.
+    """N points on surfaces; all (N,) float64.
 
-    alpha: how much of it is there. diffuse, metal, clear: shares of what is. color, metal_color, clear_color: what
-    these give back, give back met straight on, and let pass, at the sensor's wavelength. coat: what the dielectric
-    over the diffuse share mirrors straight on. ior: of what is clear. mirrors: how much of what is clear mirrors at
-    all. slant: how much of the metal becomes white at a slant. roughness: 0 to 1.
+    alpha: the opacity. diffuse, metal, clear: shares of the opaque part. color, metal_color, clear_color: what
+    these shares return, mirror at perpendicular incidence, and transmit, at the sensor's wavelength. coat: the
+    reflectance of the dielectric over the diffuse share at perpendicular incidence. ior: of glass. mirrors: the share
+    of the glass that mirrors at all. slant: the share of the metal that becomes white at grazing angles. roughness: 0
+    to 1.
     """
 
     alpha: Float64Array
@@ -53,19 +54,19 @@ class Surfaces:
         return self.alpha * (self.diffuse * base + mirrored * lobe_back(cosines, self.roughness))
 
     def passed(self, cosines: Float64Array, mirror_roughness: float) -> Float64Array:
-        """(N,) the share of light that goes straight on where what is clear is thin."""
+        """Returns (N,) the share of light that goes straight on where glass is thin."""
         reflected = fresnel(self.ior, cosines) * self.mirrors
         clear = self.clear * (1.0 - reflected) * self.clear_color * self._is_smooth(mirror_roughness)
         return 1.0 - self.alpha + self.alpha * clear
 
     def refracted(self, cosines: Float64Array, ratios: Float64Array, mirror_roughness: float) -> Float64Array:
-        """(N,) the share that goes on bent. ratios: the index of refraction beyond by that on this side."""
+        """Returns (N,) the share of refracted light. ratios: the index of refraction beyond by that on this side."""
         reflected = fresnel(ratios, cosines)
         passing = np.where(reflected < 1.0, 1.0 - reflected * self.mirrors, 0.0)
         return self.alpha * self.clear * passing * self.clear_color * self._is_smooth(mirror_roughness)
 
     def mirrored(self, cosines: Float64Array, ratios: Float64Array, mirror_roughness: float) -> Float64Array:
-        """(N,) the share that goes on mirrored. ratios: as for `refracted`."""
+        """Returns (N,) the share of mirrored light. ratios: as for `refracted`."""
         reflected = fresnel(ratios, cosines)
         clear = self.clear * np.where(reflected < 1.0, reflected * self.mirrors, 1.0)
         white = schlick(self.metal_color, cosines)
@@ -82,7 +83,7 @@ class Surfaces:
         return Surfaces(**{field.name: getattr(self, field.name).take(rows) for field in fields(self)})
 
     def put(self, rows: npt.NDArray[Any], others: Surfaces) -> None:
-        """Those at these rows are the others from now on."""
+        """Overwrites `rows` with `others`."""
         for field in fields(self):
             getattr(self, field.name)[rows] = getattr(others, field.name)
 
@@ -91,14 +92,14 @@ class Surfaces:
 
 
 def schlick(straight: Float64Array, cosines: Float64Array) -> Float64Array:
-    """What is mirrored at an angle, of what is straight on: Schlick 1994. Black stays black."""
+    """Returns the reflectance at an angle from that at perpendicular incidence: Schlick 1994. Black stays black."""
     away = 1.0 - cosines
     square = away * away
     return np.where(straight > 0.0, straight + (1.0 - straight) * (square * square * away), 0.0)
 
 
 def fresnel(ratios: Float64Array, cosines: Float64Array) -> Float64Array:
-    """(N,) what the border of two clear media mirrors of unpolarised light; 1 where nothing passes.
+    """Returns (N,) the reflectance of the border of two clear media for unpolarised light; 1 at total reflection.
 
     ratios: the index of refraction beyond by that on this side.
     """
@@ -121,9 +122,9 @@ def lobe_back(cosines: Float64Array, roughness: Float64Array) -> Float64Array:
 
 
 # Tables --------------------------------------------------------------------------------------------------------------
-# The tables of a sensor's file that say what light does to its beams: [beam], [light], [detection] and [noise].
+# The tables of a sensor's file that describe the physics of its beams: [beam], [light], [detection] and [noise].
 #
-# Knows no Blender. All of them, and all in them, may be missing; a file without any is of an ideal sensor.
+# Does not depend on Blender. All tables and all their keys are optional; a file without any is of an ideal sensor.
 
 
 TABLES: dict[str, type[Any]] = {"beam": Beam, "light": Optics, "detection": Detection, "noise": Noise}
@@ -133,7 +134,7 @@ SWITCHES = {"refract", "calibrated"}
 
 
 def read_light(values: Mapping[str, Any]) -> Light | None:
-    """What the tables among the values say; None if there are none. Raises ValueError for what they should not say."""
+    """Returns the light of a sensor's tables; None if there are none. Raises ValueError for invalid contents."""
     made = {name: _table(name, values[name]) for name in TABLES if name in values}
     if not made:
         return None

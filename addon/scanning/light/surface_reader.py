@@ -1,7 +1,7 @@
-"""What the surfaces are that rays meet, from the looks that a sync has read. Knows no Blender.
+"""The surfaces that rays hit, from the looks that a sync has read. Does not depend on Blender.
 
 In: hits; out: `Surfaces`, their shares at the sensor's wavelength, as the renderer has them. Lights, emission, bent
-normals and hair's own scattering are nothing to it: strands are as their base colour.
+normals and hair's own scattering are ignored: strands have their base colour.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 
 class SurfaceReader:
-    """Of one update of a sync. spectrum: how much red, green and blue count."""
+    """Reads surfaces of one update of a sync. spectrum: the weights of red, green and blue."""
 
     def __init__(self, sync: SceneSync, spectrum: tuple[float, float, float]) -> None:
         self._sync = sync
@@ -30,7 +30,7 @@ class SurfaceReader:
         self._spectrum = np.array(spectrum, np.float64) / sum(spectrum)
 
     def read(self, hits: Hits) -> Surfaces:
-        """Of hits, none of them a miss: what they are."""
+        """Returns the surfaces of hits, none of them a miss."""
         found = materials_at(self._sync.scene, self._appearance, hits)
         columns = {name: column.astype(np.float64) for name, column in found.items()}
         metal = columns["metallics"]

@@ -1,7 +1,7 @@
-"""Whether what is asked for fits into memory: else the system would end Blender in the middle, unsaved work and all.
+"""Whether a request fits into memory: otherwise the system would end Blender in the middle, with unsaved work.
 
-Windows refuses instead, which is no better in the middle of Blender's own work. Each system is asked by a module of its
-own, but for macOS, where this never ran: nothing is known there, and nothing is refused.
+Windows refuses instead, which is no better in the middle of Blender's own work. Each system has a separate module,
+except macOS, where this never ran: there nothing is known, and nothing is refused.
 """
 
 from __future__ import annotations
@@ -10,9 +10,9 @@ import sys
 
 
 def free_bytes() -> int | None:
-    """What can still be allocated without pushing anything out; None where nothing is known.
+    """Returns the bytes that can still be allocated without swapping; None if they are unknown.
 
-    On Linux what limits the process counts as well as the machine: control groups, which containers are made of.
+    On Linux the limits of the process count as well as the machine's: control groups, on which containers are based.
     """
     if sys.platform == "win32":
         from .windows import free_bytes

@@ -9,9 +9,9 @@ from pathlib import Path
 
 @dataclass(frozen=True, slots=True)
 class _LimitFiles:
-    """What the files of a control group are called in one version of Linux' groups, below a folder of `root`.
+    """The names of the files of a control group in one version of Linux' groups, below a folder of `root`.
 
-    cache: in `statistics`, the bytes of files that are read no more and given back as soon as they are missing.
+    cache: in `statistics`, the bytes of file caches that are released when memory is short.
     """
 
     folder: str
@@ -28,7 +28,7 @@ _VERSION_2 = _LimitFiles("sys/fs/cgroup", "memory.max", "memory.current", "memor
 
 
 def free_bytes(root: Path = Path("/")) -> int | None:
-    """As the package's; None where there is no `/proc`. root: where `proc` and `sys` are."""
+    """Implements the package's function; None if there is no `/proc`. root: the folder of `proc` and `sys`."""
     known = [_number_after(root / "proc/meminfo", "MemAvailable:")]
     free = [size << 10 for size in known if size is not None]
     free += _free_in_groups(root)
@@ -36,7 +36,7 @@ def free_bytes(root: Path = Path("/")) -> int | None:
 
 
 def _free_in_groups(root: Path) -> Iterator[int]:
-    """What is left to each control group that the process belongs to; the groups above it limit it, too."""
+    """Yields the free memory of each control group of the process; the groups above it limit it, too."""
     for files, group in _groups(root):
         top = root / files.folder
         path = top / group.strip("/")
@@ -59,7 +59,7 @@ def _groups(root: Path) -> Iterator[tuple[_LimitFiles, str]]:
 
 
 def _free_in_group(folder: Path, files: _LimitFiles) -> int | None:
-    """None where nothing limits it: version 2 says "max", version 1 gives a number beyond any memory."""
+    """Returns the free bytes; None without a limit: version 2 has "max", version 1 a number beyond any memory."""
     limit, usage = (_lines(folder / name) for name in (files.limit, files.usage))
     if not limit or not usage or not limit[0].isdigit():
         return None
@@ -75,7 +75,7 @@ def _number_after(path: Path, name: str) -> int | None:
 
 
 def _lines(path: Path) -> list[str]:
-    """Of a file that the system may not have."""
+    """Returns the lines of a file that the system may not have."""
     try:
         return path.read_text(encoding="ascii").splitlines()
     except OSError:

@@ -1,7 +1,7 @@
 """Windows: `GlobalMemoryStatusEx`.
 
-A program's memory is promised out of memory and page files together (it is "committed") before a page of it is touched:
-what is left of that ends a program, what is left of memory alone makes it crawl. The less of both counts.
+Windows promises ("commits") a program's memory out of memory and page files together before a page of it is used.
+A program ends when no commit is left, and crawls when no memory is left. The smaller of both counts.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ class MachineMemory(ctypes.Structure):
 
 
 def free_bytes(system: Any = None) -> int | None:
-    """As the package's. system: kernel32's functions, or what stands for them."""
+    """Implements the package's function. system: kernel32's functions, or a replacement."""
     if system is None:
         system = ctypes.CDLL("kernel32")  # of our own: what others say of its functions' types, they say of theirs
     found = MachineMemory(length=ctypes.sizeof(MachineMemory))

@@ -1,6 +1,6 @@
-"""Two trees over one object's triangles: built as each side asks for it, measured with the same rays. Knows no Blender.
+"""Two trees over one object's triangles: built by each side's settings, measured with the same rays. Needs no Blender.
 
-Both are built in scenes of their own, on any thread: nothing that others hold is touched.
+Both are built in separate scenes, on any thread: nothing that others hold is changed.
 """
 
 from __future__ import annotations
@@ -20,10 +20,10 @@ from ...statistics.words import count_of, duration
 from ...sync.records import MeshRecord
 from ..pointer import OneObject, RayCost, Rays, cost_of, diffuse_rays, primary_rays
 
-# What is written under two trees that are compared: rows of a name, a value and a ratio. Knows no Blender.
+# The text under two compared trees: rows of a name, a value and a ratio. Does not depend on Blender.
 
 
-SAME = 0.005  # ratios as near to 1 as that are told to be 1
+SAME = 0.005  # ratios as near to 1 as that are shown as 1
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,7 +36,7 @@ class Row:
 
     @property
     def ratio_text(self) -> str:
-        """Such as "0.76 x"."""
+        """The ratio as text, such as "0.76 x"."""
         if self.ratio is None:
             return ""
         return f"{self.ratio:.2f} x" if self.ratio < 9.995 else f"{self.ratio:,.0f} x"
@@ -53,7 +53,7 @@ class Row:
 
 
 def rows_of(side: Side, other: Side | None = None) -> list[Row]:
-    """Of one side; other: what it is compared with."""
+    """Returns the rows of one side; other: the side that it is compared with."""
     ratio = _ratio if other is not None else _no_ratio
     built = f" (built: {side.built_sah:,.1f})" if side.is_refitted else ""
     rows = [Row("SAH", f"{side.sah:,.1f}{built}", ratio(side.sah, other and other.sah))]
@@ -70,7 +70,7 @@ def rows_of(side: Side, other: Side | None = None) -> list[Row]:
 
 
 def heading_of(comparison: Comparison) -> str:
-    """What is compared."""
+    """Returns the title of a comparison."""
     triangles = count_of(len(comparison.shown.mesh.triangles), "triangle")
     return f"{comparison.shown.name}, frame {comparison.frame}: {triangles}"
 
@@ -96,7 +96,7 @@ def _no_ratio(value: float, other: float | None) -> float | None:
 
 
 # Shaded mesh ---------------------------------------------------------------------------------------------------------
-# A mesh with a color at each vertex, as if lit from above: an object beside its boxes. Knows no Blender.
+# A mesh with a color at each vertex, as if lit from above: an object with its boxes. Does not depend on Blender.
 
 
 Float32Array = npt.NDArray[np.float32]
@@ -118,7 +118,7 @@ class ShadedMesh:
 
 
 def shade(mesh: MeshRecord) -> ShadedMesh | None:
-    """None if there are more triangles than can be drawn."""
+    """Shades a mesh; None if it has more triangles than can be drawn."""
     if len(mesh.triangles) > MOST_TRIANGLES:
         return None
     positions = mesh.positions.astype(np.float64)
@@ -141,7 +141,7 @@ def shade(mesh: MeshRecord) -> ShadedMesh | None:
 
 Progress = Callable[[float], object]
 
-# What takes less is done several times, and the shortest time told: whatever else the machine does only adds to it.
+# Shorter builds are repeated, and the shortest time is shown: other load on the machine only adds to it.
 SHORT_MILLISECONDS, MOST_BUILDS = 20.0, 3
 # End-point overlap takes microseconds a triangle.
 MOST_FOR_OVERLAP = 150_000
@@ -151,10 +151,10 @@ MOST_FOR_OVERLAP = 150_000
 class Side:
     """One of the two trees.
 
-    snapshot, mesh: what holds it. sah: of the tree that rays meet, built_sah: of that before it was refitted. epo:
-    end-point overlap, None where it is not known. nodes, leaves, depth: of that tree; nodes are those with children.
-    references: triangles in leaves, counted as often as they are there. milliseconds: of the build, or of the refit.
-    primary, diffuse: what rays met in the mean; no diffuse ones where no primary one met anything.
+    snapshot, mesh: the tree's. sah: of the tree that rays are traced through, built_sah: of that before it was
+    refitted. epo: end-point overlap, None if unknown. nodes, leaves, depth: of that tree; nodes are those with
+    children. references: triangles in leaves, with repetitions. milliseconds: of the build, or of the refit.
+    primary, diffuse: average costs of rays; no diffuse ones if no primary one hit anything.
     """
 
     label: str
@@ -194,8 +194,8 @@ def compare(
 ) -> Comparison:
     """Build, measure, and shade.
 
-    first: the object in the frame from which a tree is refitted, None if none is. Raises ValueError where that has
-    other triangles, `perfect_bvh.Cancelled` when `progress` returns False, and what the engine raises.
+    first: the object in the frame from which a tree is refitted, None for no refit. Raises ValueError if it
+    has other triangles there, `perfect_bvh.Cancelled` when `progress` returns False, and the engine's errors.
     """
     if not len(shown.mesh.triangles):
         raise ValueError(f"{shown.name} has no triangles")

@@ -1,7 +1,7 @@
-"""Two trees of one object side by side over a 3D viewport: the object with its boxes in each half, seen as in the view.
+"""Two trees of one object side by side over a 3D viewport: each half shows the object with its boxes, in the same view.
 
-The halves are pictures of their own, made again only where the view, the boxes or the size are others. What is compared
-stays as it was measured; where the scene has changed since, that is said.
+The halves are separate pictures, made again only if the view, the boxes or the size change. The comparison
+keeps its measurements; if the scene has changed since, a text says so.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from .half_picture import Framing, HalfPicture, background_color, frame_box
 if TYPE_CHECKING:
     from .compare_trees import Comparison, Side
 
-GAP = 12.0  # between the halves and what is around them, in points
+GAP = 12.0  # around and between the halves, in points
 HEADING_SIZE, TITLE_SIZE = 12.0, 15.0
 NAME_WIDTH, VALUE_WIDTH, RATIO_WIDTH = 118.0, 172.0, 50.0  # of the columns of words, in points
 BETTER, WORSE = (0.35, 0.78, 0.42), (0.95, 0.45, 0.35)
@@ -33,7 +33,7 @@ LEAST_HALF = 64.0  # of what can show anything, in points
 
 @dataclass(slots=True)
 class Shown:
-    """What is compared and where: a viewport by its address, and the scene's count of edits and frame at that time."""
+    """The comparison and its viewport, by its address, and the scene's count of edits and frame at that time."""
 
     comparison: Comparison
     scene_uid: int
@@ -51,7 +51,7 @@ class _Region:
 
 
 class _Tool(OneShown[Shown]):
-    """Ends what is shown with the object, too."""
+    """Ends the comparison with the object, too."""
 
     is_unsure = False
 
@@ -68,17 +68,17 @@ hide = _tool.hide
 
 
 def show(comparison: Comparison, scene: bpy.types.Scene, space: int, edits: int) -> None:
-    """In a viewport, by its address, until `hide`. edits: the `edit_count` of the scene when the object was read."""
+    """Shows it in a viewport, by its address, until `hide`. edits: the `edit_count` of the scene at the reading."""
     _tool.show(Shown(comparison, scene.session_uid, space, edits, scene.frame_current))
 
 
 def shown() -> Shown | None:
-    """What is compared, in whichever viewport; None if nothing is."""
+    """Return the comparison, in any viewport; None if there is none."""
     return _tool.found
 
 
 def shown_in(context: bpy.types.Context) -> Shown | None:
-    """What the context's viewport shows instead of the scene; None if it shows that."""
+    """Return the comparison that the context's viewport shows instead of the scene; None if it shows the scene."""
     found = _tool.found
     if found is None or context.space_data is None or context.space_data.as_pointer() != found.space:
         return None
@@ -183,7 +183,7 @@ def _draw_words(side: Side, rect: drawing.Rect, top: float, level: str, rows: li
 
 
 def fitting_lines(rows: list[Row], room: float, size: float) -> list[str]:
-    """Rows as lines, of those that are no wider than so many pixels."""
+    """Return as lines the rows that are no wider than `room` pixels."""
     lines = [f"{row.name} {row.value}" for row in rows]
     return [line for line in lines if drawing.text_size(line, size)[0] <= room]
 
@@ -250,7 +250,7 @@ def register() -> None:
 
 
 def unregister() -> None:
-    """Draw no more, and forget what was compared."""
+    """Stop drawing, and drop the comparison."""
     hide()
     _handler.remove()
     for owner in reversed(CLASSES):

@@ -1,7 +1,7 @@
 """One half of a comparison as a picture: an object, shaded, and the boxes of one of its trees.
 
-It is drawn twice as large as it is shown, so that its lines are smooth, and kept until something of it is another.
-Where that would take long without a graphics card it is drawn in its own size.
+It is drawn at twice its size, so that its lines are smooth, and kept until some input changes.
+If that would take long without a graphics card, it is drawn at its size.
 """
 
 from __future__ import annotations
@@ -24,21 +24,21 @@ if TYPE_CHECKING:
 
 Float64Array = npt.NDArray[np.float64]
 
-LARGER = 2  # times as large as it is shown
+LARGER = 2  # factor of the picture's size
 LINE_WIDTH = 1.2  # in points
 # Lines with a width take six times the vertices.
 MOST_WIDE_BOXES = 20_000
 MOST_SMOOTH_TRIANGLES = 200_000
 FILLS = 0.88  # of a half, by the object, at first
 LEAST_SCALE, LARGEST_SCALE = 0.05, 4.0
-# Older viewports encode what is drawn, so that a picture must be decoded as it is read, and is encoded as it is made.
+# Older viewports encode drawings, so a picture must be decoded when it is read, and is encoded when it is made.
 IS_ENCODED = bpy.app.version < (5, 0, 0)
 PICTURE_FORMAT = "SRGB8_A8" if IS_ENCODED else "RGBA8"
 
 
 @dataclass(frozen=True, slots=True)
 class Framing:
-    """How a half shows what the region's view does: around (x, y), from -1 to 1, and so many times as large."""
+    """The region's view in a half: around (x, y), from -1 to 1, and its magnification."""
 
     x: float = 0.0
     y: float = 0.0
@@ -55,7 +55,7 @@ class Framing:
 def frame_box(
     comparison: Comparison, perspective: Any, region: tuple[float, float], size: tuple[float, float]
 ) -> Framing:
-    """So that the object fits into a half; as the view is, if it is not wholly before the eye."""
+    """Frames the object in a half; like the view, if the object is not wholly before the eye."""
     lower, upper = comparison.bounds
     axes = np.stack([lower, upper]).T
     corners = np.stack([*(values.ravel() for values in np.meshgrid(*axes)), np.ones(8)], axis=1)
@@ -98,7 +98,7 @@ class HalfPicture:
         self._target: Any = None
 
     def draw(self, context: bpy.types.Context, rect: drawing.Rect, framing: Framing, settings: Any) -> None:
-        """Into a part of the region that is being drawn."""
+        """Draws into a part of the region that is being drawn."""
         from gpu_extras.presets import draw_texture_2d
 
         self._follow(settings)
@@ -183,12 +183,12 @@ class HalfPicture:
 
 
 def background_color() -> tuple[float, ...]:
-    """Of the halves and all around them, RGBA: the theme's 3D viewport."""
+    """Returns the background of the halves and around them, RGBA: the theme's 3D viewport."""
     return (*bpy.context.preferences.themes[0].view_3d.space.gradients.high_gradient, 1.0)
 
 
 def _as_cleared(color: tuple[float, ...]) -> tuple[float, ...]:
-    """What a picture must be cleared with to show a color of the theme: shaders convert theirs themselves."""
+    """Returns the clear value that shows a color of the theme: shaders convert theirs themselves."""
     from mathutils import Color
 
     return (*Color(color[:3]).from_srgb_to_scene_linear(), color[3]) if IS_ENCODED else color

@@ -1,8 +1,8 @@
 """Screens whose 3D viewports are Rendered when their file is opened.
 
-Blender opens every viewport in Solid shading, whatever the file says, as renders may be heavy. Here the first image is
-there at once and the rest is traced beside Blender, so a screen may ask for it. That is kept on the screen: who opens a
-file without its interface (*Load UI*) has the screens that were there, and those stay as they are.
+Blender opens every viewport in Solid shading, for any file, as renders may be heavy. This engine shows a first image
+at once and traces the rest in the background, so a screen may ask for it. The setting is kept on the screen: opening a
+file without its interface (*Load UI*) keeps the previous screens, which do not change.
 """
 
 from __future__ import annotations

@@ -1,9 +1,9 @@
-"""When viewports are drawn again, without anybody moving the mouse: when there is something new, and not too often.
+"""When viewports are redrawn while the mouse does not move: when there is something new, and not too often.
 
-A redraw takes the processor from the tracer, without a graphics card most of a tenth of a second. So what redraws cost
-is measured, and there is a pause of several times that after each. All of this is on Blender's main thread, in a timer
-that runs only while a viewport works on its image. What ends is shown at once, and so is what was denoised: that comes
-seldom, whenever samples have doubled, and is much better than what it replaces.
+A redraw takes the processor from the tracer, without a graphics card most of a tenth of a second. So the cost of
+redraws is measured, and there is a pause of several times that after each. All of this is on Blender's main thread, in
+a timer that runs only while a viewport works on its image. Finished images are shown at once, and so are denoised ones:
+these come seldom, whenever samples have doubled, and are much better than the previous image.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ ASKING_SECONDS = 1.0
 
 @dataclass(slots=True)
 class RedrawBudget:
-    """How often to redraw, from what the last one cost. Times are of any clock that only goes forward."""
+    """Decides how often to redraw, from the cost of the last redraw. Times are of any monotonic clock."""
 
     pause: float = 0.0
     """Seconds that lie between two redraws."""
@@ -74,7 +74,7 @@ class Traced(Protocol):
 
     @property
     def region_pointer(self) -> int:
-        """The address of what is drawn."""
+        """The address of the region that is drawn."""
 
     @property
     def is_working(self) -> bool:
@@ -82,7 +82,7 @@ class Traced(Protocol):
 
     @property
     def has_news(self) -> bool:
-        """Whether its image is better than what was drawn."""
+        """Whether its image is better than the drawn one."""
 
     @property
     def is_denoised(self) -> bool:
@@ -96,7 +96,7 @@ class Traced(Protocol):
         """Have it traced no further; from any thread."""
 
     def visits_at(self, place: tuple[int, int]) -> tuple[int, int] | None:
-        """What the camera ray through a pixel of the region visits: nodes, and triangles; None outside the image."""
+        """Returns the nodes and triangles that a pixel's camera ray visits; None outside the image."""
 
 
 budget = RedrawBudget()
@@ -159,7 +159,7 @@ def stop_all() -> None:
 
 
 class _Watcher:
-    """What was undone, or goes with its file, is traced no further."""
+    """Stops tracing images that were undone or whose file was closed."""
 
     def on_change(self, what: str) -> None:
         if what in {"a step was undone", "a step was redone"}:
@@ -200,7 +200,7 @@ TYPE_FILTERS = (
 
 
 def find_view(context: bpy.types.Context) -> tuple[bpy.types.SpaceView3D, bpy.types.Region] | None:
-    """The current 3D viewport, or else the largest in the window; None if there is none that anybody sees."""
+    """Returns the current 3D viewport, or else the largest in the window; None if none is visible."""
     if bpy.app.background or context.window is None:
         return None
     areas = [area for area in context.window.screen.areas if area.type == "VIEW_3D"]
@@ -229,7 +229,7 @@ class AwaitedView:
     has_own_mode: bool = False
 
     def refine(self, pace: Pace) -> Refinement:
-        """The image, not begun yet. Waits for the trees; raises what the engine raises, `Cancelled` without any."""
+        """Returns the unstarted image. Waits for the trees; raises the engine's errors, `Cancelled` without any."""
         import perfect_bvh
 
         self.building.result()
@@ -243,11 +243,11 @@ class AwaitedView:
 
 
 def await_view(context: bpy.types.Context) -> AwaitedView:
-    """Of what `find_view` finds, or else of what the scene's camera sees: read now, built while Blender goes on.
+    """Awaits the view from `find_view`, or else from the scene's camera: read now, built while Blender continues.
 
     A viewport that this engine renders is shown in its own mode and under its own light, anything else in the scene's.
 
-    Raises ValueError if there is neither, and what the engine raises.
+    Raises ValueError if there is neither, and the engine's errors.
     """
     from ...live.scene_sync import SceneSync
     from ...live.sync_cache import sync_of
@@ -281,7 +281,7 @@ def await_view(context: bpy.types.Context) -> AwaitedView:
 
 
 def _look_of(shading: bpy.types.View3DShading, scene: bpy.types.Scene) -> tuple[RenderSettings, ViewLighting, bool]:
-    """What a viewport shows of a scene, under which light, and whether the mode is its own."""
+    """Returns a viewport's settings for a scene, its light, and whether it has its own mode."""
     settings = read_settings(scene)
     if shading.type != "RENDERED" or scene.render.engine != ENGINE_NAME:
         return settings, ViewLighting(), False
@@ -290,7 +290,7 @@ def _look_of(shading: bpy.types.View3DShading, scene: bpy.types.Scene) -> tuple[
 
 
 def _scaled(plan: RenderPlan, scene: bpy.types.Scene) -> RenderPlan:
-    """As large as the image is to be that the view is rendered to."""
+    """Scales the plan to the size of the image that the view is rendered to."""
     percentage = scene.perfect_bvh.preview_percentage
     width, height = (max(1, round(length * percentage / 100)) for length in plan.size)
     return plan_view(plan.settings, (width, height))
@@ -299,21 +299,21 @@ def _scaled(plan: RenderPlan, scene: bpy.types.Scene) -> RenderPlan:
 def begin_view(
     sync: SceneSync, depsgraph: bpy.types.Depsgraph, plan: RenderPlan, space: bpy.types.SpaceView3D | None
 ) -> UpdateCommit:
-    """Has a scene read with what the plan of a view needs, and its trees built.
+    """Reads a scene with the data that the plan of a view needs, and builds its trees.
 
-    space: the viewport whose filters count; none do for the trees that all share, whichever view has them updated.
+    space: the viewport whose filters count; none do for the shared trees, for any view that updates them.
     """
     sync.request(plan.attributes)
     return sync.begin_update(depsgraph, plan.expected_rays, space=space)
 
 
 def _tell_of(sync: SceneSync, depsgraph: bpy.types.Depsgraph, plan: RenderPlan) -> None:
-    """What the image will lack. Views that share the trees may have had more read than this one asks for."""
+    """Reports what the image will lack. Views that share the trees may have read more than this one needs."""
     read = sync.record.not_shown
     not_shown.tell(depsgraph.scene, read if plan.attributes.shading else without_looks(read))
 
 
 def filter_of(space: bpy.types.SpaceView3D) -> tuple[bool, ...]:
-    """What makes a viewport show other objects than the rest do; all False where nothing does."""
+    """Returns the settings by which a viewport shows other objects than the rest; all False without any."""
     hidden_types = (not getattr(space, name) for name in TYPE_FILTERS)
     return (space.local_view is not None, space.use_local_collections, *hidden_types)

@@ -1,4 +1,4 @@
-"""What a viewport shows of a picture: its camera, its place on the screen, its statistics."""
+"""A viewport's view of a picture: its camera, its position on the screen, its statistics."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ if TYPE_CHECKING:
     from ...live.scene_sync import SceneSync
     from ...sync.records import CameraRecord
 
-# What a region of a 3D viewport looks through, and the part of it that is traced.
+# The camera of a region of a 3D viewport, and the part of it that is traced.
 #
-# What needs the native engine is imported where it is used: without it the add-on must still register.
+# Modules that need the native engine are imported where they are used: without it the add-on must still register.
 
 
 WHOLE: Window = (0.0, 1.0, 0.0, 1.0)
@@ -32,7 +32,7 @@ WHOLE: Window = (0.0, 1.0, 0.0, 1.0)
 def camera_of(
     view: bpy.types.RegionView3D, space: bpy.types.SpaceView3D, depsgraph: bpy.types.Depsgraph
 ) -> tuple[CameraRecord | None, str | None]:
-    """What a region looks through, None if nothing can be seen through it; and why that is not what it should be."""
+    """Returns a region's camera, None if nothing is visible through it; and why it is not as it should be."""
     from ...extract.camera import read_camera, read_frame, read_lens, read_region_view, spread_over_region
 
     scene = depsgraph.scene
@@ -43,7 +43,7 @@ def camera_of(
         return read_region_view(view, border), None
     if camera.data.type != "PANO":
         record = read_region_view(view, border)
-        # What Blender moves or zooms the view by does not change what is in focus.
+        # The pan and zoom of the view do not change the focus.
         return record and replace(record, lens=read_lens(camera.evaluated_get(depsgraph), record.matrix)), None
     record, complaint = read_camera(camera.evaluated_get(depsgraph), read_frame(scene))
     if record is None:
@@ -78,7 +78,7 @@ def _clipped(left: float, right: float, bottom: float, top: float) -> Window:
 
 
 def _camera_frame(view: bpy.types.RegionView3D, camera: bpy.types.Object, scene: bpy.types.Scene) -> Window:
-    """Where a camera's frame lies in a region that looks through it, as fractions."""
+    """Returns the camera's frame in a region that looks through it, as fractions."""
     corners = np.ones((4, 4))
     corners[:, :3] = [corner[:] for corner in camera.data.view_frame(scene=scene)]
     clip = corners @ np.array(view.window_matrix).T
@@ -92,7 +92,7 @@ def _camera_frame(view: bpy.types.RegionView3D, camera: bpy.types.Object, scene:
 
 
 def picture_of(image: Image, mode: str) -> Image:
-    """What is shown of an image: distances become greys, white nearby and black far away."""
+    """Returns the shown picture of an image: distances become greys, white nearby and black far away."""
     if not find_mode(mode).has_range:
         return image
     from perfect_bvh.render import depth_to_grey
@@ -102,7 +102,7 @@ def picture_of(image: Image, mode: str) -> Image:
 
 
 def texture_of(image: Image, mode: str) -> gpu.types.GPUTexture:
-    """What is shown of an (H, W, 4) float32 image, row 0 on top."""
+    """Returns the texture of an (H, W, 4) float32 image, row 0 on top."""
     import gpu
 
     image = picture_of(image, mode)
@@ -122,14 +122,14 @@ class ScreenPatch:
 
 
 class ScreenImage:
-    """What a region shows of a canvas. size: (width, height) of the image; it is stretched over the region."""
+    """A canvas as a region shows it. size: (width, height) of the image; it is stretched over the region."""
 
     def __init__(self) -> None:
         self.size = (1, 1)
         self.patches: dict[Place, ScreenPatch] = {}
 
     def fetch(self, canvas: Canvas, mode: str) -> None:
-        """Take what is new, from a canvas that has something."""
+        """Fetches the new parts of a canvas, which must have some."""
         found = canvas.patches({place: patch.number for place, patch in self.patches.items()})
         before, self.patches, self.size = self.patches, {}, canvas.size
         for patch in found:
@@ -143,7 +143,7 @@ class ScreenImage:
 def draw_patches(
     engine: bpy.types.RenderEngine, scene: bpy.types.Scene, image: ScreenImage, region_size: tuple[int, int]
 ) -> None:
-    """Each over its rows of the region. Blender puts the scene's view transform on what is drawn meanwhile.
+    """Draws each patch over its rows of the region. Blender applies the scene's view transform to them.
 
     region_size: (width, height) in pixels.
     """
@@ -162,7 +162,7 @@ def draw_patches(
 
 
 # View statistics -----------------------------------------------------------------------------------------------------
-# What the image of a view took: the same figures as of a rendered frame, left for the panels.
+# The cost of a view's image: the same figures as of a rendered frame, stored for the panels.
 
 
 def remember_view(
@@ -174,14 +174,14 @@ def remember_view(
     *,
     has_own_mode: bool = False,
 ) -> None:
-    """Leave for the panels what an image took that shows what `sync` holds. edits: of the scene, when it was read."""
+    """Stores for the panels the cost of an image of the scene in `sync`. edits: of the scene, when it was read."""
     remember(scene, view_statistics(source, sync, refinement, has_own_mode), edits)
 
 
 def view_statistics(
     source: Source, sync: SceneSync, refinement: Refinement, has_own_mode: bool = False
 ) -> FrameStatistics:
-    """Of an image that has all its costs, and shows what `sync` still holds; the report is that of its last change."""
+    """Returns the statistics of a finished image of the scene in `sync`; the report is that of its last change."""
     assert sync.last_change is not None
     plan = refinement.view.plan
     return FrameStatistics(

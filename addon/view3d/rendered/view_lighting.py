@@ -1,9 +1,9 @@
 """Whether a Rendered viewport shows the scene's lights and its world: the switches in its Shading popover.
 
-Without the world a studio light stands for it, as with Blender's own engines: turned and as bright as the popover says,
-behind the scene only as far as its World Opacity says, and before that the world's plain color.
+Without the world a studio light replaces it, as with Blender's own engines: turned and as bright as the popover says.
+Behind the scene it is visible only as much as its World Opacity says, over the world's plain color.
 
-What needs the native engine is imported where it is used: without it the add-on must still register.
+Modules that need the native engine are imported where they are used: without it the add-on must still register.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ def studio_image(path: str) -> StudioImage | None:
 
 
 def _load(path: str) -> None:
-    """From a timer."""
+    """Loads an image, from a timer."""
     pixels = np.zeros((0, 0, 4), np.float32)
     try:
         image = bpy.data.images.load(path)
@@ -70,7 +70,7 @@ GREY = (0.5, 0.5, 0.5)
 
 @dataclass(frozen=True, slots=True)
 class Studio:
-    """What stands for the world. rotation: in radians. opacity: of the image behind the scene, before `color`."""
+    """The light in place of the world. rotation: in radians. opacity: of the image behind the scene, before `color`."""
 
     image: StudioImage | None
     rotation: float
@@ -101,7 +101,7 @@ class ViewLighting:
 
 
 def lighting_of(shading: bpy.types.View3DShading, scene: bpy.types.Scene) -> ViewLighting:
-    """What a viewport's shading says."""
+    """Reads the lighting from a viewport's shading."""
     uses_lights = shading.use_scene_lights_render
     if shading.use_scene_world_render:
         return ViewLighting(uses_lights)

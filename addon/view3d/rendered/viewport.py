@@ -1,12 +1,12 @@
-"""The "Rendered" shading of one region of a 3D viewport: its scene in step, its view refined, its image on the screen.
+"""The "Rendered" shading of one region of a 3D viewport: updates its scene, refines its view, draws its image.
 
-The image is traced on a thread of its own, whether Blender redraws or not. A redraw brings the scene and the view in
-step, awaits no more than a coarse image of what is new, and shows what there is.
+The image is traced on a separate thread, whether Blender redraws or not. A redraw updates the scene and the view,
+waits only for a coarse image of changes, and draws the current image.
 
 The trees belong to the cached sync, so all viewports of a Blender scene share them. A view that shows other objects
-than the rest (local view, filters by type) has trees of its own.
+than the rest (local view, filters by type) has separate trees.
 
-What needs the native engine is imported where it is used: without it the add-on must still register, and say why.
+Modules that need the native engine are imported where they are used: without it the add-on must still register.
 """
 
 from __future__ import annotations
@@ -36,16 +36,16 @@ from .view_lighting import ViewLighting, lighting_of
 if TYPE_CHECKING:
     from ...live.scene_sync import SceneSync, UpdateCommit
 
-# The first image of what is new comes in the redraw that follows, if it takes no longer; while an animation plays,
-# however long it takes. It is made as coarse as it must be to be there in much less.
+# The first image after a change is drawn in the next redraw, if it takes no longer than this; while an animation plays,
+# for any time. Its resolution is chosen so that it takes much less.
 AWAITING_SECONDS = 0.1
 
 
 @dataclass(frozen=True, slots=True)
 class ViewKey:
-    """All that a view's image depends on: as long as it is equal, the image is refined.
+    """All inputs of a view's image: while it is equal, the image is refined.
 
-    scene_id, revision: of the sync's engine scene, which no other has, and of what it shows.
+    scene_id, revision: of the sync's engine scene, which is unique, and of its content.
     """
 
     scene_id: int
@@ -69,21 +69,21 @@ class Viewport:
         self._tracer = Tracer()
         self._screen = ScreenImage()
         self._shown: tuple[Refinement | None, int, bool] = (None, 0, False)  # whose news, their number, its end
-        self._remembered = 0  # 1: what the first full image took, 2: the last one
+        self._remembered = 0  # 1: the cost of the first full image, 2: that of the last one
         self._told: BaseException | None = None
         self.region_pointer = 0
         """The address of the region that was drawn last."""
         self.asked_at = float("-inf")
         """When a redraw was asked for that has not come yet."""
         self.complaint: str | None = None
-        """Why the view is not what it should be, as a sentence for the user."""
+        """Why the view is not as it should be, as a sentence for the user."""
         # Blender may forget its engine in the middle of something.
         weakref.finalize(self, self._tracer.stop).atexit = False
 
     # The scene -------------------------------------------------------------------------------------------------------
 
     def update(self, context: bpy.types.Context, depsgraph: bpy.types.Depsgraph) -> None:
-        """Read an evaluated depsgraph and have the trees brought in step with it. Raises what the engine raises."""
+        """Read an evaluated depsgraph and update the trees. Raises the engine's errors."""
         self.stop()
         redraws.watch(self)
         space = context.space_data
@@ -124,9 +124,9 @@ class Viewport:
     # The image -------------------------------------------------------------------------------------------------------
 
     def draw(self, engine: bpy.types.RenderEngine, context: bpy.types.Context, depsgraph: bpy.types.Depsgraph) -> bool:
-        """Draw the best image there is, and have it refined; whether there is more to come.
+        """Draw the best available image, and have it refined; returns whether there is more to come.
 
-        Raises what the engine raises.
+        Raises the engine's errors.
         """
         self.region_pointer, self.asked_at = context.region.as_pointer(), float("-inf")
         redraws.watch(self)
@@ -151,7 +151,7 @@ class Viewport:
         return self.is_working
 
     def _trace(self, refinement: Refinement, view_is_new: bool, is_playing: bool) -> None:
-        """Have it refined; what is new is awaited, so that it is shown as it is now."""
+        """Start the refinement; waits for a first image after a change, so that the drawing is current."""
         refinement.interval = max(redraws.budget.pause, DEFAULT_INTERVAL)
         if refinement.is_finished:
             return
@@ -160,7 +160,7 @@ class Viewport:
             self._tracer.wait_for_image(math.inf if is_playing else AWAITING_SECONDS)
 
     def _show(self, refinement: Refinement) -> None:
-        """Fetch what is new. What was there before stays as long as there is nothing."""
+        """Fetch new parts. The previous image stays while there are none."""
         self.complaint = self.complaint or refinement.complaint
         has_ended, number = self._has_ended(refinement), refinement.canvas.number
         if self._shown[:2] != (refinement, number) and refinement.canvas.has_image.is_set():
@@ -219,7 +219,7 @@ class Viewport:
         return not self._tracer.is_running
 
     def _needs_other_reading(self, context: bpy.types.Context, depsgraph: bpy.types.Depsgraph) -> bool:
-        """Whether what is wanted has changed, of which the depsgraph tells nothing: the view's filter, the mode."""
+        """Whether settings have changed that are not in the depsgraph: the view's filter, the mode."""
         wanted = _plan_of(context, depsgraph).attributes
         return self._shown_filter != filter_of(context.space_data) or self._read_for != wanted
 
@@ -242,7 +242,7 @@ class Viewport:
         return f"Sample {done}/{wanted}" if done else "Preview"
 
     def _tell(self, problem: BaseException) -> str:
-        """Of what the thread has met, where nobody else would see it."""
+        """Report an exception of the thread, which would otherwise be lost."""
         from perfect_bvh import EngineError
 
         if problem is not self._told and not isinstance(problem, (ValueError, EngineError, MemoryError)):
@@ -251,7 +251,7 @@ class Viewport:
         return reason_of(problem)
 
     def _follow_view(self, sync: SceneSync, context: bpy.types.Context, depsgraph: bpy.types.Depsgraph) -> bool:
-        """Start over if what is seen is not what it was; whether it was so."""
+        """Start over if the view has changed; returns whether it was unchanged."""
         from ...sync.appearance import as_camera
 
         camera, self.complaint = camera_of(context.region_data, context.space_data, depsgraph)
@@ -284,6 +284,6 @@ def _camera_key(camera: CameraRecord) -> tuple[Any, ...]:
 
 
 def _plan_of(context: bpy.types.Context, depsgraph: bpy.types.Depsgraph) -> RenderPlan:
-    """Of the whole region, under the scene's settings as they are now."""
+    """Plan the image of the whole region, under the scene's current settings."""
     settings = read_view_settings(depsgraph.scene, context.space_data.shading)
     return plan_view(settings, (context.region.width, context.region.height))

@@ -1,4 +1,4 @@
-"""The box under the mouse: which it is, drawn with all that it holds, and told of beside the mouse."""
+"""The box under the mouse: it is drawn with all its contents, and described next to the mouse."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 LINE_COLOR = (1.0, 1.0, 1.0, 1.0)
 LINE_WIDTH = 2.5  # points
 FILL_COLOR = (1.0, 0.6, 0.1, 0.35)
-# More cannot be told apart, and the mouse would wait for them.
+# More cannot be distinguished, and would delay the mouse.
 MOST_TRIANGLES = 50_000
 
 
@@ -44,7 +44,7 @@ class HoveredBox:
         return id(self.tree), self.number, self.row
 
     def lines(self, sync: SceneSync) -> list[str]:
-        """What it is."""
+        """Describe the box."""
         boxes = self.tree.boxes
         assert boxes is not None
         if self.mesh is not None:
@@ -87,7 +87,7 @@ class HoveredPicture:
         self._triangles: gpu.types.GPUBatch | None = None
 
     def draw(self, box: HoveredBox, sync: SceneSync) -> None:
-        """In the 3D viewport that is being drawn, in the space of the world."""
+        """Draws in the 3D viewport that is being drawn, in world space."""
         import gpu
         from mathutils import Matrix
 
@@ -128,7 +128,7 @@ def _edges_of(box: HoveredBox) -> gpu.types.GPUBatch:
 
 
 def _triangles_of(box: HoveredBox, sync: SceneSync) -> gpu.types.GPUBatch | None:
-    """None for the top level, whose boxes hold objects."""
+    """Returns the triangles; None for the top level, whose boxes hold objects."""
     if box.mesh is None:
         return None
     corners = corners_of(box, sync)

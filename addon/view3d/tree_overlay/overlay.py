@@ -1,7 +1,7 @@
 """The boxes of the trees, drawn over 3D viewports: the top level, and the tree of the active object.
 
-Each viewport has an overlay of its own (`scene_overlay.py`) for each view layer that it shows, for as long as it asks
-for one.
+Each viewport has a separate overlay (`scene_overlay.py`) for each view layer that it shows, while it needs
+one.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ def _key_of(context: bpy.types.Context) -> Key:
 
 
 def overlay_of(context: bpy.types.Context) -> SceneOverlay | None:
-    """What is drawn in the context's viewport; None if nothing is."""
+    """Return the overlay of the context's viewport; None if there is none."""
     return _overlays.get(_key_of(context))
 
 
@@ -65,13 +65,13 @@ def _is_there(key: Key) -> bool:
 
 
 def sections(context: bpy.types.Context) -> list[Section]:
-    """What a viewport's legend is to tell of the boxes."""
+    """Return the sections of a viewport's legend that describe the boxes."""
     overlay = overlay_of(context) if context.space_data.overlay.show_overlays else None
     return [] if overlay is None else overlay.sections(overlay_settings(context.space_data))
 
 
 def tip(context: bpy.types.Context) -> tuple[tuple[int, int], list[str]] | None:
-    """Where the mouse is in the region that is being drawn, and what is told of the box there."""
+    """Return the mouse's position in the region that is being drawn, and the tip about the box there."""
     overlay = overlay_of(context) if context.space_data.overlay.show_overlays else None
     return None if overlay is None else overlay.tip(context)
 
@@ -113,7 +113,7 @@ def register() -> None:
 
 
 def unregister() -> None:
-    """Draw no more, and forget what was drawn."""
+    """Stop drawing, and drop the overlays."""
     pointer.listeners.remove(_pointing)
     _handler.remove()
     if bpy.app.timers.is_registered(redraw_viewports):

@@ -1,14 +1,14 @@
-"""The boxes of one scene's trees in a viewport: which are drawn, what is told of them, and the one under the mouse.
+"""The boxes of one scene's trees in a viewport: the drawn boxes, their description, and the one under the mouse.
 
-The boxes are those of the cached sync, which is brought in step when something has changed and a viewport is drawn,
-whatever render engine the scene has. The lines of a tree are made once and kept until its boxes are others: moving an
-object only draws its lines elsewhere. While trees are built, the last boxes are drawn in grey, not to be taken for
-those of the scene as it is. An animation that plays waits for each frame's own.
+The boxes are those of the cached sync. It is updated when something has changed and a viewport is drawn,
+for any render engine of the scene. The lines of a tree are made once and kept until its boxes change: moving an
+object only draws its lines elsewhere. While trees are built, the last boxes are drawn in grey, to mark them as
+outdated. An animation that plays waits for each frame's own.
 
-The box under the mouse is looked for when the mouse moves, or when there are other boxes; not while only the view
-moves, as all boxes would have to be gone through again for each redraw.
+The box under the mouse is looked up when the mouse moves, or when boxes change; not while only the view
+moves, as each redraw would have to test all boxes again.
 
-What needs the native engine is imported where it is used: without it the add-on must still register, and say why.
+Modules that need the native engine are imported where they are used: without it the add-on must still register.
 """
 
 from __future__ import annotations
@@ -63,13 +63,13 @@ class SceneOverlay:
         self._is_stale = True
 
     def on_file_change(self) -> None:
-        """All data is about to go, or has just come."""
+        """Drops references to data, which will be removed, or has just been loaded."""
         self._is_stale, self._trees = True, PendingCommit()
         self.top_level = self.active = self.hovered = self._pointed = self._found = None
         self._asked = self._looked_at = ()
 
     def draw(self, context: bpy.types.Context, settings: bpy.types.PropertyGroup) -> None:
-        """Bring the trees in step and draw what the settings ask for."""
+        """Update the trees and draw the boxes that the settings select."""
         import perfect_bvh
 
         try:
@@ -122,7 +122,7 @@ class SceneOverlay:
         return True
 
     def _find_active(self, sync: SceneSync, obj: bpy.types.Object | None) -> tuple[int, Any] | None:
-        """As `find_object`, which goes through all instances, does; asked again only when it may answer otherwise."""
+        """Finds the active object by `find_object`, which goes through all instances, only if the answer may change."""
         asked = (sync.scene.scene_id, sync.revision, 0 if obj is None else obj.session_uid)
         if asked != self._asked:
             self._asked, self._found = asked, find_object(sync, obj)
@@ -165,7 +165,7 @@ class SceneOverlay:
         """Find the box under the mouse, if that or the boxes are others than when it was looked for last."""
         trees: list[tuple[TreeLines, int | None, Any]] = []
         if self.active is not None and self._found is not None:
-            trees.append((self.active, *self._found))  # it stands within the boxes of the top level
+            trees.append((self.active, *self._found))  # it is within the boxes of the top level
         if self.top_level is not None:
             trees.append((self.top_level, None, None))
         numbers = tuple((id(tree), tree.number) for tree, _, _ in trees)
@@ -175,7 +175,7 @@ class SceneOverlay:
         self._looked_at = looked_at
         self.hovered = None if self._pointed is None else box_under(context, self._pointed.place, trees)
 
-    # What is told ----------------------------------------------------------------------------------------------------
+    # Description -----------------------------------------------------------------------------------------------------
 
     def sections(self, settings: bpy.types.PropertyGroup) -> list[Section]:
         """The parts of the legend."""
@@ -191,7 +191,7 @@ class SceneOverlay:
         return sections
 
     def tip(self, context: bpy.types.Context) -> tuple[tuple[int, int], list[str]] | None:
-        """Where the mouse is in the region that is being drawn, and what is told there."""
+        """Return the mouse's position in the region that is being drawn, and the tip there."""
         if self.message or not self._is_hovered(context):
             return None
         assert self.hovered is not None
@@ -201,7 +201,7 @@ class SceneOverlay:
 
 
 def section_of(name: str, tree: TreeLines) -> Section:
-    """The part of a legend that tells of a tree."""
+    """Return the part of a legend that describes a tree."""
     shown, scale = tree.shown, tree.scale
     assert shown is not None
     assert scale is not None

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     import gpu
     from perfect_bvh import Snapshot, TreeBoxes
 
-# Which of many boxes is under the mouse. Knows no Blender.
+# Finds the box under the mouse among many. Does not depend on Blender.
 
 
 Float64Array = npt.NDArray[np.float64]
@@ -54,12 +54,12 @@ class BoxPicker:
 
 
 def rows_of_cut(boxes: TreeBoxes, level: int) -> npt.NDArray[np.intp]:
-    """Of boxes with all levels to one, those of this level and the leaves above, none of which holds another."""
+    """Returns, of boxes down to one level, the rows of that level and of the leaves above; none contains another."""
     return np.flatnonzero((boxes.levels == level) | (boxes.leaf_sizes > 0))
 
 
 # Box words -----------------------------------------------------------------------------------------------------------
-# What is drawn of a tree, and what one of its boxes is, as lines of text. Knows no Blender.
+# Describes the drawing of a tree, and one of its boxes, as lines of text. Does not depend on Blender.
 
 
 # More would not fit into a legend side by side.
@@ -68,11 +68,11 @@ MOST_SWATCHES = 16
 
 @dataclass(frozen=True, slots=True)
 class Shown:
-    """What is drawn of a tree.
+    """The drawn part of a tree.
 
-    level: the one that was asked for, or the deepest that there is; first_level: 0 if all above are drawn, too.
-    count: boxes drawn; total: of those levels, more than count where not all are drawn. depth: of the whole tree.
-    sah, built_sah: what a random ray spends in the tree as it is, and as it was when it was built.
+    level: the requested one, or the deepest one; first_level: 0 if all above are drawn, too.
+    count: boxes drawn; total: of those levels, more than count if not all are drawn. depth: of the whole tree.
+    sah, built_sah: the expected cost of a random ray in the tree now, and when it was built.
     """
 
     level: int
@@ -97,7 +97,7 @@ def describe(shown: Shown) -> str:
 
 
 def describe_box(boxes: TreeBoxes, row: int, *, holds: str, name: str = "") -> list[str]:
-    """What one box is. holds: what stands in leaves, such as "triangle" or "instance". name: of the only one."""
+    """Describe one box. holds: the contents of leaves, such as "triangle" or "instance". name: of the only one."""
     size, level = int(boxes.leaf_sizes[row]), int(boxes.levels[row])
     begin, end = boxes.ranges[row]
     chance, own, whole = (float(column[row]) for column in (boxes.hit_chances, boxes.costs, boxes.subtree_costs))
@@ -122,7 +122,7 @@ def format_cost(cost: float) -> str:
 
 
 def format_share(share: float) -> str:
-    """As a percentage of two digits at least."""
+    """Formats a percentage with two digits at least."""
     percent = 100.0 * share
     if percent >= 10.0 or percent == 0.0:
         return f"{percent:.0f}%"
@@ -133,7 +133,7 @@ def format_share(share: float) -> str:
 
 
 def scale_of(boxes: TreeBoxes, color_by: str) -> Scale:
-    """Of boxes as `box_lines.shares` colours them. color_by: "LEVEL", "OVERLAP" or "COST"."""
+    """Returns the scale of boxes as `box_lines.shares` colours them. color_by: "LEVEL", "OVERLAP" or "COST"."""
     if color_by == "OVERLAP":
         return Scale("Overlap with siblings", ((0.0, "0%"), (0.5, "50%"), (1.0, "100%")))
     if color_by == "COST":
@@ -160,10 +160,10 @@ COLUMNS = ("boxes", "levels", "costs", "overlaps", "ranges", "primitives")
 
 
 class TreeLines:
-    """The lines of one tree, made again only where its boxes or their colours are others.
+    """The lines of one tree, made again only if its boxes or their colours change.
 
-    shown: what is drawn, in numbers. scale: what its colours mean. boxes: those of it; None before there are any.
-    number: of the change that led to them. levels: of those that are drawn.
+    shown: the drawn part, in numbers. scale: the meaning of its colours. boxes: the tree's; None before there are any.
+    number: of the change that led to them. levels: of the drawn boxes.
     """
 
     def __init__(self) -> None:

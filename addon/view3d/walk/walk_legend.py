@@ -1,4 +1,4 @@
-"""What is written over a viewport of a ray's walk: what happens, what colors mean, each count and its cost."""
+"""The text over a viewport of a ray's walk: the current event, the meaning of colors, each count and its cost."""
 
 from __future__ import annotations
 
@@ -26,15 +26,15 @@ SWATCH = 9.0  # in points
 NAME_WIDTH, COUNT_WIDTH, COST_WIDTH = 166.0, 32.0, 104.0
 GAP = 14.0
 LEAST_LINE = 12  # characters
-SHADE = 0.85  # of what is a part of the row above
-SHARE = 0.5  # of what is free, in height, at most: the ray is to be seen, too
+SHADE = 0.85  # of rows that are parts of the row above
+SHARE = 0.5  # of the free height, at most: the ray must stay visible, too
 _INSTANCES = (WalkEvent.ENTER_INSTANCE, WalkEvent.SKIP_INSTANCE)
 _NOT_HIT = (WalkEvent.TRIANGLE_MISSED, WalkEvent.TRIANGLE_REJECTED)
 
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """color: None for what has none in the picture. cost: "" for what takes no time of its own.
+    """color: None for rows without a color in the picture. cost: "" for rows without a separate time.
 
     is_part: whether it is a part of a row above.
     """
@@ -78,9 +78,9 @@ def rows_of(counters: Counters, total: Counters, tested: str = "Triangles") -> l
 
 
 def draw_legend(context: bpy.types.Context, sentence: str, rows: Sequence[Row]) -> None:
-    """In the lower left corner of the region that is being drawn.
+    """Draws in the lower left corner of the region that is being drawn.
 
-    Where there is little room, without the parts of rows; where there is less, the sentence alone.
+    If there is little room, it leaves out the parts of rows; if there is less, it draws only the sentence.
     """
     free = drawing.free_rect(context.area, context.region)
     left = free.left + drawing.pixels(GAP)
@@ -112,7 +112,7 @@ def wrap(text: str, width: float) -> list[str]:
 
 
 def _size_of(rows: Sequence[Row]) -> tuple[float, float]:
-    """With a line above, for what the columns are."""
+    """Returns the size, with a line above for the titles of the columns."""
     margin = 2 * drawing.pixels(drawing.MARGIN)
     width = drawing.pixels(NAME_WIDTH + COUNT_WIDTH + COST_WIDTH)
     return width + margin, (len(rows) + 1) * drawing.text_size("")[1] + margin

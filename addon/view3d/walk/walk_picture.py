@@ -1,6 +1,6 @@
-"""What is drawn of one step of a ray's walk: lines and filled triangles with colours. Knows no Blender.
+"""The picture of one step of a ray's walk: lines and filled triangles with colours. Does not depend on Blender.
 
-What the step does is bright, what was done before is faint, and what is to come is not there yet.
+The current step is bright, earlier steps are faint, and later steps are not drawn yet.
 """
 
 from __future__ import annotations
@@ -50,9 +50,9 @@ EVENT_COLORS = {
 _ENTERING = (WalkEvent.ENTER_NODE, WalkEvent.ENTER_LEAF, WalkEvent.ENTER_INSTANCE)
 # Opacities, and widths in points.
 BRIGHT, BESIDE, FAINT, FILLED = 1.0, 0.5, 0.25, 0.55
-MISSED_SHARE = 0.6  # of these: what the ray passes by is looked at last
+MISSED_SHARE = 0.6  # of these: missed boxes are the least important
 THICK, WIDE, THIN = 3.0, 1.8, 1.0
-# Of what was missed before nothing is left; of what was entered or tested before, the last ones.
+# Earlier misses are not drawn; of the boxes and triangles entered or tested before, only the last ones are.
 MOST_EARLIER = 400
 
 
@@ -82,7 +82,7 @@ class Picture:
 
 @dataclass(frozen=True, slots=True)
 class WalkedRay:
-    """A ray and what it does. origin, direction: (3,) float64, the latter of length one. exit: behind all boxes."""
+    """A ray and its walk. origin, direction: (3,) float64, the latter of length one. exit: behind all boxes."""
 
     walk: RayWalk
     origin: Float64Array
@@ -93,13 +93,13 @@ class WalkedRay:
 
     @classmethod
     def of(cls, walk: RayWalk, origin: Float64Array, direction: Float64Array, t_min: float) -> WalkedRay:
-        """Of what the trees were asked for."""
+        """Makes the ray of a query of the trees."""
         corners = walk.world_boxes()
         behind = max(float(((corners - origin) @ direction).max(initial=t_min)), t_min) * 1.05 + 1e-6
         return cls(walk, origin, direction, t_min, behind, corners)
 
     def end(self, row: int) -> float:
-        """Where the ray ends after an event: at the nearest hit so far, or else behind all boxes."""
+        """Returns the ray's end after an event: the nearest hit so far, or else a point behind all boxes."""
         return min(float(self.walk.nearest_t[row]), self.exit) if len(self.walk) else self.exit
 
     def at(self, t: float) -> Float64Array:
@@ -108,7 +108,7 @@ class WalkedRay:
 
 
 def picture_of(ray: WalkedRay, step: WalkStep, row: int | None = None) -> Picture:
-    """Of one step, which is one of this ray's. row: the only one of its rows that is bright; None for all."""
+    """Makes the picture of one step of this ray. row: the only bright one of its rows; None for all."""
     walk, rows = ray.walk, step.rows
     span = span_in_box(ray, _spanned(ray, rows, row)) if len(rows) else (ray.t_min, ray.end(-1))
     is_now, is_beside = np.zeros(len(walk), bool), np.zeros(len(walk), bool)
@@ -160,12 +160,12 @@ def _colors(events: npt.NDArray[np.uint8], opacity: float) -> Float32Array:
 
 
 def _spanned(ray: WalkedRay, rows: range, row: int | None) -> int:
-    """In whose box the ray is bright: what is missed or pruned has none of it."""
+    """Returns the row of the box in which the ray is bright; missed and pruned boxes have none."""
     return row if row is not None and ray.walk.events[row] == WalkEvent.BOX_HIT else rows.start
 
 
 def _ray_lines(ray: WalkedRay, first: int, span: tuple[float, float]) -> list[Lines]:
-    """As far as it goes before a row, and the part that is told of: that in a box, or the whole way."""
+    """Draws the ray up to a row, and the described part: that in a box, or the whole ray."""
     whole = _line(ray, (ray.t_min, ray.end(first - 1) if first > 0 else ray.exit), 0.55, THIN)
     return [whole, _line(ray, span, BRIGHT, THICK)]
 
@@ -176,7 +176,7 @@ def _line(ray: WalkedRay, span: tuple[float, float], opacity: float, width: floa
 
 
 def span_in_box(ray: WalkedRay, row: int) -> tuple[float, float]:
-    """From where to where a ray is in the box of an event, within what it has before it."""
+    """Returns the interval of a ray in the box of an event, within its range before the event."""
     linear, place = ray.walk.transforms[row][:, :3], ray.walk.transforms[row][:, 3]
     if not abs(np.linalg.det(linear)) > 0.0:
         return ray.t_min, ray.t_min
@@ -192,7 +192,7 @@ def span_in_box(ray: WalkedRay, row: int) -> tuple[float, float]:
 
 
 # Shown walk ----------------------------------------------------------------------------------------------------------
-# A ray's walk while it is shown: where in it somebody stands, forwards and back, and whether it still holds.
+# A ray's walk while it is shown: the current position in it, steps forwards and back, and whether it is still valid.
 
 
 CHANGED = "The scene has changed: walk again"
@@ -200,7 +200,7 @@ CHANGED = "The scene has changed: walk again"
 
 @dataclass(frozen=True, slots=True)
 class SceneState:
-    """A scene at some time, as far as handlers are told."""
+    """The state of a scene at some time, as far as handlers report it."""
 
     scene_uid: int
     frame: float
@@ -213,11 +213,11 @@ class SceneState:
 
 @dataclass(slots=True)
 class ShownWalk:
-    """A walk and where it is told of.
+    """A walk and its current position.
 
     read: the scene when it was read. space: the viewport's address, which stays when its area is maximized; view: that
-    of the part that was clicked, one of four in a quad view. index: of the step that is shown. part: the number of the
-    one of its rows that is shown, with those before; None for all of them.
+    of the clicked part, one of four in a quad view. index: of the shown step. part: the number of the
+    shown row of the step; earlier rows are shown, too. None for all rows.
     """
 
     ray: WalkedRay
@@ -236,7 +236,7 @@ class ShownWalk:
     def __post_init__(self) -> None:
         self._spent = self.ray.walk.nanoseconds()
 
-    # What is shown ---------------------------------------------------------------------------------------------------
+    # Shown part ------------------------------------------------------------------------------------------------------
 
     @property
     def step(self) -> WalkStep:
@@ -245,23 +245,23 @@ class ShownWalk:
 
     @property
     def row(self) -> int | None:
-        """Of the walk, if a single one of the step is shown."""
+        """The row of the walk, if only one row of the step is shown."""
         return None if self.part is None else self.step.rows[self.part]
 
     @property
     def heading(self) -> str:
-        """Such as "Step 12 of 57: Enters a box at level 3 of Tree.004 and tests 8 inside: 2 hit, 6 missed"."""
+        """The title: "Step 12 of 57: Enters a box at level 3 of Tree.004 and tests 8 inside: 2 hit, 6 missed"."""
         sentence = self.step.sentence if self.row is None else self.words.of_event(self.step.rows, self.row)
         return f"{place_of(self.index, len(self.steps))}: {sentence}"
 
     @property
     def counters(self) -> Counters:
-        """With what is shown."""
+        """The counters up to the shown position."""
         return self.step.counters if self.row is None else count(self.ray.walk, self.row + 1, self._spent)
 
     @property
     def picture(self) -> Picture:
-        """Of what is shown, made when it is drawn first."""
+        """The picture of the shown position, made when it is first drawn."""
         place = self.index, self.part
         if self._drawn is None or self._drawn[0] != place:
             self._drawn = place, picture_of(self.ray, self.step, self.row)
@@ -270,24 +270,24 @@ class ShownWalk:
     # Forwards and back -----------------------------------------------------------------------------------------------
 
     def go(self, index: int) -> None:
-        """To a whole step, or the nearest that there is; at the last one nothing plays any more."""
+        """Goes to a whole step, or the nearest one; at the last one, playing stops."""
         self.index, self.part = min(max(index, 0), len(self.steps) - 1), None
         if self.index == len(self.steps) - 1:
             self.is_playing = False
 
     def go_on(self) -> None:
-        """As the steps play: by boxes from where a box is shown, else by steps."""
+        """Advances by boxes if a box is shown, else by steps."""
         if self.part is None:
             self.go(self.index + 1)
         else:
             self.go_to_next_box()
 
     def go_to_next_step(self) -> None:
-        """Of a part, to the whole that it is of."""
+        """Goes to the next step; from a part of a step to the whole step."""
         self.go(self.index + (self.part is None))
 
     def go_to_next_box(self) -> None:
-        """Or the next triangle, or whatever happens next."""
+        """Goes to the next box or triangle, or to the next other event."""
         following = 0 if self.part is None else self.part + 1
         if self.part is not None and following < len(self.step.rows):
             self.part = following
@@ -306,7 +306,7 @@ class ShownWalk:
             self.part = len(self.step.rows) - 1
 
     def play_or_pause(self) -> None:
-        """From the beginning, if the end is shown."""
+        """Plays or pauses; at the end it plays from the beginning."""
         if not self.is_playing and self.index == len(self.steps) - 1:
             self.go(0)
         self.is_playing = not self.is_playing and len(self.steps) > 1
@@ -321,5 +321,5 @@ class ShownWalk:
 
 
 def place_of(index: int, count_of_steps: int) -> str:
-    """Such as "Step 12 of 57"."""
+    """Formats a position, such as "Step 12 of 57"."""
     return f"Step {index + 1:,} of {count_of_steps:,}"

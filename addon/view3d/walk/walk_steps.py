@@ -1,7 +1,7 @@
-"""What a ray does on its way, as steps with a sentence and counters. Knows no Blender.
+"""The walk of a ray, as steps with a sentence and counters. Does not depend on Blender.
 
-A step is what the processor does at a time: a node with the boxes of its children, a leaf with its triangles, an
-instance that is entered, waiting boxes that a new hit makes superfluous. The last one says what was hit.
+A step is one action of the processor: a node with the boxes of its children, a leaf with its triangles, an
+instance that is entered, waiting boxes that a new hit makes superfluous. The last one names the hit.
 """
 
 from __future__ import annotations
@@ -30,17 +30,17 @@ _ENTERED = _BEGINNINGS[:3]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Counters:
-    """Of a ray so far, by the numbers of `WalkEvent`: how many there were, and the nanoseconds that they took."""
+    """The counts of a ray so far, by the numbers of `WalkEvent`, and their nanoseconds."""
 
     counts: npt.NDArray[np.int64]
     nanoseconds: npt.NDArray[np.float64]
 
     def number(self, *events: WalkEvent) -> int:
-        """Of some kinds together."""
+        """Returns the number of events of some kinds."""
         return int(self.counts[list(events)].sum())
 
     def time(self, *events: WalkEvent) -> int:
-        """Of some kinds together, in nanoseconds: rounded a kind, so that what is written adds up."""
+        """Returns the nanoseconds of some kinds, each rounded separately, so that the shown numbers add up."""
         return int(np.rint(self.nanoseconds[list(events)]).sum())
 
     @property
@@ -49,7 +49,7 @@ class Counters:
 
     @property
     def boxes_hit(self) -> int:
-        """Of those tested; they are entered later, or pruned after all."""
+        """The number of tested boxes that were hit; they are entered later, or pruned."""
         return self.number(WalkEvent.BOX_HIT)
 
     @property
@@ -79,12 +79,12 @@ class Counters:
 
     @property
     def cost(self) -> int:
-        """In the units of the surface area heuristic, as elsewhere."""
+        """The cost in the units of the surface area heuristic, as elsewhere."""
         return self.visits + self.triangles_tested
 
     @property
     def total_time(self) -> int:
-        """Of all together, in nanoseconds."""
+        """The nanoseconds of all events."""
         return self.time(*WalkEvent)
 
 
@@ -98,7 +98,7 @@ class WalkStep:
 
 
 def steps_of(words: WalkWords) -> list[WalkStep]:
-    """All steps of the ray that the words are for."""
+    """Returns all steps of the ray of these words."""
     walk, spent = words.walk, words.walk.nanoseconds()
     firsts = _first_rows(walk.events)
     found = []
@@ -115,26 +115,26 @@ def _first_rows(events: npt.NDArray[np.uint8]) -> list[int]:
 
 
 def count(walk: RayWalk, end: int, nanoseconds: npt.NDArray[np.float64]) -> Counters:
-    """What the events before a row come to. nanoseconds: of each event."""
+    """Sums up the events before a row. nanoseconds: of each event."""
     events, kinds = walk.events[:end], len(WalkEvent)
     return Counters(np.bincount(events, minlength=kinds), np.bincount(events, nanoseconds[:end], kinds))
 
 
 # Walk words ----------------------------------------------------------------------------------------------------------
-# What a ray does on its way, in sentences: a step of it, or one box or triangle of a step. Knows no Blender.
+# The events of a walk in sentences: a step, or one box or triangle of a step. Does not depend on Blender.
 #
 # They begin in upper case and have no full stop.
 
 
 TOP_LEVEL = "the top level"
-# How a distance from the ray's beginning is written; None where that tells nobody anything.
+# Formats a distance from the ray's beginning; None where it is not useful.
 Length = Callable[[float], str] | None
 _OUTCOMES = ((WalkEvent.BOX_HIT, "hit"), (WalkEvent.BOX_MISSED, "missed"), (WalkEvent.BOX_PRUNED, "pruned"))
 
 
 @dataclass(frozen=True, slots=True)
 class WalkWords:
-    """Of one ray. names: of the instances it meets, by their ids. kinds: of their meshes, unless of triangles."""
+    """Words for one ray. names: of the instances it hits, by their ids. kinds: of their meshes, unless of triangles."""
 
     walk: RayWalk
     names: Mapping[int, str]
@@ -144,7 +144,7 @@ class WalkWords:
     # Steps -----------------------------------------------------------------------------------------------------------
 
     def of_step(self, rows: range) -> str:
-        """What happens in some rows of the walk, which are a step."""
+        """Describes the rows of a step of the walk."""
         event, count = WalkEvent(self.walk.events[rows.start]), len(rows)
         if event is WalkEvent.WAITING_PRUNED:
             boxes = count_of(count, "waiting box", "waiting boxes")
@@ -159,7 +159,7 @@ class WalkWords:
         return f"Enters {self._node(rows.start)} and tests {count - 1} inside: {', '.join(parts)}"
 
     def ending(self) -> str:
-        """What was hit."""
+        """Names the hit."""
         row = self.walk.hit_row
         if row is None:
             return "Nothing is hit"
@@ -174,7 +174,7 @@ class WalkWords:
     # Parts of steps --------------------------------------------------------------------------------------------------
 
     def of_event(self, rows: range, row: int) -> str:
-        """What happens in one of the rows of a step."""
+        """Describes one of the rows of a step."""
         event = WalkEvent(self.walk.events[row])
         if event is WalkEvent.ENTER_NODE:
             inside = count_of(len(rows) - 1, "box", "boxes")
@@ -205,13 +205,13 @@ class WalkWords:
         return self._behind(row, "met")
 
     def _behind(self, row: int, what: str) -> str:
-        """Of a box or a triangle that a hit stands before."""
+        """Describes a box or a triangle behind a hit."""
         return f"{what}{self._at(self.walk.t[row])}, behind the nearer hit{self._at(self.walk.nearest_t[row])}"
 
     # Names -----------------------------------------------------------------------------------------------------------
 
     def tested(self) -> str:
-        """What all that the ray tests in leaves are called, as a title."""
+        """Returns the title of the primitives tested in leaves."""
         walk = self.walk
         kinds = {self._kind(row) for row in np.flatnonzero(walk.primitive_ids >= 0)}
         return sentence(primitive_of(kinds.pop()) + "s") if len(kinds) == 1 else "Primitives"
@@ -239,7 +239,7 @@ class WalkWords:
 
 
 # Pixel ray -----------------------------------------------------------------------------------------------------------
-# The ray through a place of a region, as the picture of that region is traced. Knows no Blender.
+# The ray through a point of a region, as the picture of that region is traced. Does not depend on Blender.
 
 
 Float64Array = npt.NDArray[np.float64]
@@ -247,9 +247,9 @@ Float64Array = npt.NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class PixelRay:
-    """origin, direction: (3,), of length one: t is a distance. t_min, t_max: where the view begins and ends.
+    """origin, direction: (3,), of length one: t is a distance. t_min, t_max: the range of the view.
 
-    has_eye: whether it begins where somebody could stand: rays of orthographic views begin far outside.
+    has_eye: whether it begins at an eye: rays of orthographic views begin far outside.
     """
 
     origin: Float64Array

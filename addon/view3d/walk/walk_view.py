@@ -1,8 +1,8 @@
-"""A ray's walk over 3D viewports: which step is shown, and its picture.
+"""A ray's walk over 3D viewports: the shown step, and its picture.
 
-The ray and its boxes are drawn in every viewport of the scene, over a veil, so that it can be seen from aside as well;
-what they mean and what they cost is told in the viewport in which the ray was chosen. When the scene has changed, a
-line that says so stands there instead. It ends with an undo or another file.
+The ray and its boxes are drawn in every viewport of the scene, over a veil, so that it can be seen from the side, too.
+Their meaning and cost are shown in the viewport in which the ray was chosen. When the scene has changed, a
+line there says so instead. The walk ends with an undo or another file.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
 
 VEIL = (0.02, 0.02, 0.03)
-# Over what is shaded by the viewport itself; pictures of light are brighter, and blended as light is.
+# Over viewports that Blender shades itself; pictures of light are brighter, and blended as light is.
 VEIL_OPACITY, LIT_VEIL_OPACITY = 0.62, 0.85
 RING = 7.0  # radius, in points
 PLAY_SECONDS = 0.35  # a step, while it plays
@@ -42,7 +42,7 @@ class _Tool(OneShown[ShownWalk]):
     """Draws while a walk is shown; ends it where a step is undone, too."""
 
     def show(self, what: ShownWalk) -> None:
-        """From its first step on."""
+        """Shows a walk from its first step."""
         super().show(what)
         for handler in _handlers:
             handler.add()
@@ -61,12 +61,12 @@ show, hide = _tool.show, _tool.hide
 
 
 def shown() -> ShownWalk | None:
-    """What is shown, in whichever viewports; None if nothing is."""
+    """Return the shown walk, in any viewports; None if there is none."""
     return _tool.found
 
 
 def shown_in(context: bpy.types.Context) -> ShownWalk | None:
-    """What the context's viewport shows; None if that is old, another scene's, or two trees are there instead."""
+    """Return the context's viewport's walk; None if it is outdated, of another scene, or replaced by two trees."""
     found = _tool.found
     return None if found is None or not _is_of(context, found) or found.is_old(context.scene) else found
 
@@ -76,7 +76,7 @@ def _is_of(context: bpy.types.Context, found: ShownWalk) -> bool:
 
 
 def tells(context: bpy.types.Context, found: ShownWalk) -> bool:
-    """Whether the step is told of in the region that is being drawn: in one, whatever views there are."""
+    """Whether the region that is being drawn describes the step: only one does, for any number of views."""
     if context.space_data.as_pointer() != found.space:
         return False
     views = [view.as_pointer() for view in context.space_data.region_quadviews]
@@ -158,7 +158,7 @@ def _draw_lines(lines: Lines) -> None:
 
 
 def _draw_points(context: bpy.types.Context, picture: Picture) -> None:
-    """A dot where the nearest hit is so far, and a ring where the ray is."""
+    """Draw a dot at the nearest hit so far, and a ring at the ray's current position."""
     if picture.hit is not None and (place := _place_of(context, picture.hit)) is not None:
         for points, color in ((5.0, (0.0, 0.0, 0.0)), (3.5, HIT)):
             radius = drawing.pixels(points)
@@ -172,7 +172,7 @@ def _draw_points(context: bpy.types.Context, picture: Picture) -> None:
 
 
 def _place_of(context: bpy.types.Context, point: Any) -> tuple[float, float] | None:
-    """In the region that is being drawn; None behind the eye."""
+    """Returns the position in the region that is being drawn; None behind the eye."""
     from bpy_extras.view3d_utils import location_3d_to_region_2d
     from mathutils import Vector
 
@@ -212,14 +212,14 @@ class Reading:
     trees: PendingCommit
 
     def begin(self, context: bpy.types.Context) -> None:
-        """Have the scene read as it is now. Raises what the engine raises."""
+        """Read the current scene. Raises the engine's errors."""
         depsgraph = context.evaluated_depsgraph_get()
         self.trees.begin(self.sync, lambda: self.sync.begin_update(depsgraph, space=self.space))
 
     def walk(self, context: bpy.types.Context) -> ShownWalk | None:
-        """What the ray does; None as long as trees are being built.
+        """Return the walk of the ray; None while trees are being built.
 
-        Raises ValueError where the scene has changed since it was read, and what the engine raises.
+        Raises ValueError if the scene has changed since it was read, and the engine's errors.
         """
         self._check(context)
         if not self.trees.are_there(lambda: self.begin(context)):
@@ -254,12 +254,12 @@ class Reading:
         return self.trees.state or "Building BVHs"
 
     def stop(self) -> None:
-        """Its trees are not waited for any more; whoever else needs them has them built."""
+        """Stop waiting for the trees; other code that needs them has them built."""
         self.sync.ask_to_stop_building()
 
 
 def read_pixel(context: bpy.types.Context, area: bpy.types.Area, region: bpy.types.Region, x: int, y: int) -> Reading:
-    """x, y: pixels of the window. Raises ValueError where nothing can be seen, and what the engine raises."""
+    """Read a pixel; x, y: of the window. Raises ValueError where nothing is visible, and the engine's errors."""
     from ...live.scene_sync import SceneSync
     from ...live.sync_cache import sync_of
 

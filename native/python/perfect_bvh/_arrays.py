@@ -29,7 +29,7 @@ def as_array(function: str, name: str, value: npt.ArrayLike) -> npt.NDArray[Any]
 
 
 def vector_dtype(dtype: np.dtype[Any]) -> type[np.generic]:
-    """What vectors are handed over as: float32, or float64 if they came as float64, Python floats or wide integers."""
+    """Returns the dtype for vectors: float32, or float64 if they came as float64, Python floats or wide integers."""
     return np.float32 if dtype == np.float32 or dtype.itemsize <= 2 else np.float64
 
 
@@ -112,7 +112,7 @@ def as_steps(function: str, name: str, value: npt.ArrayLike, width: int) -> tupl
 
 
 def as_time_range(function: str, value: object) -> tuple[float, float]:
-    """When a motion begins and ends, as two floats that float32 tells apart."""
+    """Checks when a motion begins and ends: two floats that differ in float32, too."""
     try:
         with np.errstate(over="ignore"):  # as in _as_contiguous
             begin, end = (np.float32(number) for number in value)  # type: ignore[attr-defined]
@@ -124,11 +124,11 @@ def as_time_range(function: str, value: object) -> tuple[float, float]:
 
 
 # Batches -------------------------------------------------------------------------------------------------------------
-# Rays and points as columns: checked once, then handed to the engine in pieces.
+# Rays and points as columns: checked once, then passed to the engine in pieces.
 #
 # The engine takes arrays of the exact dtype: numbers contiguous, vectors as rows at any distance from each other, and
-# one vector for all rays as it is. Such arrays are handed over at once. Others (of another dtype, broadcast in part)
-# are copied a piece at a time: however many rays they make, the copies are no larger than a piece.
+# one vector for all rays. Such arrays are passed at once. Others (of another dtype, partly broadcast) are copied a
+# piece at a time, so the copies are no larger than a piece for any number of rays.
 
 
 CULLS = ("none", "back")
@@ -167,12 +167,12 @@ class _Column:
         return self.values.size == max(self.width, 1) and (self.is_strided or not self.width)
 
     def is_ready(self, shape: tuple[int, ...]) -> bool:
-        """Whether the engine can take the array as it is."""
+        """Whether the engine can take the array without conversion."""
         full = (*shape, self.width) if self.width else shape
         return self.is_shared or (self.values.shape == full and self._fits(self.values))
 
     def take(self, shape: tuple[int, ...], index: Index) -> npt.NDArray[Any]:
-        """What the engine takes: (rows, width), (rows,), or a single row that is every ray's."""
+        """Returns the engine's input: (rows, width), (rows,), or a single row for all rays."""
         if self.is_shared:
             part = _as_contiguous(self.values, self.dtype)
         else:
@@ -182,7 +182,7 @@ class _Column:
         return part.reshape(-1, self.width) if self.width else part.reshape(-1)
 
     def _fits(self, part: npt.NDArray[Any]) -> bool:
-        """Whether the engine reads a part that has a row for each ray where it stands."""
+        """Whether the engine can read this part in place; it has a row for each ray."""
         if part.dtype != self.dtype or not part.flags.aligned:
             return False
         return part.flags.c_contiguous or (self.is_strided and _are_rows(part))
@@ -192,7 +192,7 @@ def _as_contiguous(values: npt.NDArray[Any], dtype: type[np.generic]) -> npt.NDA
     """The values as a C-contiguous, aligned array of that dtype; themselves if they are one."""
     if values.dtype == dtype and values.flags.aligned:
         return np.ascontiguousarray(values)
-    with np.errstate(over="ignore", invalid="ignore"):  # what it cannot hold is infinite
+    with np.errstate(over="ignore", invalid="ignore"):  # values that the dtype cannot hold become infinite
         return np.array(values, dtype=dtype, order="C")
 
 
@@ -222,7 +222,7 @@ class Batch:
 
     @property
     def arrays(self) -> Columns:
-        """What the query reads while it writes."""
+        """The arrays that the query reads while it writes."""
         return tuple(column.values for column in self._columns)
 
     def gather(self, rows: npt.NDArray[np.int64]) -> Columns:
@@ -259,7 +259,7 @@ def _split(shape: tuple[int, ...], limit: int) -> Iterator[tuple[Index, int]]:
 
 
 def share_of(progress: Progress | None, start: float, share: float) -> Progress | None:
-    """What a part of a longer call tells its progress to."""
+    """Returns the progress callable for a part of a longer call."""
     return None if progress is None else lambda fraction: progress(start + share * fraction)
 
 

@@ -16,7 +16,7 @@ T = TypeVar("T")
 
 
 def check_count(function: str, name: str, value: object, least: int, most: int = LARGEST_COUNT) -> int:
-    """An integer, least to most; numpy's are welcome, floats and bools are not, whatever their value."""
+    """Returns an integer, least to most. numpy's integers are accepted; floats and bools are not, even whole ones."""
     try:
         count = None if isinstance(value, (bool, np.bool_)) else operator.index(value)  # type: ignore[arg-type]
     except TypeError:

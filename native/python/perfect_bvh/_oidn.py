@@ -36,7 +36,7 @@ _FLOAT3 = 3
 _OUT_OF_MEMORY, _CANCELLED = 4, 6
 QUALITIES = {"fast": 4, "balanced": 5, "high": 6}
 
-# How often whoever waits is asked whether to go on.
+# The interval at which a waiting caller is asked whether to continue.
 _ASKING_SECONDS = 0.02
 
 # Its threads do not live on in a fork, and it would wait for them for ever.
@@ -101,12 +101,12 @@ def find_library(paths: tuple[str, ...]) -> tuple[Library | None, tuple[str, ...
 
 
 def has_forked() -> bool:
-    """Whether this process is a fork of one that had this module: what it knows of the library is of no use."""
+    """Whether this process is a fork of one that had this module: the state of the library is useless here."""
     return os.getpid() != _process
 
 
 def _package_paths() -> list[str]:
-    """Of the package pyoidn, which is not imported: it would load its library with names that all others see."""
+    """Finds the package pyoidn without importing it: it would load its library with names that all others see."""
     found = importlib.util.find_spec("pyoidn")
     folders = [] if found is None else found.submodule_search_locations or []
     place = "bin" if sys.platform == "win32" else "lib"
@@ -136,7 +136,7 @@ def _load(path: str) -> Library:
 
 
 def _load_what_it_needs(path: Path) -> None:
-    """On Windows, load tbb12.dll from beside the library: its device looks for it in the program's folder alone."""
+    """On Windows, load tbb12.dll from the library's own folder: its device searches only the program's folder."""
     threads = path.parent / "tbb12.dll"
     if sys.platform == "win32" and path.is_absolute() and threads.is_file():
         ctypes.CDLL(str(threads))
@@ -157,7 +157,7 @@ def _no_boxes() -> Iterator[None]:
 
 
 class Device:
-    """What filters run on: the processor, with so many threads. Released when it is dropped."""
+    """The device of filters: the processor, with this many threads. Released when it is dropped."""
 
     def __init__(self, library: Library, threads: int) -> None:
         self.calls = calls = library.calls
@@ -190,7 +190,7 @@ class Device:
 
 
 class _Run:
-    """How far a filter is, which the library says on whichever thread it has, and whether it is to go on."""
+    """The progress of a filter, which the library reports on any of its threads, and whether it should continue."""
 
     def __init__(self) -> None:
         self.share = 0.0
@@ -223,7 +223,7 @@ class Filter:
         for name, value in switches.items():
             calls.oidnSetFilterBool(self._handle, name.encode(), value)
         calls.oidnSetFilterInt(self._handle, b"quality", QUALITIES[quality])
-        # What the library calls must not hold the filter: its memory, which is much, would wait for the collector.
+        # The library's callback must not hold the filter: its large memory would wait for the garbage collector.
         self._run = _Run()
         self._monitor = _Monitor(self._run.note)  # as long as the filter may call it
         calls.oidnSetFilterProgressMonitorFunction(self._handle, self._monitor, None)
@@ -231,12 +231,12 @@ class Filter:
         device.check("a filter")
 
     def run(self, progress: Share | None) -> None:
-        """Filters what the images hold now. progress: called on this thread with 0 to 1, False stops it."""
+        """Filters the current images. progress: called on this thread with 0 to 1, False stops it."""
         if has_forked():
             raise EngineError(f"denoise: this process was forked, and {NAME} was not: make another Denoiser")
         state = self._run
         state.share, state.shall_stop = 0.0, False
-        # On a thread of its own, so that this one can be asked, and interrupted: the library's own would not say.
+        # On a separate thread, so that this one can ask its caller and can be interrupted; the library's would not.
         work = _Work(self._execute)
         is_wanted = True
         try:
@@ -257,7 +257,7 @@ class Filter:
 
 
 class _Work:
-    """A call on a thread of its own, or on this one if the system has none to spare."""
+    """A call on a separate thread, or on this one if the system has none to spare."""
 
     def __init__(self, call: Callable[[], None]) -> None:
         self.has_ended = threading.Event()

@@ -1,6 +1,6 @@
-"""Checks of what callers give the renderer, and its conversion into what the native module takes.
+"""Checks of the renderer's arguments, and their conversion for the native module.
 
-Every message names the function, the argument, what was expected and what came.
+Every message names the function, the argument, the expected value and the given one.
 """
 
 from __future__ import annotations
@@ -143,7 +143,7 @@ def _programs(function: str, programs: Sequence[NodeProgram | None] | None) -> d
 
 
 def _numbers(programs: Sequence[NodeProgram], kind: str) -> dict[str, int]:
-    """Of a mesh's layers: 0 for the one without a name, the others in alphabetical order."""
+    """Numbers a mesh's layers: 0 for the one without a name, the others in alphabetical order."""
     names = {name for program in programs for name in program.layer_names(kind)}
     return {name: number for number, name in enumerate(["", *sorted(names - {""})])}
 
@@ -295,7 +295,7 @@ def _mesh_arrays(
 def _layers(
     function: str, name: str, value: MeshAppearance, what: str, numbers: Mapping[str, int], width: int
 ) -> list[npt.NDArray[Any] | None]:
-    """By number, None for those that the mesh lacks; those that nothing refers to are left out."""
+    """Returns layers by number, None for those that the mesh lacks; layers without references are left out."""
     if what == "tangents":
         unnamed, named = value.tangents.get(""), value.tangents
     else:
@@ -327,14 +327,15 @@ class LightPaths:
     """Limits of paths; the defaults are for a preview, Blender's own allow more bounces.
 
     Attributes:
-        max_bounces: How often light may bounce in all, 0 to 250; 0 is light that comes straight from its source.
-        diffuse_bounces, glossy_bounces, transmission_bounces: How often of that kind, 0 to 250. Translucent surfaces
-            count as transmission.
-        transparent_bounces: How many transparent surfaces are passed, one behind another, besides; 0 to 250.
-        clamp_direct, clamp_indirect: What a path that bounced not at all, or ever, brings at most, as the mean of its
-            channels; 0 for no limit.
-        filter_glossy: By how much surfaces look rougher in light that has bounced off a rough one, 0 for not at all.
-        reflective_caustics, refractive_caustics: Whether mirrors and glass throw light on diffuse surfaces.
+        max_bounces: The largest number of bounces in all, 0 to 250; 0 is light straight from its source.
+        diffuse_bounces, glossy_bounces, transmission_bounces: The largest number of each kind, 0 to 250. Translucent
+            surfaces count as transmission.
+        transparent_bounces: The largest number of transparent surfaces that a path passes, which do not count as
+            bounces; 0 to 250.
+        clamp_direct, clamp_indirect: The limit of the contribution of a path without any bounce, or with one or more,
+            as the mean of its channels; 0 for no limit.
+        filter_glossy: How much rougher surfaces look in light that has bounced off a rough one, 0 for no change.
+        reflective_caustics, refractive_caustics: Whether mirrors and glass cast light on diffuse surfaces.
     """
 
     max_bounces: int = 4
@@ -364,14 +365,14 @@ def light_path_arguments(function: str, paths: LightPaths) -> dict[str, Any]:
 
 
 # Bright skies --------------------------------------------------------------------------------------------------------
-# Keeps what is bright in a world's image as long as the image exists: each round of a preview asks again.
+# Keeps the bright pixels of a world's image while the image exists: each round of a preview needs them.
 
 
 _found: dict[int, tuple[weakref.ref[npt.NDArray[Any]], _core.BrightSky]] = {}
 
 
 def find_bright_sky(image: dict[str, Any], threads: int) -> _core.BrightSky | None:
-    """Of an image as the native module takes it; None if its pixels may yet be written to: then nothing is kept."""
+    """Finds the bright pixels of an image; None if its pixels may still change: then nothing is kept."""
     pixels = image["pixels"]
     if not _is_final(pixels):
         return None

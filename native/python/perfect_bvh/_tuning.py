@@ -18,18 +18,18 @@ STRATEGIES = ("auto", "packets", "stream", "single")
 
 
 def with_policy(scene: AnyScene, policy: str) -> AnyScene:
-    """The scene, which from now on always does the same with a tree whose vertices moved.
+    """Returns the scene, which from now on always does the same with a tree whose vertices moved.
 
     Args:
-        policy: "governed" is every scene's: what is expected to cost least. "refit" (wherever a tree can be refitted),
-            "rotate" and "rebuild_parts" (refit, and then always restructure so), "rebuild".
+        policy: "governed" is the default: the least expected cost. "refit" (if a tree can be refitted),
+            "rotate" and "rebuild_parts" (refit, and then always restructure in that way), "rebuild".
     """
     scene._policy = check_choice("with_policy", "policy", policy, POLICIES)
     return scene
 
 
 class Traced(Queries):
-    """The queries of a scene or snapshot, traced in one way; those but `cast_rays` and `test_occlusions` as ever.
+    """The queries of a scene or snapshot; `cast_rays` and `test_occlusions` are traced in one way.
 
     Args:
         strategy: "packets": 64 consecutive rays share a traversal, which is several times as fast where they go much

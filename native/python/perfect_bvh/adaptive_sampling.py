@@ -1,9 +1,9 @@
-"""Where an image has samples enough: adaptive sampling by tiles, after an estimate of the noise that is left.
+"""Adaptive sampling by tiles: it ends the sampling of a tile when the estimate of its remaining noise is low.
 
-What a round of samples shows and what those before it show are two images of the same thing, each with noise of its
-own. By as much as they differ their mean is off (Dammertz, Hanika, Keller and Lensch 2010, "A Hierarchical Automatic
-Stopping Condition for Monte Carlo Global Illumination"; Cycles takes the same measure of each pixel). A tile is
-finished by its worst block of pixels, so that a small spot of noise in a quiet tile gets what it needs.
+A round of samples and the rounds before it give two images of the same scene with independent noise. The error of
+their mean is estimated from their difference (Dammertz, Hanika, Keller and Lensch 2010, "A Hierarchical Automatic
+Stopping Condition for Monte Carlo Global Illumination"; Cycles uses the same measure for each pixel). The worst block
+of pixels decides whether a tile is finished, so that a small noisy spot in a quiet tile gets the samples it needs.
 """
 
 from __future__ import annotations
@@ -23,26 +23,27 @@ TILE_SIZE = 32
 """Pixels of the renderer's tiles each way; the first one lies in the upper left corner of the image."""
 
 _BLOCK_SIZE = 8  # pixels each way that are judged together; it divides TILE_SIZE
-# Before that, light that only few samples find may not have been found at all.
+# With fewer samples, light that only few samples find may not have been found at all.
 _LEAST_SAMPLES = 16
-# Of the samples before it, what a round must have at least: fewer say little of the noise.
+# The least size of a round as a share of the samples before it: smaller rounds say little about the noise.
 _LEAST_SHARE = 0.25
-# Of a division by what may be black.
+# Avoids divisions by zero in black pixels.
 _TINY = 1e-4
 
 
 class AdaptiveSampling:
     """Ends the sampling of tiles of one image that are good enough: `render_progressively(..., sampling=sampling)`.
 
-    tiles (rows, columns) bool: of 32 x 32 pixels each, those that are not finished; the first in the upper left corner.
-    sample_counts (rows, columns) int64: how many samples each has.
+    tiles (rows, columns) bool: the unfinished tiles, of 32 x 32 pixels each; the first in the upper left corner.
+    sample_counts (rows, columns) int64: the number of samples of each.
 
     Args:
         size: (width, height) of the image, in pixels.
-        threshold: The noise that may stay, above 0, in the mean of 8 x 8 pixels: of a pixel what its colour is off by,
-            red, green and blue together, over the square root of their sum, so that it counts as it is seen; of alpha
-            alike. 0.01 is for images that will be kept, 0.1 for a first look, as in Cycles.
-        min_samples: That every tile gets; 0, the default, for as many as an estimate needs: 16.
+        threshold: The allowed noise, above 0, in the mean of 8 x 8 pixels. The noise of a pixel is the error of its
+            colour, red, green and blue together, over the square root of their sum, which approximates its visibility;
+            the same for alpha. 0.01 is for final images, 0.1 for a first look, as in Cycles.
+        min_samples: The least number of samples of every tile; 0, the default, for the number that an estimate needs:
+            16.
 
     Raises:
         ValueError: For bad arguments.
@@ -64,18 +65,18 @@ class AdaptiveSampling:
 
     @property
     def tile_count(self) -> int:
-        """How many tiles are not finished."""
+        """The number of unfinished tiles."""
         return int(np.count_nonzero(self.tiles))
 
     @property
     def columns_left(self) -> npt.NDArray[np.int64]:
-        """(rows,) int64: of each row of tiles, how many columns of pixels are in those that are not finished."""
+        """(rows,) int64: for each row of tiles, the number of pixel columns in unfinished tiles."""
         left: npt.NDArray[np.int64] = self.tiles @ self._widths
         return left
 
     @property
     def ray_count(self) -> int:
-        """Samples of all pixels together."""
+        """The number of samples of all pixels together."""
         return int(self._heights @ self.sample_counts @ self._widths)
 
     @property
@@ -84,7 +85,7 @@ class AdaptiveSampling:
         return self.ray_count / max(int(self._heights.sum() * self._widths.sum()), 1)
 
     def keep_within(self, border: tuple[float, float, float, float]) -> None:
-        """Pixels outside of a camera's border (left, right, bottom, top; 0 to 1) are not traced; before any is."""
+        """Excludes pixels outside a camera's border (left, right, bottom, top; 0 to 1); call it before any round."""
         width, height = self.size
         left, right = _pixels_within(border[0], border[1], width)
         low, high = _pixels_within(border[2], border[3], height)
@@ -93,18 +94,17 @@ class AdaptiveSampling:
         self.tiles = np.outer(self._heights, self._widths) > 0
 
     def pixels(self) -> npt.NDArray[np.bool_]:
-        """(H, W) bool: those of the tiles that are not finished."""
+        """Returns (H, W) bool: the pixels of unfinished tiles."""
         width, height = self.size
         return self.tiles.repeat(TILE_SIZE, axis=0)[:height].repeat(TILE_SIZE, axis=1)[:, :width]
 
     def note_round(self, before: Image, made: Image, done: int, count: int, rows: Rows | None = None) -> None:
-        """A round was traced in the tiles that are not finished; those that are good enough now are.
+        """Registers a round that was traced in the unfinished tiles, and finishes those that are good enough now.
 
         Args:
-            before: (H, W, 4), the mean of the `done` samples before the round; not looked at if there were none.
-            made: Of the round's `count` samples alone.
-            rows: First and end of those that were traced, all of a tile's rows in the image at once; None for the whole
-                image.
+            before: (H, W, 4), the mean of the `done` samples before the round; ignored if there were none.
+            made: The mean of the round's `count` samples only.
+            rows: First and end of the traced rows, which must include whole tiles; None for the whole image.
         """
         first, end = (0, self.size[1]) if rows is None else rows
         part = slice(first // TILE_SIZE, -(-end // TILE_SIZE))
@@ -113,7 +113,7 @@ class AdaptiveSampling:
         if done + count < self.min_samples or count < _LEAST_SHARE * done or done == 0:
             return
         lines = slice(part.start * TILE_SIZE, part.stop * TILE_SIZE)
-        # Not a number: never good enough.
+        # NaN is never good enough.
         tiles &= ~(_noise(before[lines], made[lines], done, count) < self.threshold)
 
 
@@ -124,16 +124,16 @@ def _pixels_within(low: float, high: float, length: int) -> tuple[int, int]:
 
 
 def _pixels_of_tiles(length: int, first: int, end: int) -> npt.NDArray[np.int64]:
-    """Of each tile along a side of so many pixels, how many pixels lie from first to end."""
+    """Returns, for each tile along a side of `length` pixels, its number of pixels from first to end."""
     edges = np.arange(0, length + TILE_SIZE, TILE_SIZE).clip(first, end)
     counts: npt.NDArray[np.int64] = edges[1:] - edges[:-1]
     return counts
 
 
 def _noise(before: Image, made: Image, done: int, count: int) -> npt.NDArray[np.float32]:
-    """(rows, columns) float32: of each tile the mean noise of its worst block. The arguments are images of whole tiles.
+    """(rows, columns) float32: the mean noise of each tile's worst block. The arguments are images of whole tiles.
 
-    The mean of both images is off by as much as they differ, were they of as many samples each, by half of it.
+    The error of the mean of two images with equal numbers of samples is estimated as half of their difference.
     """
     with np.errstate(invalid="ignore", over="ignore"):
         difference = made - before
@@ -141,7 +141,7 @@ def _noise(before: Image, made: Image, done: int, count: int) -> npt.NDArray[np.
         difference = np.abs(difference) * np.float32(math.sqrt(done * count) / (done + count))
         color = difference[..., :3].sum(axis=2) / (_TINY + np.sqrt(np.maximum(mean[..., :3].sum(axis=2), 0.0)))
         alpha = difference[..., 3] / (_TINY + np.sqrt(np.maximum(mean[..., 3], 0.0)))
-        # Where there is nothing, outside of a border or around what is seen, nothing is counted.
+        # Empty pixels, outside of a border or around the objects, do not count.
         counted = _block_sums((mean != 0.0).any(axis=2).astype(np.float32))
         noise = _block_sums(np.maximum(color, alpha)) / np.maximum(counted, 1.0)
     worst: npt.NDArray[np.float32] = noise.max(axis=(1, 3))
@@ -149,7 +149,7 @@ def _noise(before: Image, made: Image, done: int, count: int) -> npt.NDArray[np.
 
 
 def _block_sums(values: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
-    """(H, W) to (tile rows, blocks, tile columns, blocks); what tiles reach beyond the image counts as 0."""
+    """Sums blocks: (H, W) to (tile rows, blocks, tile columns, blocks). Parts of tiles outside the image count as 0."""
     rows, columns = (-(-length // TILE_SIZE) for length in values.shape)
     padded = np.zeros((rows * TILE_SIZE, columns * TILE_SIZE), np.float32)
     padded[: values.shape[0], : values.shape[1]] = values

@@ -1,7 +1,7 @@
-"""What surfaces look like, as plain arrays: the renderer's only knowledge of colour.
+"""The look of surfaces, as plain arrays: the renderer's only source of colours.
 
-Geometry is in the `Scene`; this is everything that a shading mode may need besides. All of it is optional:
-a mode that lacks something falls back to a grey material and the geometric normal.
+The `Scene` holds the geometry; this module holds everything else that a shading mode may need. All of it is
+optional: without it, a mode uses a grey material and the geometric normal.
 """
 
 from __future__ import annotations
@@ -22,24 +22,26 @@ Float32Array = npt.NDArray[np.float32]
 
 @dataclass(frozen=True, slots=True)
 class MeshAppearance:
-    """Attributes of one mesh: of T triangles a row each, in the order of its triangles.
+    """Attributes of one mesh: for T triangles a row each, in the order of its triangles.
 
-    Of a mesh of curves or points, C of them: material_slots (C,); uvs and colours (C, 2) and (C, 3), one for each, or
-    of curves (P, 2) and (P, 3), one for each control point, between which hits find theirs by their u: of curves that
-    are not cyclic and go through their points, "poly" and "catmull_rom". Normals are those of the round surface.
-    curve_offsets: (C + 1,) int64, as `Scene.add_curves` takes them; only where something has a row a control point.
+    For a mesh of C curves or points: material_slots are (C,). uvs and colours are (C, 2) and (C, 3), one for each curve
+    or point. For curves they may be (P, 2) and (P, 3) instead, one for each control point; hits interpolate between
+    these by their u. That works for curves that are not cyclic and go through their points, "poly" and "catmull_rom".
+    Normals are those of the round surface. curve_offsets: (C + 1,) int64, as `Scene.add_curves` takes them; only needed
+    where an attribute has a row for each control point.
 
     Attributes:
         material_slots: (T,) int32, the slot of the instance's object that each triangle uses. None: all slot 0.
         corner_normals: (T, 3, 3) float32, object space. None: flat shading.
-        corner_uvs: (T, 3, 2) float32, the uv map without a name. None: no uv map; images then show their place (0, 0).
+        corner_uvs: (T, 3, 2) float32, the uv map without a name. None: no uv map; images then show their pixel
+            at (0, 0).
         corner_colors: (T, 3, 3) float32, scene-linear, the colours without a name. None: black.
-        named_uvs, named_colors: Further ones, by the names that programs of `MaterialTable.programs` ask for.
+        named_uvs, named_colors: Further layers, by the names that programs of `MaterialTable.programs` use.
         tangents: (T, 3, 4) float32 by the names of uv maps, "" for `corner_uvs`: in object space, and the bitangent's
-            sign. Normal maps in tangent space show nothing without.
-        texture_space: (2, 3) float32: a place in object space, times the first row, plus the second, is what programs
-            get as "GENERATED". None: 0 everywhere.
-        corner_generated: (T, 3, 3) float32, what they get instead, as of meshes that were deformed.
+            sign. Without them normal maps in tangent space have no effect.
+        texture_space: (2, 3) float32: programs get as "GENERATED" the position in object space times the first row plus
+            the second. None: 0 everywhere.
+        corner_generated: (T, 3, 3) float32, the value of "GENERATED" instead, for example of deformed meshes.
     """
 
     material_slots: Int32Array | None = None
@@ -58,44 +60,44 @@ class MeshAppearance:
 class MaterialTable:
     """M materials.
 
-    A surface is split into shares that add up to one: metal, of the rest what is clear as glass, of the rest what is
-    translucent, and what remains: diffuse under a dielectric reflection.
+    A surface is split into shares that add up to one: metal; of the rest, glass; of the rest of that, translucent; and
+    the remainder is diffuse under a dielectric reflection.
 
     Attributes:
         colors: (M, 4) float32, scene-linear viewport colour.
-        indices: (M,) int32, pass index. All that follows is for the mode "preview".
-        base_colors: (M, 3) float32, scene-linear, the share of light that comes back. None: the viewport colours.
-        emissions: (M, 3) float32, radiance. None: none shines.
+        indices: (M,) int32, pass index. All attributes below are for the mode "preview".
+        base_colors: (M, 3) float32, scene-linear, the share of light that is reflected. None: the viewport colours.
+        emissions: (M, 3) float32, radiance. None: no material emits light.
         alphas: (M,) float32, 0 to 1. None: all are opaque.
         metallics, roughnesses: (M,) float32, 0 to 1, as in Blender's Principled BSDF. None: no metal, and all is rough.
-        lossy_facets: (M,) float32, 0 to 1, the share that is lost of the light that rough facets scatter at each other:
+        lossy_facets: (M,) float32, 0 to 1, the lost share of the light that rough facets scatter at each other:
             1 for Blender's distribution GGX, 0 for Multiscatter GGX. None: nothing is lost.
-        reflectances: (M,) float32, what a surface that is no metal mirrors when seen from straight above; 0.04 for
-            most. None: all are diffuse.
-        transmissions: (M,) float32, 0 to 1: how clear it is, of what is no metal. Glass mirrors and is seen through
-            straight. None: none is.
-        translucencies: (M,) float32, 0 to 1: how much of what is neither metal nor clear gives light back diffuse on
-            its other side alone. None: none does.
-        iors: (M,) float32, more than 0: the index of refraction of what is clear. None: 1.5.
-        even_metals: (M,) float32, 0 to 1: how much of the metal mirrors alike at all angles. None: none, so that all of
-            it becomes white at a slant.
-        tinted_glasses, plain_refractions: (M,) float32, 0 to 1: how much of what is clear has its tint on what it
-            mirrors, too, and how much mirrors nothing. None: none.
-        specular_tints: (M, 3) float32: what the reflectance from straight above is multiplied with; of metals the
-            colour at 82 degrees. None: white.
+        reflectances: (M,) float32, the specular reflectance of a surface that is no metal, seen from straight above;
+            0.04 for most. None: all are diffuse.
+        transmissions: (M,) float32, 0 to 1: the share of glass in the part that is no metal. Glass reflects, and light
+            passes straight through. None: no glass.
+        translucencies: (M,) float32, 0 to 1: the share, of the part that is neither metal nor glass, that scatters
+            light diffusely to its other side only. None: 0.
+        iors: (M,) float32, more than 0: the index of refraction of glass. None: 1.5.
+        even_metals: (M,) float32, 0 to 1: the share of the metal that reflects equally at all angles. None: 0, so all
+            metal becomes white at grazing angles.
+        tinted_glasses, plain_refractions: (M,) float32, 0 to 1: the share of the glass whose reflections are tinted,
+            too, and the share that has no reflections. None: 0.
+        specular_tints: (M, 3) float32: a factor of the reflectance from straight above; for metals the colour at 82
+            degrees. None: white.
         metal_colors, metal_powers: (M, 3) and (M,) float32: the metal's colour is `metal_colors` times the base colour,
             as programs make it, to the power of `metal_powers`. None: white and 1.
-        transmission_colors, transmission_powers: The same for what is refracted. None: white and 0.5.
-        translucent_colors, translucent_powers: The same for the light that is given back on the other side, as a share
-            of all that falls on the whole surface. None: black and 0.
-        holdouts: (M,) float32, 0 to 1: how much of it cuts a hole into the image: it hides what is behind without
-            colour or alpha of its own. At 1 camera rays find no surface in it, as in an instance that is held out.
-            None: none does.
-        programs: (M,) a `NodeProgram` of each material, which sets what is not the same all over it; None for none.
-            What it sets counts instead of the columns. None: no material has one.
-        hairs: (M,) int32, rows of the appearance's hair, what curves are of instead; -1 for none. None: none is.
-        finishes: (M,) int32, rows of the appearance's finishes; -1 for none. None: none has one. What programs set of a
-            finish counts only for materials that have one.
+        transmission_colors, transmission_powers: The same for refracted light. None: white and 0.5.
+        translucent_colors, translucent_powers: The same for the light that is scattered to the other side, as a share
+            of all light on the whole surface. None: black and 0.
+        holdouts: (M,) float32, 0 to 1: the share that cuts a hole into the image: it hides surfaces behind it and has
+            no colour or alpha itself. At 1 camera rays find no surface in it, as in an instance that is held out.
+            None: 0.
+        programs: (M,) a `NodeProgram` for each material, which sets the properties that vary over it; None for none.
+            Its outputs replace the columns. None: no material has one.
+        hairs: (M,) int32, the row of the appearance's hair that curves have instead; -1 for none. None: no hair.
+        finishes: (M,) int32, rows of the appearance's finishes; -1 for none. None: no finishes. A program's finish
+            outputs count only for materials that have a finish.
     """
 
     colors: Float32Array = field(default_factory=lambda: np.empty((0, 4), np.float32))
@@ -131,16 +133,17 @@ class ImageTexture:
     """An image that materials or the world refer to.
 
     Attributes:
-        pixels: (H, W, 4), straight alpha, row 0 at the lower border (v = 0); uint8 is sRGB, also between pixels, as in
-            Cycles; float32 is scene-linear. What the mode "preview" finds bright in the world's image is kept while the
-            array exists if it is read-only and owns its memory; else it is found again for each image that is rendered.
-        extension: What lies outside 0..1: "repeat", "extend" (the border's colour), "clip" (nothing) or "mirror" (the
-            image turned round).
-        interpolation: What lies between the middles of pixels: "linear", or "closest".
-        tiles: Of a UDIM image, further arrays as `pixels` by their numbers: tile 1001 + column + 10 * row lies over
-            that unit square of the uv map. Where there are any, surfaces show them instead of `pixels`, and magenta in
-            between.
-        is_linear: uint8 is scene-linear, too (0 to 255 for 0 to 1), as of images that are data.
+        pixels: (H, W, 4), straight alpha, row 0 at the lower border (v = 0). uint8 is sRGB, also between pixels, as in
+            Cycles; float32 is scene-linear. The mode "preview" finds the bright pixels in the world's image. If the
+            array is read-only and owns its memory, they are kept while it exists; otherwise they are found again for
+            each rendered image.
+        extension: The colour outside 0..1: "repeat", "extend" (the border's colour), "clip" (nothing) or "mirror" (the
+            image mirrored).
+        interpolation: Between the middles of pixels: "linear", or "closest".
+        tiles: Of a UDIM image, further arrays like `pixels` by their numbers: tile 1001 + column + 10 * row covers
+            that unit square of the uv map. If there are any, surfaces show them instead of `pixels`, and magenta
+            between them.
+        is_linear: uint8 is scene-linear, too (0 to 255 for 0 to 1), for images that hold data.
     """
 
     pixels: npt.NDArray[np.uint8] | Float32Array
@@ -152,17 +155,17 @@ class ImageTexture:
 
 @dataclass(frozen=True, slots=True)
 class HairTable:
-    """H kinds of hair, which curves are of; other surfaces never are.
+    """H kinds of hair, for curves only.
 
-    A strand scatters the light from all around it, by shares: as an ordinary surface, and as a fiber that light passes
-    into (Marschner et al. 2003, in the form of Chiang et al. 2016).
+    A strand scatters the light from all around it, by shares: as an ordinary surface, and as a fiber that light enters
+    (Marschner et al. 2003, in the form of Chiang et al. 2016).
 
     Attributes:
         surfaces, fibers: (H,) float32, the shares of the material's ordinary surface and of the fiber, 0 or more.
         absorptions: (H, 3) float32, 0 or more: of the fiber, by its radius.
         colored: (H,) bool, whether the material's base colour absorbs, too, as in "Direct Coloring".
         roughnesses: (H, 2) float32, 0 to 1: of the fiber, along and around it.
-        coats: (H,) float32, 0 to 1: how much of the roughness what is reflected at once is without.
+        coats: (H,) float32, 0 to 1: by how much the light reflected at the outside is less rough.
         tilts: (H,) float32, radians, of the cuticle's scales.
         iors: (H,) float32, more than 0.
     """
@@ -188,14 +191,14 @@ class LightTable:
         kinds: (L,) int32, rows of LIGHT_KINDS.
         positions: (L, 3) float64.
         axes: (L, 3, 3) float32, unit vectors.
-        powers: (L, 3) float32, of each channel, in watts; of a sun what falls on a surface that faces it, watts a
+        powers: (L, 3) float32, of each channel, in watts; of a sun the irradiance of a surface that faces it, watts a
             square metre. A point light of P watts shines with P / (4 pi) into every direction, an area light with the
             radiance P / (pi area), as in Blender.
         sizes: (L, 2) float32: the radius of points and spots, the angle of suns in radians (both in the first column),
             the two sides or diameters of rectangles and ellipses.
-        cones: (L, 2) float32: of spots, the whole angle in radians and how much of it the soft border takes, 0 to 1; of
-            rectangles and ellipses, the whole angle that a grid before them leaves to their light, pi without one, and
-            0.
+        cones: (L, 2) float32: of spots, the whole angle in radians and the share of it that the soft border takes, 0 to
+            1; of rectangles and ellipses, the whole angle to which a grid in front of them limits their light, pi
+            without one, and 0.
         casts_shadow: (L,) bool.
     """
 
@@ -213,9 +216,9 @@ class World:
     """The light from all around a scene.
 
     Attributes:
-        color: scene-linear radiance, or what the image's colours are multiplied with.
+        color: scene-linear radiance, or the factor of the image's colours.
         image: The row of an equirectangular image among the appearance's, -1 for none.
-        rotation: Of directions about z before the image is looked up, in radians.
+        rotation: Of directions about z before the lookup in the image, in radians.
     """
 
     color: tuple[float, float, float] = (0.0, 0.0, 0.0)
@@ -230,11 +233,11 @@ class InstanceTable:
     Attributes:
         ids: (I,) int32, the scene's instance ids.
         slot_offsets: (I + 1,) int32: instance i's materials are slot_materials[slot_offsets[i]:slot_offsets[i + 1]].
-            Triangles that use a slot beyond these are shown in the last one.
+            Triangles that use a slot beyond these get the last material.
         slot_materials: (S,) int32, rows of the material table, -1 for an empty slot.
         object_indices: (I,) int32, the object's pass index.
         holdout: (I,) bool: the instance cuts a transparent hole into the image.
-        values: (I, K, 4) float32: what programs get as "INSTANCE", by its row 0 to K - 1.
+        values: (I, K, 4) float32: the values that programs get as "INSTANCE", by its row 0 to K - 1.
     """
 
     ids: Int32Array = field(default_factory=lambda: np.empty(0, np.int32))
@@ -251,20 +254,20 @@ class Appearance:
 
     Attributes:
         camera_mask: The bits of an instance's mask that camera rays see.
-        shadow_mask: Those that ambient-occlusion and shadow rays see.
-        diffuse_mask, glossy_mask, transmission_mask: In "preview" those that rays see which a surface spreads, mirrors
-            or lets through.
-        catcher_mask: In "preview" instances with one of these bits in their mask show nothing but the shadows that
-            others throw on them: black, with as much alpha as the light that these take from them; over the world
+        shadow_mask: The bits that ambient-occlusion and shadow rays see.
+        diffuse_mask, glossy_mask, transmission_mask: In "preview" the bits that diffusely scattered, reflected and
+            transmitted rays see.
+        catcher_mask: In "preview" instances with one of these bits in their mask show only the shadows that other
+            instances cast on them: black, with alpha equal to the share of light that these block; over the world
             without `film_transparent`.
         film_transparent: The background has alpha 0 instead of showing the sky.
-        plain_reflectance: In "preview", how much of the light from straight above is mirrored by what has no material,
-            like a dielectric of roughness 0.5; 0 to 1.
-        pass_alpha_threshold: 0 to 1. What has less alpha is not in the passes of depths, normals, indices and vectors:
-            they show what is behind it, through as many surfaces as `LightPaths.transparent_bounces` says.
-        images, hair, finish, lights, world: For the mode "preview". Without a world the studio's soft sky stands for
-            it.
-        backdrop: What the camera sees instead of the world, and nothing is lit by. None: the world.
+        plain_reflectance: In "preview", the reflectance from straight above of surfaces without a material, like a
+            dielectric of roughness 0.5; 0 to 1.
+        pass_alpha_threshold: 0 to 1. Surfaces with less alpha are not in the passes of depths, normals, indices and
+            vectors: these show the surface behind, through up to `LightPaths.transparent_bounces` surfaces.
+        images, hair, finish, lights, world: For the mode "preview". Without a world the studio's soft sky lights the
+            scene.
+        backdrop: A background that the camera sees instead of the world, and that lights nothing. None: the world.
     """
 
     meshes: Mapping[int, MeshAppearance] = field(default_factory=dict)

@@ -1,4 +1,4 @@
-"""Checking a random share of the answers, or of an image's rays, that triangles give, without any tree."""
+"""Checks a random share of the answers of triangles, or of an image's rays, without any tree."""
 
 from __future__ import annotations
 
@@ -24,14 +24,14 @@ _DEVIATIONS_AT_95_PERCENT = 1.959963984540054
 
 @dataclass(frozen=True, slots=True)
 class Audit:
-    """What checking some of the answers again, in double precision and without a tree, has shown.
+    """The result of checking some of the answers again, in double precision and without a tree.
 
     Attributes:
         checked_count: Rays that were judged, of those drawn at random.
-        wrong_rows: (wrong,) int64: those whose answer is wrong, as rows of the flattened batch; of an image the pixels
-            that they belong to, counted row by row from the top. Wrong: a miss although a triangle in range is surely
-            hit; or a hit of a triangle that is surely missed, or whose t is off by more than rounding the ray to float
-            can explain, or that lies behind a surely hit one.
+        wrong_rows: (wrong,) int64: the rows of wrong answers in the flattened batch; for an image the pixels
+            that they belong to, counted row by row from the top. An answer is wrong if it is a miss although a triangle
+            in range is surely hit; or if its triangle is surely missed, has a t that is off by more than rounding the
+            ray to float can explain, or lies behind a surely hit one.
         ambiguous_count: Rays that pass some triangle's edge, or an end of their range, so closely that rounding them to
             float decides: then either answer counts as right.
         not_judged_count: Rays that come near curves or points, which only tests judge; no triangle shows them wrong.
@@ -44,19 +44,19 @@ class Audit:
 
     @classmethod
     def of(cls, verdicts: npt.NDArray[np.uint8], rows: npt.NDArray[np.int64]) -> Audit:
-        """Of rays by the native module's verdicts; rows: where they belong."""
+        """Sums up the native module's verdicts on rays; rows: the rows or pixels that they belong to."""
         wrong, ambiguous, not_judged = (verdicts & bit != 0 for bit in (_WRONG, _AMBIGUOUS, _NOT_JUDGED))
         left = int(not_judged.sum())
         return cls(len(verdicts) - left, rows[wrong], int(ambiguous.sum()), left)
 
     @property
     def wrong_per_million(self) -> float:
-        """Of the rays that were judged; 0 if none was."""
+        """Wrong rays per million judged rays; 0 if none was judged."""
         return 1e6 * len(self.wrong_rows) / max(self.checked_count, 1)
 
     @property
     def interval(self) -> tuple[float, float]:
-        """The wrong per million of all the batch's rays lie between these with a confidence of 95 % (Wilson 1927)."""
+        """The 95 % confidence interval of the wrong per million of all the batch's rays (Wilson 1927)."""
         count, wrong = self.checked_count, len(self.wrong_rows)
         if count == 0:
             return 0.0, 1e6
@@ -68,7 +68,7 @@ class Audit:
         return 1e6 * low, 1e6 * high
 
     def __add__(self, other: Audit) -> Audit:
-        """Of both together."""
+        """Returns the sum of two audits."""
         return Audit(
             self.checked_count + other.checked_count,
             np.concatenate([self.wrong_rows, other.wrong_rows]),
@@ -88,13 +88,13 @@ class Audit:
 
 @dataclass(slots=True)
 class RenderAudit:
-    """Asks a render to check a share of its camera rays, and holds what that has shown: `render(..., audit=audit)`.
+    """Asks a render to check a share of its camera rays, and holds the result: `render(..., audit=audit)`.
 
     Attributes:
-        share: 0 to 1. The rays are drawn at random, the same ones for the same seed, whatever the threads. Each costs
-            about 5 ns for every triangle of the scene.
-        result: Of all renders that were given this object, added up
-        seconds: What they have spent on it.
+        share: 0 to 1. The rays are drawn at random, the same ones for the same seed, on any number of threads. Each
+            costs about 5 ns for every triangle of the scene.
+        result: The sum over all renders that were given this object
+        seconds: The time spent on the checks.
     """
 
     share: float = 1e-3
@@ -107,7 +107,7 @@ class RenderAudit:
     def check(
         self, snapshot: _core.Snapshot, kept: dict[str, npt.NDArray[Any]], threads: int, progress: Progress | None
     ) -> None:
-        """Adds what checking the rays shows that a render has kept, as columns of one row a ray."""
+        """Checks the rays that a render has kept, as columns with one row for each ray, and adds the result."""
         started = time.perf_counter()
         names = ("origins", "directions", "t_min", "t_max", "masks", "times", *AUDITED_FIELDS)
         columns = [kept[name] for name in names]
@@ -126,7 +126,7 @@ def audit_answers(
     threads: int,
     progress: Progress | None,
 ) -> Audit:
-    """Checks each ray of the batch with a chance of `share`; the same rays whenever the same snapshot is asked."""
+    """Checks each ray of the batch with a probability of `share`; the same rays for the same snapshot."""
     rows = _draw_rows(batch.count, share, seed=snapshot.generation)
     answers = [columns[name].reshape(-1) for name in AUDITED_FIELDS]
 
@@ -156,7 +156,7 @@ def _judge(
 
 
 def _draw_rows(count: int, share: float, seed: int) -> npt.NDArray[np.int64]:
-    """Each of `count` rows with a chance of `share`, in order, at a cost that goes with how many are drawn."""
+    """Draws each of `count` rows with a probability of `share`, in order, at a cost in proportion to the drawn rows."""
     generator = np.random.default_rng(seed)
     expected = count * share
     found, last = [], -1

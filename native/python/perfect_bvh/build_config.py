@@ -1,4 +1,4 @@
-"""What may be chosen about a tree."""
+"""The settings of a tree's build."""
 
 from __future__ import annotations
 
@@ -11,44 +11,45 @@ Builder = Literal["auto", "median", "sweep", "binned", "spatial", "fast"]
 BUILDERS: tuple[str, ...] = get_args(Builder)
 Usage = Literal["static", "deforming", "changing"]
 
-# Least and greatest, both allowed. The engine checks the same ranges.
+# Minimum and maximum, both allowed. The engine checks the same ranges.
 _WHOLE_NUMBERS = {"optimize": (0, 1000), "bins": (2, 256), "axes": (1, 3), "max_leaf_size": (1, 255)}
 
 
 @dataclass(frozen=True, slots=True)
 class BuildConfig:
-    """How a mesh's tree is built. The defaults need no thought.
+    """The build settings of a mesh's tree. The defaults are good for most meshes.
 
-    Every builder's tree gives the same hits; they differ in how long they take to build and to trace. Most take 50 to
+    Every builder's tree gives the same hits; builders differ in the time to build and to trace. Most take 50 to
     70 bytes a triangle, positions and indices included.
 
-    builder: what divides the triangles.
-        "auto": the engine's choice, by the mesh's usage: "fast" if its topology changes, else "binned", which then goes
-            on only until triangles fill a leaf of the tree that rays meet (8 triangles over 8 vertices): less time and
-            memory than down to the last split that pays, for rays as fast. Not where the leaf size is set.
-        "median": halves of equal number, whatever they cost to trace. The naive reference: quick to build and by far
+    builder: the method that divides the triangles.
+        "auto": the engine's choice, by the mesh's usage: "fast" if its topology changes, else "binned". This "binned"
+            stops when triangles fill a leaf of the tree that rays are traced through (8 triangles over 8 vertices): it
+            takes less time and memory than splitting down to the last split that pays, and rays are as fast. It does
+            not stop there if the leaf size is set.
+        "median": halves of equal number, at any tracing cost. The naive reference: quick to build and by far
             the slowest to trace, twice the tests or more. For comparisons, not for use.
         "sweep": the surface area heuristic at every one of the 3(N-1) planes of each node (MacDonald and Booth
             1990). Slower to build than "binned" for a tree that is a few per cent better at best: the
             yardstick for the others.
         "binned": the heuristic at a fixed number of planes (Wald 2007). The usual choice; its trees can be refitted.
-        "spatial": cuts space too where that is cheaper, and refers to what it cuts from both sides (Stich, Friedrich
-            and Dietrich 2009). Takes several times as long as "binned" and more memory, and pays for long,
+        "spatial": also splits space where that is cheaper, and references cut triangles from both sides (Stich,
+            Friedrich and Dietrich 2009). Takes several times as long as "binned" and more memory. It pays for long,
             large or crossed triangles, hardly for evenly tessellated ones. Rebuilt when positions change.
         "fast": triangles along a Morton curve (Morton 1966), cut into leaves and clustered with their neighbours there
-            (Meister and Bittner 2018). The least time of all that look at cost, for a slightly worse tree: for a
-            topology that changes every frame. Slower where a pass of "optimize" or a leaf size is asked for: it
-            then goes by a binary tree, as the others do.
-    optimize: passes of reinsertion after the build, 0 to 1000: nodes are taken out and put where they cost less
+            (Meister and Bittner 2018). The fastest builder that considers cost, for a slightly worse tree: for a
+            topology that changes every frame. Slower if a pass of "optimize" or a leaf size is requested: it
+            then makes a binary tree first, as the others do.
+    optimize: passes of reinsertion after the build, 0 to 1000: nodes are removed and reinserted where they cost less
         (Bittner, Hapala and Havran 2013; Meister and Bittner 2018). Each pass looks at twice as many nodes as the one
-        before; it stops by itself where nothing is left to gain. Lowers the cost of any builder's tree, most of all
+        before; it stops by itself when there is no more gain. It lowers the cost of any builder's tree, most of all
         of uneven ones, for up to several times the time of the build.
-    bins: intervals an axis, 2 to 256; for "binned" and "spatial" (space is cut at half as many). Fewer are slightly
+    bins: intervals an axis, 2 to 256; for "binned" and "spatial" (which cuts space at half as many). Fewer are slightly
         faster and worse.
     axes: 3 tries planes on all axes, 1 only on the longest one; for "binned". One is faster and worse.
-    max_leaf_size: triangles a leaf holds at most, 1 to 255; "median" splits until no leaf holds more, the others
-        earlier where that costs less: a split is made if it costs less than the leaf.
-    duplication_budget: for "spatial", references it may add, as a share of the triangles, 0 to 10.
+    max_leaf_size: the largest number of triangles of a leaf, 1 to 255. "median" splits until no leaf holds more. The
+        others also split smaller nodes: they make a split if it costs less than the leaf.
+    duplication_budget: for "spatial", the limit of added references, as a share of the triangles, 0 to 10.
 
     Raises ValueError, naming the setting, for anything else.
     """
@@ -62,7 +63,7 @@ class BuildConfig:
 
     def __post_init__(self) -> None:
         check_choice("BuildConfig", "builder", self.builder, BUILDERS)
-        for name, (least, most) in _WHOLE_NUMBERS.items():  # numpy's are welcome, and plain ones are kept
+        for name, (least, most) in _WHOLE_NUMBERS.items():  # accepts numpy's integers, and stores plain ones
             object.__setattr__(self, name, check_count("BuildConfig", name, getattr(self, name), least, most))
         if self.axes == 2:
             raise ValueError("BuildConfig: axes must be 1 or 3, got 2")
@@ -70,12 +71,12 @@ class BuildConfig:
         object.__setattr__(self, "duplication_budget", budget)
 
     def as_settings(self) -> dict[str, Any]:
-        """What the native module takes."""
+        """Returns the settings as the native module takes them."""
         return asdict(self)
 
 
 def as_config(function: str, build: str | BuildConfig) -> BuildConfig:
-    """What a caller's `build` means; raises ValueError for anything but "auto" and a `BuildConfig`."""
+    """Converts a caller's `build`; raises ValueError for anything but "auto" and a `BuildConfig`."""
     if isinstance(build, BuildConfig):
         return build
     if build == "auto":
@@ -84,5 +85,5 @@ def as_config(function: str, build: str | BuildConfig) -> BuildConfig:
 
 
 def check_usage(function: str, usage: str) -> None:
-    """Raises ValueError for a usage that there is not."""
+    """Raises ValueError for an unknown usage."""
     check_choice(function, "usage", usage, get_args(Usage))

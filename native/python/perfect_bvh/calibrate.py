@@ -1,7 +1,7 @@
-"""Measures a `Calibration`: builds, refits and rays on made-up meshes, a few seconds on one thread.
+"""Measures a `Calibration`: builds, refits and rays on synthetic meshes, a few seconds on one thread.
 
-Each figure is the least of several rounds that take turns: whatever else the machine does only adds time. The costs of
-visits are fitted to the times of rays through trees that are good and bad in different ways. Time is this thread's own
+Each figure is the minimum of several interleaved rounds: other load on the machine only adds time. The costs of
+visits are fitted to the times of rays through trees of different quality. The clock is this thread's own CPU time
 where the system counts it finely enough.
 """
 
@@ -31,12 +31,12 @@ Float = npt.NDArray[np.float32]
 Progress = Callable[[float], object]
 Clock = Callable[[], int]
 
-# Each figure is the least of so many; of more by a clock that also runs while others have the processor.
+# Each figure is the minimum of this many rounds; of more with a clock that also counts other programs' time.
 ROUNDS, ROUNDS_BY_COMMON_CLOCK = 3, 5
 RAYS = 40_000
-# A clock that stands still for longer is too coarse: the shortest thing that is measured takes a millisecond.
+# A clock with longer steps is too coarse: the shortest measurement takes a millisecond.
 COARSE_NANOSECONDS = 100_000
-# Numbers to begin with: only ratios of them reach what is measured.
+# Initial numbers: the measurements depend only on their ratios.
 _UNIT = Calibration(1.0, 1.0, 1.0, 1.0, 1.0, 1.0, {name: BuilderCost(1.0, 1.0) for name in BUILDERS})
 _UPDATES: tuple[Policy, ...] = ("refit", "rotate", "rebuild_parts")
 
@@ -49,7 +49,7 @@ class _Mesh:
 
 @dataclass(slots=True)
 class _Tree:
-    """A tree that rays are timed through. visits: of nodes and of leaves, expected of a ray."""
+    """A tree for timing rays. visits: the expected numbers of nodes and of leaves that a ray visits."""
 
     scene: Scene
     rays: tuple[Float, Float]
@@ -65,7 +65,7 @@ class _Tree:
 
 @dataclass(slots=True)
 class _CommitTimes:
-    """Of all meshes together, in nanoseconds: the least so far. in_parts: triangles, the same in each round."""
+    """Times of all meshes together, in nanoseconds: the minimum so far. in_parts: triangles, the same in each round."""
 
     builds: dict[str, float] = field(default_factory=lambda: dict.fromkeys(BUILDERS, float("inf")))
     updates: dict[Policy, float] = field(default_factory=lambda: dict.fromkeys(_UPDATES, float("inf")))
@@ -84,8 +84,8 @@ def calibrate(progress: Progress | None = None) -> Calibration:
     """Measures this machine: a few seconds.
 
     Args:
-        progress: Called with the share done; returning False raises `perfect_bvh.Cancelled`. Nothing else should run in
-            the process meanwhile: the engine works on one thread.
+        progress: Called with the share done; returning False raises `perfect_bvh.Cancelled`. The process should do
+            nothing else during the measurement: the engine works on one thread.
     """
     threads = _core.thread_count()
     _core.set_thread_count(1)
@@ -130,7 +130,7 @@ def _measure(progress: Progress) -> Calibration:
         node_nanoseconds=node,
         leaf_nanoseconds=leaf,
         refit_nanoseconds=refit,
-        rotate_nanoseconds=max(rotate - refit, 0.1 * refit),  # the clock's noise must not make it a gift
+        rotate_nanoseconds=max(rotate - refit, 0.1 * refit),  # the clock's noise must not make rotations free
         rebuild_parts_nanoseconds=max(parts, 0.1 * refit),
         rotation_gain=float(np.mean([_rotation_gain(mesh) for mesh in meshes])),
         builders=builders,
@@ -139,11 +139,11 @@ def _measure(progress: Progress) -> Calibration:
 
 
 def choose_clock(own: Clock = time.thread_time_ns, common: Clock = time.perf_counter_ns) -> Clock:
-    """`own`, in which nobody else's work counts, unless it is seen to stand still: then `common`. Both in nanoseconds.
+    """Returns `own`, which excludes other programs' work, or `common` if `own` is too coarse. Both count nanoseconds.
 
-    Windows moves a thread's own time 64 times a second, and says of it that its resolution is 100 ns.
+    Windows advances a thread's own time 64 times a second, but reports its resolution as 100 ns.
     """
-    for _ in range(2):  # a coarse one may move by chance while it is looked at, but not twice
+    for _ in range(2):  # a coarse clock may advance by chance during one test, but not during two
         started, before = common(), own()
         while own() == before:
             if common() - started > COARSE_NANOSECONDS:
@@ -177,7 +177,7 @@ def _wavy_sphere() -> _Mesh:
 
 
 def _scattered() -> _Mesh:
-    """Leaves and twigs: small and long triangles in clusters, every which way."""
+    """Leaves and twigs: small and long triangles in clusters, in all orientations."""
     random = np.random.default_rng(1)
     count = 65_536
     middles = random.uniform(-1, 1, (256, 3)).repeat(count // 256, axis=0) + random.normal(0, 0.08, (count, 3))
@@ -189,7 +189,7 @@ def _scattered() -> _Mesh:
 
 
 def _bent(mesh: _Mesh) -> Float:
-    """Positions turned about the axis the more, the higher up they are."""
+    """Returns positions turned about the axis, by an angle that grows with the height."""
     x, y, z = mesh.positions.T
     angle = 2.0 * z
     cos, sin = np.cos(angle), np.sin(angle)
@@ -201,7 +201,7 @@ def _bent(mesh: _Mesh) -> Float:
 
 def _scene_of(mesh: _Mesh, usage: Usage, builder: Any, policy: Policy = "refit") -> tuple[Scene, int]:
     scene = with_policy(Scene(calibration=_UNIT), policy)
-    builder = "auto" if builder == "binned" else builder  # as the engine builds where it has the choice
+    builder = "auto" if builder == "binned" else builder  # builds as the engine does when it has the choice
     number = scene.add_mesh(mesh.positions, mesh.triangles, build=BuildConfig(builder=builder), usage=usage)
     scene.add_instance(number)
     return scene, number
@@ -219,9 +219,9 @@ def _time_build(mesh: _Mesh, builder: str) -> float:
 
 
 def _time_update(mesh: _Mesh, policy: Policy) -> tuple[float, float]:
-    """Of a commit that has the memory of the last tree but one, as in an animation.
+    """Times a commit that reuses the memory of the last tree but one, as in an animation.
 
-    Returns its nanoseconds, and how many triangles are in the parts that it rebuilt.
+    Returns its nanoseconds, and the number of triangles in the parts that it rebuilt.
     """
     scene, number = _scene_of(mesh, "deforming", "binned", policy)
     scene.commit()
@@ -235,7 +235,7 @@ def _time_update(mesh: _Mesh, policy: Policy) -> tuple[float, float]:
 
 
 def _rotation_gain(mesh: _Mesh) -> float:
-    """The share, of what rebuilding everything above the leaves gains, that rotations gain."""
+    """Returns the gain of rotations as a share of the gain of rebuilding everything above the leaves."""
     rotated, rebuilt = (_update(mesh, policy) for policy in ("rotate", "rebuild_parts"))
     most = rebuilt.refitted_cost - rebuilt.cost
     gain = (rotated.refitted_cost - rotated.cost) / most if most > 0 else 0.0
@@ -266,7 +266,7 @@ def _tree(scene: Scene, positions: Float) -> _Tree:
 
 
 def _rays(positions: Float) -> tuple[Float, Float]:
-    """From all around towards random places in the box."""
+    """Makes rays from all around towards random points in the box."""
     random = np.random.default_rng(2)
     lower, upper = positions.min(axis=0), positions.max(axis=0)
     outward = random.normal(size=(RAYS, 3))
@@ -277,9 +277,9 @@ def _rays(positions: Float) -> tuple[Float, Float]:
 
 
 def _fit_visits(trees: list[_Tree]) -> tuple[float, float]:
-    """Nanoseconds of a visit to a node and to a leaf, by least squares of relative errors.
+    """Fits the nanoseconds of a visit to a node and to a leaf, by least squares of relative errors.
 
-    Neither is below a tenth of the mean: then the two came together too often to be told apart.
+    Neither is below a tenth of the mean: a smaller value means that the two occur too often together to be separated.
     """
     visits = np.array([tree.visits for tree in trees])
     times = np.array([tree.nanoseconds for tree in trees])

@@ -1,8 +1,8 @@
-"""What work costs on this machine: the numbers that the engine weighs builds, refits and rays by, and their file.
+"""The cost of work on this machine: the numbers by which the engine weighs builds, refits and rays, and their file.
 
-`perfect-bvh calibrate` measures them once (see `perfect_bvh.calibrate`). They are kept in a JSON file: the one that the
-environment variable PERFECT_BVH_CALIBRATION names, else `calibration.json` in the user's cache folder. Without one, the
-numbers that come with the package are used; they are another machine's, but what counts is how they compare.
+`perfect-bvh calibrate` measures them once (see `perfect_bvh.calibrate`). They are kept in a JSON file. Its path is in
+the environment variable PERFECT_BVH_CALIBRATION, else it is `calibration.json` in the user's cache folder. Without a
+file, the numbers that come with the package are used. They are from another machine, but only their ratios matter.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from pathlib import Path
 from typing import Any
 
 VARIABLE = "PERFECT_BVH_CALIBRATION"
-VERSION = 2  # of the file: of what the numbers mean
+VERSION = 2  # of the file: it changes with the meaning of the numbers
 BUILDERS = ("fast", "binned", "spatial")
 NUMBERS = (
     "node_nanoseconds",
@@ -40,11 +40,11 @@ class CalibrationError(ValueError):
 
 @dataclass(frozen=True, slots=True)
 class BuilderCost:
-    """What a builder costs, with a mesh of 65,536 triangles.
+    """The cost of a builder, for a mesh of 65,536 triangles.
 
     Attributes:
-        build_nanoseconds: A triangle, ready to trace.
-        trace_nanoseconds: A ray that meets the mesh's box, the geometric mean of two meshes.
+        build_nanoseconds: For each triangle, until the tree is ready to trace.
+        trace_nanoseconds: For each ray that meets the mesh's box, the geometric mean of two meshes.
     """
 
     build_nanoseconds: float
@@ -53,17 +53,17 @@ class BuilderCost:
 
 @dataclass(frozen=True, slots=True)
 class Calibration:
-    """Nanoseconds of one thread.
+    """Costs in nanoseconds of one thread.
 
     Attributes:
-        node_nanoseconds, leaf_nanoseconds: Of a ray's visit to a node and to a leaf block.
-        refit_nanoseconds: A triangle
-        rotate_nanoseconds: besides, for restructuring the refitted tree by rotations
-        rebuild_parts_nanoseconds: Of a triangle in the parts, for rebuilding those, beyond twice the refit of the
-            whole.
-        rotation_gain: The share, up to 1, of what new parts are expected to gain that rotations do.
+        node_nanoseconds, leaf_nanoseconds: For a ray's visit to a node and to a leaf block.
+        refit_nanoseconds: For refitting a triangle
+        rotate_nanoseconds: For restructuring the refitted tree by rotations, for each triangle, without the refit
+        rebuild_parts_nanoseconds: For rebuilding parts of a tree, for each triangle in them, in addition to twice
+            the refit of the whole tree.
+        rotation_gain: The gain of rotations as a share, up to 1, of the expected gain of rebuilt parts.
         builders: The costs of "fast", "binned" and "spatial".
-        machine: Where it was measured, in words.
+        machine: A description of the machine that was measured.
 
     Raises:
         CalibrationError: (a ValueError) for numbers that are not positive and finite.
@@ -92,14 +92,14 @@ class Calibration:
             raise CalibrationError(f"Calibration: rotation_gain must be at most 1, got {self.rotation_gain!r}")
 
     def as_numbers(self) -> dict[str, Any]:
-        """What the native module takes, and what the file holds beside its version."""
+        """Returns the numbers as the native module takes them; the file holds these and its version."""
         return {
             **{name: getattr(self, name) for name in NUMBERS},
             "builders": {name: asdict(self.builders[name]) for name in BUILDERS},
         }
 
     def save(self, path: Path) -> None:
-        """Writes the file as a whole or not at all. Raises OSError."""
+        """Writes the file atomically. Raises OSError."""
         text = json.dumps({"version": VERSION, "machine": self.machine, **self.as_numbers()}, indent=1) + "\n"
         path.parent.mkdir(parents=True, exist_ok=True)
         handle, name = tempfile.mkstemp(dir=path.parent, prefix=path.name)
@@ -113,7 +113,7 @@ class Calibration:
 
     @classmethod
     def load(cls, path: Path) -> Calibration:
-        """Reads a file. Raises `CalibrationError`, which says what is wrong with it, and OSError."""
+        """Reads a file. Raises OSError, and `CalibrationError`, which says what is wrong with the file."""
         try:
             values = json.loads(path.read_text(encoding="utf-8"))
         except (UnicodeDecodeError, json.JSONDecodeError) as error:
@@ -135,7 +135,7 @@ class Calibration:
 
 
 def user_file() -> Path:
-    """Where this user's calibration is, or will be once it is measured."""
+    """Returns the path of this user's calibration, whether it exists yet or not."""
     named = os.environ.get(VARIABLE)
     if named:
         return Path(named)
@@ -149,13 +149,13 @@ def user_file() -> Path:
 
 
 def read_calibration() -> Calibration:
-    """The user's calibration, or the package's where there is none; a warning where there is one that is no good."""
+    """Returns the user's calibration, or the package's if there is none; warns if the user's is invalid."""
     try:
         path = user_file()
         return Calibration.load(path)
     except FileNotFoundError:
         pass
-    except (OSError, RuntimeError, CalibrationError) as error:  # RuntimeError: a user without a home folder
+    except (OSError, RuntimeError, CalibrationError) as error:  # RuntimeError: the user has no home folder
         warnings.warn(
             f"the calibration is not used: {error}; `perfect-bvh calibrate` measures it again",
             RuntimeWarning,
@@ -166,5 +166,5 @@ def read_calibration() -> Calibration:
 
 @cache
 def current_calibration() -> Calibration:
-    """What scenes made without one use: read once a process, so that decisions do not change under way."""
+    """Returns the default calibration of scenes: read once a process, so decisions do not change while it runs."""
     return read_calibration()

@@ -1,4 +1,4 @@
-"""Cameras: what the renderer needs to know to turn a pixel into a ray, and no more."""
+"""Cameras: the data that the renderer needs to turn a pixel into a ray."""
 
 from __future__ import annotations
 
@@ -18,19 +18,19 @@ _MOST_BLADES = 1000
 
 @dataclass(frozen=True, slots=True)
 class Lens:
-    """A thin lens: what lies at `focus_distance` is sharp, everything else is blurred into the aperture's shape.
+    """A thin lens: points at `focus_distance` are sharp, all others are blurred into the aperture's shape.
 
     A point at distance d spreads over a disk of radius `radius * abs(d / focus_distance - 1)` around itself, in world
-    units, by which it covers what is around it. Only the mode "preview" uses lenses, and only for "combined": all other
-    modes and passes show what is seen through the middle of the lens.
+    units, and covers its surroundings by that much. Only the mode "preview" uses lenses, and only for "combined". All
+    other modes and passes show the view through the middle of the lens.
 
     Attributes:
         radius: Of the aperture, in world units: the focal length divided by twice the f-number. A polygon's corners lie
             at this distance from the middle.
         focus_distance: In world units, along the view axis; along the ray of a panorama.
         blades: Corners of the aperture, 3 or more; 0 for a circle.
-        rotation: Of the corners about the view axis, in radians; at 0 an edge lies on the right.
-        ratio: Of an anamorphic lens, by which the aperture is narrower than high.
+        rotation: Of the corners about the view axis, in radians. At 0 an edge is on the right.
+        ratio: Of an anamorphic lens: its aperture is narrower than high by this factor.
     """
 
     radius: float
@@ -52,16 +52,16 @@ class Lens:
 class Camera:
     """A camera that looks along its own -Z with +Y up, as Blender's does.
 
-    Sensor size, focal length, shift, sensor fit and pixel aspect are all folded into `window`, so that the
-    renderer has a single rule: pixel centres divide the window evenly.
+    `window` contains sensor size, focal length, shift, sensor fit and pixel aspect, so the renderer has a single rule:
+    pixel centres divide the window evenly.
 
     Attributes:
         matrix: (4, 4) float64, camera to world; any scale in it is removed, as Blender does.
-        window: (left, right, bottom, top) of the whole frame: on the plane one unit in front of a perspective camera
-            (so tangents), in world units for an orthographic one, or in radians for an equirectangular one: longitudes
-            to the right of the view axis, latitudes above it.
+        window: (left, right, bottom, top) of the whole frame: for a perspective camera, on the plane one unit in front
+            of it (so tangents); for an orthographic one, in world units; for an equirectangular one, in radians:
+            longitudes to the right of the view axis, latitudes above it.
         clip_start, clip_end: Distances along the view axis (not along the ray), in world units. A panorama has no such
-            axis: there they are distances from the camera, and so is its depth.
+            axis: its clip distances and its depth are distances from the camera.
         border: (left, right, bottom, top) as fractions of the frame, 0 to 1. Pixels outside it are not traced and stay
             zero; the image keeps the size of the whole frame.
         lens: None for a pinhole, through which everything is sharp.
@@ -93,7 +93,7 @@ class Camera:
             raise ValueError(f"Camera: border must be fractions (left <= right, bottom <= top), got {self.border}")
 
     def pixel_rays(self, size: tuple[int, int], rows: slice | None = None) -> tuple[Float64Array, Float64Array]:
-        """The rays through the centres of an image's pixels, as the renderer casts them: a pinhole camera's.
+        """Returns the rays through the centres of an image's pixels, as the renderer casts them for a pinhole camera.
 
         Args:
             size: (width, height) of the whole image.
@@ -140,7 +140,7 @@ class Camera:
         clip_start: float = 0.1,
         clip_end: float = 1000.0,
     ) -> Camera:
-        """A perspective camera at `position` that looks at `target`.
+        """Returns a perspective camera at `position` that looks at `target`.
 
         Args:
             angle: Horizontal field of view in radians.
@@ -153,7 +153,7 @@ class Camera:
             raise ValueError("Camera.look_at: position and target must differ")
         backward /= length
         right = np.cross(np.asarray(up, dtype=np.float64), backward)
-        if float(np.linalg.norm(right)) < 1e-9:  # looking straight along `up`: any right will do
+        if float(np.linalg.norm(right)) < 1e-9:  # looking straight along `up`: any right vector works
             right = np.cross((0.0, 1.0, 0.0) if abs(backward[1]) < 0.9 else (1.0, 0.0, 0.0), backward)
         right /= np.linalg.norm(right)
         matrix = np.eye(4)
@@ -169,35 +169,35 @@ class Camera:
 
 
 # Shutter -------------------------------------------------------------------------------------------------------------
-# The camera's shutter: how an image shows what moves while it is open.
+# The camera's shutter: how an image shows motion while it is open.
 
 
 Floats = npt.NDArray[np.float32]
 
-# Of the table by which chances become times.
+# Size of the table that maps chances to times.
 _TABLE_SIZE = 256
-# Of the steps in which the area below a curve is added up.
+# The number of steps in which the area below a curve is integrated.
 _STEPS = 16 * _TABLE_SIZE
 
 
 @dataclass(frozen=True, slots=True)
 class Shutter:
-    """While the shutter is open each sample of a pixel has a time of its own, so that what moves is blurred.
+    """The time that the camera's shutter is open. Each sample of a pixel has its own time, so that motion is blurred.
 
-    Times are those of queries: 0 where the shutter opens, 1 where it has closed; how things move meanwhile is set by
-    `Scene.set_instance_motion` and its like. Only the mode "preview" blurs, and only in "combined" and a denoiser's
-    guides: all other modes and passes show the middle, time 0.5. Lights stand still.
+    Times are those of queries: 0 where the shutter opens, 1 where it has closed. `Scene.set_instance_motion` and the
+    other motion methods set how objects move in between. Only the mode "preview" blurs, and only in "combined" and a
+    denoiser's guides. All other modes and passes show the middle, time 0.5. Lights do not move.
 
     Attributes:
-        curve: How far it is open, at two or more evenly spaced times from 0 to 1, straight in between; numbers of 0 or
-            more, not all 0. None, the default: fully all the time.
-        rolling: The part of the time, 0 to 1, for which each row of pixels is seen; the first row at the beginning, the
-            last one at the end, as by sensors that are read row by row. None, the default: all rows at once.
-        cameras: Two or more at evenly spaced times from 0 to 1, if the camera moves: between them it turns evenly and
-            goes in a straight line, and so do the edges of its window. Their lenses, clipping ranges and borders are
-            not looked at. Empty, the default: it stands still.
-        frame_time: When shapes are those that the appearance's corner normals are of. Normals of meshes that change
-            their shape are carried along with each triangle from there.
+        curve: How far the shutter is open, at two or more evenly spaced times from 0 to 1, linear in between; numbers
+            of 0 or more, not all 0. None, the default: fully open all the time.
+        rolling: The part of the time, 0 to 1, for which each row of pixels is exposed: the first row at the beginning,
+            the last one at the end, as for sensors that are read row by row. None, the default: all rows at once.
+        cameras: For a moving camera, two or more at evenly spaced times from 0 to 1. Between them rotations turn
+            evenly, and positions and the edges of the window are interpolated linearly. Their lenses, clipping ranges
+            and borders are ignored. Empty, the default: the camera does not move.
+        frame_time: The time of the shapes that the appearance's corner normals belong to. From there, normals of meshes
+            that change their shape follow each triangle.
         blurs: False: "combined" shows the middle, too; for the pass "vector" alone. True is the default.
 
     Raises:
@@ -234,7 +234,8 @@ class Shutter:
         places = np.union1d(np.linspace(0.0, 1.0, _STEPS + 1), given)
         heights = np.interp(places, given, self.curve)
         light = np.concatenate([[0.0], np.cumsum((heights[1:] + heights[:-1]) * np.diff(places))])
-        # Where it is shut nothing is added: such times are no one's, but for one step of the table across each gap.
+        # While the shutter is closed no light is added: no sample gets such times, except one table step across each
+        # gap.
         opens = int(np.flatnonzero(light > 0.0)[0]) - 1
         light, places = light[opens:], places[opens:]
         rises = np.concatenate([[True], np.diff(light) > 0.0])
@@ -258,7 +259,7 @@ def _checked_curve(values: npt.ArrayLike) -> tuple[float, ...]:
 
 
 def camera_arguments(function: str, camera: Camera) -> dict[str, Any]:
-    """A camera's fields; they were checked when it was made."""
+    """Returns a camera's fields; they were checked when it was made."""
     check_kind(function, "camera", camera, Camera)
     return {
         "matrix": camera.matrix,
@@ -272,7 +273,7 @@ def camera_arguments(function: str, camera: Camera) -> dict[str, Any]:
 
 
 def shutter_arguments(function: str, projection: str, shutter: Shutter | None) -> dict[str, Any] | None:
-    """A shutter's fields; they were checked when it was made."""
+    """Returns a shutter's fields; they were checked when it was made."""
     if shutter is None:
         return None
     check_kind(function, "shutter", shutter, Shutter)

@@ -23,14 +23,14 @@ COLUMN_TYPES: dict[str, tuple[type[np.generic], int]] = {
 class ClosestPoints:
     """One row a point, in the shape of the points that were given.
 
-    points (..., 3) float64: the nearest point of the scene, world space; zero if nothing is near enough.
-    distances (...) float64: to it, world units; inf if nothing is. Of a sliver off by up to 1e-9 of how far the mesh
-        reaches, and so is the point.
-    instance_ids, mesh_ids, primitive_ids (...) int32: where it lies; -1 if nothing is.
-    primitive_uvs (..., 2) float32: the point is (1 - u - v) v0 + u v1 + v v2; zero if nothing is. Of curves and
+    points (..., 3) float64: the nearest point of the scene, world space; zero if none is near enough.
+    distances (...) float64: the distance to it, world units; inf if there is none. On a sliver both may be off by up to
+        1e-9 of the mesh's extent.
+    instance_ids, mesh_ids, primitive_ids (...) int32: the primitive that it lies on; -1 if there is none.
+    primitive_uvs (..., 2) float32: the point is (1 - u - v) v0 + u v1 + v v2; zero if there is none. For curves and
         points as in `Hits`.
     invalid_count: points that are not finite, or whose max_distance is negative or NaN.
-    generation, scene_id: of the snapshot that answered, see `Snapshot`; ids mean what they meant then.
+    generation, scene_id: of the snapshot that answered, see `Snapshot`; ids are valid for that snapshot.
     """
 
     points: npt.NDArray[np.float64]
@@ -50,7 +50,7 @@ class ClosestPoints:
 
 
 def allocate_closest(shape: tuple[int, ...]) -> dict[str, npt.NDArray[Any]]:
-    """Arrays for the answers to points of this shape."""
+    """Allocates arrays for the answers to points of this shape."""
     return {
         name: np.empty(shape if width == 1 else (*shape, width), dtype) for name, (dtype, width) in COLUMN_TYPES.items()
     }

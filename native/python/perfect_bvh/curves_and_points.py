@@ -1,4 +1,4 @@
-"""Curves and points of a scene: primitives beside triangles, which a scene is given and which move like meshes."""
+"""Curves and points of a scene: primitives other than triangles, which are added and moved like meshes."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from ._arrays import as_array, as_integers, as_rows, as_steps, as_time_range
 from ._checks import check_choice, check_count, check_id, check_number
 from .build_config import BuildConfig, Usage, as_config, check_usage
 
-# Curves over control points as what the engine traces: chains of balls, within a stated distance of the curves.
+# Curves over control points become chains of spheres, the engine's primitive, within a stated distance of the curves.
 
 
 CurveKind = Literal["poly", "catmull_rom", "bezier", "b_spline"]
@@ -27,13 +27,13 @@ _LARGEST = 1e18
 
 @dataclass(frozen=True, slots=True)
 class CurveChains:
-    """What is kept of curves to divide them again when they move.
+    """The data of curves that is needed to divide them again when they move.
 
     Attributes:
         offsets, cyclic: Of the control points, int64 and uint8.
         radii: (P,) or (1,), of the points' dtype.
         tolerance: In the mesh's units.
-        piece_count: Of every span, or 0 for as many as the tolerance asks for.
+        piece_count: Of every span, or 0 for the number that the tolerance needs.
     """
 
     kind: CurveKind
@@ -48,9 +48,9 @@ class CurveChains:
     def moved(
         self, function: str, points: npt.NDArray[Any], radii: npt.ArrayLike | None
     ) -> tuple[CurveChains, npt.NDArray[Any], npt.NDArray[Any]]:
-        """The same curves elsewhere, and their balls' centres and radii.
+        """Returns the same curves at other points, and the centres and radii of their spheres.
 
-        They have the pieces that they had if those are as many as the tolerance asks for; else `subdivision` is new.
+        They keep their number of pieces if it equals the number that the tolerance needs; else `subdivision` is new.
         """
         if len(points) != self.point_count:
             raise ValueError(
@@ -68,10 +68,10 @@ class CurveChains:
     def moved_in_steps(
         self, function: str, points: npt.NDArray[Any], radii: npt.NDArray[Any], steps: int
     ) -> tuple[CurveChains, npt.NDArray[Any], npt.NDArray[Any]]:
-        """As `moved`, of steps one after another: with the pieces that the most bent of them asks for.
+        """Moves curves like `moved`, for several steps: all get the pieces that the most bent step needs.
 
         Args:
-            radii: Of all steps, one number a step or one a point; empty: those that there are.
+            radii: Of all steps, one number a step or one a point; empty: the current ones.
         """
         places = np.split(points, steps)
         sizes = [_of_a_step(part) for part in np.split(radii, steps)]
@@ -103,9 +103,9 @@ def divide(
     tolerance: float | None,
     pieces: int | None,
 ) -> tuple[CurveChains | None, npt.NDArray[Any], npt.NDArray[Any], npt.NDArray[np.int64], npt.NDArray[np.uint8]]:
-    """Returns the curves' chains, None for what is a chain as it is, and what the engine makes curves of.
+    """Returns the curves' chains (None for curves that are chains already), and the engine's input.
 
-    That is the balls' centres, radii and offsets, and which curves are cyclic.
+    The input is the spheres' centres, radii and offsets, and which curves are cyclic.
     """
     check_choice(function, "kind", kind, CURVE_KINDS)
     rows = as_rows(function, "points", points)
@@ -127,16 +127,16 @@ def divide(
 
 
 def as_radii(function: str, radii: npt.ArrayLike, rows: npt.NDArray[Any]) -> npt.NDArray[Any]:
-    """One number, or as many as rows, as the rows' dtype."""
+    """Returns one number, or one for each row, as the rows' dtype."""
     array = as_array(function, "radii", radii)
     if array.ndim > 1 or (array.ndim == 1 and len(array) != len(rows)):
         raise ValueError(f"{function}: radii must have shape ({len(rows)},) or be one number, got {array.shape}")
-    with np.errstate(over="ignore"):  # what becomes infinite is refused by the engine, by its number
+    with np.errstate(over="ignore"):  # the engine refuses infinite values, by their number
         return np.array(array.reshape(-1), dtype=rows.dtype)  # a copy: it may be kept
 
 
 def _as_cyclic(function: str, cyclic: npt.ArrayLike, curve_count: int) -> npt.NDArray[np.uint8]:
-    """One a curve, or one for all."""
+    """Returns one for each curve, or one for all."""
     array = as_array(function, "cyclic", cyclic)
     if array.dtype.kind != "b":
         raise ValueError(f"{function}: cyclic must be True, False, or one of them a curve, got dtype {array.dtype}")
@@ -146,10 +146,10 @@ def _as_cyclic(function: str, cyclic: npt.ArrayLike, curve_count: int) -> npt.ND
 
 
 def _default_tolerance(radii: npt.NDArray[Any]) -> float:
-    """A tenth of the mean of what radii there are; what has none is never seen, however it is divided."""
+    """A tenth of the mean radius; curves without radii are never visible, however they are divided."""
     some = radii[radii > 0]
     mean = float(some.mean(dtype=np.float64)) if len(some) else 1.0
-    return _DEFAULT_TOLERANCE * mean if math.isfinite(mean) else 1.0  # the engine refuses what is not finite
+    return _DEFAULT_TOLERANCE * mean if math.isfinite(mean) else 1.0  # the engine refuses infinite radii
 
 
 # Curves and points ---------------------------------------------------------------------------------------------------
@@ -158,17 +158,17 @@ def _default_tolerance(radii: npt.NDArray[Any]) -> float:
 class CurvesAndPoints:
     """Edits of a `Scene`. Ids, instances, masks and usages are those of meshes.
 
-    Both are solids with a surface, but for ribbons, see `add_curves`: a ray enters and leaves them, and to the ray's
+    Both are solids with a surface, except ribbons, see `add_curves`. A ray enters and leaves them. For the ray's
     cull an entry is a front and an exit a back; `list_intersections` has both. Rays are mapped into the mesh's own
-    space, so that an instance whose transform stretches them shows ellipsoids. Of a transform that flattens them
-    nothing is left, and no ray meets them. Hits tell the number of the curve or the point, the normal outward of the
-    true surface, and of curves u from 0 at the first point to 1 at the last, as their control points divide them.
+    space, so an instance whose transform stretches them shows ellipsoids. If the transform flattens them, no ray hits
+    them. Hits hold the number of the curve or the point and the outward normal of the true surface. For curves u runs
+    from 0 at the first point to 1 at the last, as their control points divide them.
     """
 
     __slots__ = ()
     _scene: _core.Scene
-    # Of the curves that are divided, by the mesh's id. No lock is held while the engine edits, which may wait for a
-    # commit whose progress callable waits for the lock; each edit tells the engine all of what it is made of instead.
+    # The divided curves, by the mesh's id. No lock is held while the engine edits: it may wait for a commit whose
+    # progress callable waits for the lock. Therefore each edit passes all its data to the engine.
     _chains: dict[int, CurveChains]
 
     def add_points(
@@ -179,10 +179,10 @@ class CurvesAndPoints:
         build: Literal["auto"] | BuildConfig = "auto",
         usage: Usage = "static",
     ) -> int:
-        """Adds points, which are balls, and returns their id as a mesh. They are seen only through instances.
+        """Adds points, which are spheres, and returns their id as a mesh. They are visible only through instances.
 
         Args:
-            centers: (N, 3) float; what detail is kept: see `Scene.add_mesh`.
+            centers: (N, 3) float; see `Scene.add_mesh` for the detail that is kept.
             radii: (N,) float, or one number for all, not negative. Points of radius 0 are left out: no hit has their
                 number, and `statistics()` counts them.
             build, usage: See `Scene.add_mesh`.
@@ -209,34 +209,35 @@ class CurvesAndPoints:
         build: Literal["auto"] | BuildConfig = "auto",
         usage: Usage = "static",
     ) -> int:
-        """Adds curves, and returns their id as a mesh. They are seen only through instances.
+        """Adds curves, and returns their id as a mesh. They are visible only through instances.
 
         Args:
-            points: (P, 3) float, of one curve after another; what detail is kept: see `Scene.add_mesh`.
-            radii: (P,) float, or one number for all, not negative. What is traced is a chain of segments, a segment the
-                convex hull of the balls around two points that follow each other: a cone with round ends. Segments
+            points: (P, 3) float, of one curve after another; see `Scene.add_mesh` for the detail that is kept.
+            radii: (P,) float, or one number for all, not negative. A curve is traced as a chain of segments. A segment
+                is the convex hull of the spheres around two consecutive points: a cone with round ends. Segments
                 whose two radii are 0 are left out, and `statistics()` counts them.
-            curve_offsets: (C + 1,) int: where each curve begins among the points, from 0 on, and P at the end. A curve
+            curve_offsets: (C + 1,) int: the index of each curve's first point, from 0 on, and P at the end. A curve
                 has 2 points or more.
             kind: "poly": straight from point to point. Else a cubic from one to the next, of the radius too, as Blender
-                evaluates it: "catmull_rom" (through all points, the ends counted twice), "bezier" (points 0, 3, 6, ...
-                are passed through, the two between are handles: 3 n + 1 points, or 3 n of a cyclic one), "b_spline"
-                (uniform, from near the second point to near the last but one; with fewer than 4 points a poly).
-            cyclic: (C,) bool, or one for all: whether a curve returns to where it begins.
-            tolerance: How far the chain's surface may be from the curve's, in the mesh's units; by default a tenth of
-                the mean radius. Spans between points get as many pieces as that takes, all those of a curve as many.
-            pieces: Instead of it, how many each span gets, 1 to 1024: then chains of curves that move keep theirs.
-            shape: "round", or "ribbon": flat strips as wide, which face each ray. A ray meets one where it is nearest
-                to the axis, if it passes that no farther than the radius: once, as a front; normals are rounded across
-                the width, as those of a tube. Bends are filled, also where a cyclic curve returns; the ends of others
-                are cut off straight, but round where a curve begins or ends with two equal points. In an instance
-                strips face the ray as it is mapped into the mesh's space, and normals are those of the tube that the
-                transform stretches with them. Closest points are those of the round curve.
+                evaluates it: "catmull_rom" (through all points, the ends counted twice), "bezier" (through points 0, 3,
+                6, ..., the two between are handles: 3 n + 1 points, or 3 n of a cyclic one), "b_spline" (uniform, from
+                near the second point to near the last but one; with fewer than 4 points a poly).
+            cyclic: (C,) bool, or one for all: whether a curve returns to its first point.
+            tolerance: The largest distance of the chain's surface from the curve's, in the mesh's units; by default a
+                tenth of the mean radius. Spans between points get the number of pieces that it needs; all spans of a
+                curve get the same number.
+            pieces: Instead of a tolerance, the number of pieces of each span, 1 to 1024. Curves that move keep it.
+            shape: "round", or "ribbon": flat strips of the same width, which face each ray. A ray hits a ribbon where
+                it is nearest to the axis, if it passes within the radius: once, as a front. Normals are rounded across
+                the width, like those of a tube. Bends are filled, also where a cyclic curve returns. Other ends are cut
+                off straight, but round where a curve begins or ends with two equal points. In an instance, strips face
+                the ray that is mapped into the mesh's space, and normals are those of the tube that the transform
+                stretches with them. Closest points are those of the round curve.
             build, usage: See `Scene.add_mesh`.
 
         Raises:
             ValueError: For numbers that are not finite or above 1e18, negative radii, offsets that descend, do not add
-                up or leave a curve less points than its kind takes, wrong shapes, and more than 2**30 balls.
+                up or leave a curve less points than its kind needs, wrong shapes, and more than 2**30 spheres.
         """
         check_usage("add_curves", usage)
         is_ribbon = check_choice("add_curves", "shape", shape, get_args(CurveShape)) == "ribbon"
@@ -249,10 +250,10 @@ class CurvesAndPoints:
         return mesh
 
     def update_points(self, mesh: int, centers: npt.ArrayLike, radii: npt.ArrayLike | None = None) -> None:
-        """Moves points: (N, 3) with as many rows as before, and radii as in `add_points`; None keeps them.
+        """Moves points: (N, 3), the same number of rows as before, and radii as in `add_points`; None keeps them.
 
-        The next commit refits the tree, or rebuilds it where a refitted one would be too slow, or where points got
-        their first radius or lost it, and reports which and why.
+        The next commit refits the tree. It rebuilds the tree if a refitted one would be too slow, or if points got
+        their first radius or lost it. Its report says which, and why.
 
         Raises:
             ValueError: As `add_points` does.
@@ -260,11 +261,11 @@ class CurvesAndPoints:
         self._update("update_points", "centers", mesh, centers, radii)
 
     def update_curves(self, mesh: int, points: npt.ArrayLike, radii: npt.ArrayLike | None = None) -> None:
-        """Moves curves: (P, 3) with as many rows as before, and radii as in `add_curves`; None keeps them.
+        """Moves curves: (P, 3), the same number of rows as before, and radii as in `add_curves`; None keeps them.
 
-        The next commit refits the tree, or rebuilds it where a refitted one would be too slow, where segments got
-        their first radius or lost it, or where the curves bend so much that the tolerance asks for more pieces, and
-        reports which and why. Pieces that a straighter curve would not need are kept.
+        The next commit refits the tree. It rebuilds the tree if a refitted one would be too slow, if segments got
+        their first radius or lost it, or if the curves bend so much that the tolerance needs more pieces. Its report
+        says which, and why. Pieces that a straighter curve would not need are kept.
 
         Raises:
             ValueError: As `add_curves` does.
@@ -289,7 +290,7 @@ class CurvesAndPoints:
         """Moves points within the shutter, as `Scene.set_mesh_motion` moves vertices: (S, N, 3) at S steps.
 
         Args:
-            radii: (S, N), or (N,) or one number for all steps; None keeps those that they have. A point whose radius is
+            radii: (S, N), or (N,) or one number for all steps; None keeps the current ones. A point whose radius is
                 0 at one step must have none at any.
         """
         name = "set_points_motion"
@@ -311,9 +312,9 @@ class CurvesAndPoints:
         """Moves curves within the shutter, as `Scene.set_mesh_motion` moves vertices: (S, P, 3) at S steps.
 
         Args:
-            radii: (S, P), or (P,) or one number for all steps; None keeps those that they have. A segment whose radii
-                are 0 at one step must have none at any. Curves that are not poly get the pieces that the most bent step
-                asks for, at every step; the balls between which their segments are go in straight lines.
+            radii: (S, P), or (P,) or one number for all steps; None keeps the current ones. A segment whose radii
+                are 0 at one step must have none at any. Curves that are not poly get at every step the number of pieces
+                that the most bent step needs; the spheres at the ends of their segments move in straight lines.
         """
         name = "set_curves_motion"
         number = check_id(name, "mesh", mesh)
@@ -331,7 +332,7 @@ class CurvesAndPoints:
             self._keep(number, chains)
 
     def replace_points(self, mesh: int, centers: npt.ArrayLike, radii: npt.ArrayLike) -> None:
-        """Gives a mesh of points others, as many as there are, see `add_points`; its instances stay."""
+        """Replaces the points of a mesh by any number of others, see `add_points`; its instances stay."""
         number = check_id("replace_points", "mesh", mesh)
         rows = as_rows("replace_points", "centers", centers)
         self._scene.replace_points(number, rows, as_radii("replace_points", radii, rows))
@@ -349,7 +350,7 @@ class CurvesAndPoints:
         pieces: int | None = None,
         shape: CurveShape = "round",
     ) -> None:
-        """Gives a mesh of curves others, of whichever shape, see `add_curves`; its instances stay."""
+        """Replaces the curves of a mesh by others of any shape, see `add_curves`; its instances stay."""
         number = check_id("replace_curves", "mesh", mesh)
         is_ribbon = check_choice("replace_curves", "shape", shape, get_args(CurveShape)) == "ribbon"
         chains, centres, sizes, offsets, closed = divide(
@@ -372,7 +373,7 @@ class CurvesAndPoints:
 
 
 def _radii_in_steps(function: str, radii: npt.ArrayLike | None, rows: npt.NDArray[Any], steps: int) -> npt.NDArray[Any]:
-    """Of all steps, one after another, of the rows' dtype: one number a step, or one a row; empty for None."""
+    """Returns the radii of all steps, concatenated, of the rows' dtype: one a step, or one a row; empty for None."""
     if radii is None:
         return np.empty(0, rows.dtype)
     array = np.asarray(radii)
@@ -384,7 +385,7 @@ def _radii_in_steps(function: str, radii: npt.ArrayLike | None, rows: npt.NDArra
 
 
 def _of_a_step(radii: npt.NDArray[Any]) -> npt.ArrayLike | None:
-    """A step's part of `_radii_in_steps`, as `as_radii` takes it; None if there are none."""
+    """Returns a step's part of `_radii_in_steps`, as `as_radii` takes it; None if there are none."""
     if radii.size == 0:
         return None
     return radii if len(radii) > 1 else radii[0]

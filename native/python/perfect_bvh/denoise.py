@@ -1,4 +1,4 @@
-"""Takes the noise out of images of few samples, with what is known of each pixel's surface to guide it."""
+"""Removes the noise from images of few samples, guided by the known surface of each pixel."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ _LEAST_SIDE = 16
 
 
 def denoiser_name(libraries: Paths = ()) -> str:
-    """What `Denoiser` uses: "OpenImageDenoise 2.3.3", or "Joint Filter". libraries: see there."""
+    """Returns what a `Denoiser` would use: "OpenImageDenoise 2.3.3", or "Joint Filter". libraries: see there."""
     library, _ = _oidn.find_library(_as_paths(libraries))
     return JOINT_NAME if library is None else f"{_oidn.NAME} {library.version}"
 
@@ -45,7 +45,7 @@ def denoise(
     libraries: Paths = (),
     progress: Progress | None = None,
 ) -> Image:
-    """An image with less noise: what a `Denoiser` made for this one image returns, which explains the arguments."""
+    """Returns an image with less noise, using a new `Denoiser`, which explains the arguments."""
     shape = as_array("denoise", "color", color).shape
     if len(shape) != 3:
         raise ValueError(f"denoise: color must have shape (H, W, 3) or (H, W, 4), got {shape}")
@@ -61,22 +61,22 @@ def denoise(
 
 
 class Denoiser:
-    """Denoises images of one size, as many as come: what takes time to set up is kept. Any thread may use it.
+    """Denoises any number of images of one size, and keeps the costly setup. Any thread may use it.
 
     Args:
         size: (width, height) in pixels.
-        prefilter: "accurate": albedo and normal are denoised first, then taken as they are, which keeps most detail and
-            takes three times as long; "fast": they are taken as noisy; "none": as free of noise, which those of
-            `render_passes` are from some 16 samples a pixel on. Cycles' settings of the same names. The joint filter
-            knows no difference.
+        prefilter: How albedo and normal are used. "accurate": they are denoised first, then treated as free of noise,
+            which keeps most detail and takes three times as long; "fast": they are treated as noisy; "none": they are
+            treated as free of noise, which those of `render_passes` are from some 16 samples a pixel on. Cycles'
+            settings of the same names. The joint filter ignores it.
         quality: Of OpenImageDenoise. "balanced" takes twice as long as "fast", and "high" five times.
-        threads: At most so many; 0, the default, for as many as the engine uses (`set_thread_count`).
-        backend: "oidn": OpenImageDenoise; "joint": an edge-avoiding wavelet of our own, which needs no library and
-            leaves more noise; "auto", the default: the former where it can be used, and for images of 16 pixels or more
-            each way, as it darkens what has no surroundings.
+        threads: The largest number of threads; 0, the default, for as many as the engine uses (`set_thread_count`).
+        backend: "oidn": OpenImageDenoise; "joint": our own edge-avoiding wavelet filter, which needs no library and
+            leaves more noise; "auto", the default: OpenImageDenoise where it is available, for images of 16 pixels or
+            more each way, as it darkens smaller ones.
         libraries: Paths of OpenImageDenoise's library (libOpenImageDenoise.so.2, OpenImageDenoise.dll or
-            libOpenImageDenoise.dylib) to try first. Then follow the one that this process has loaded, as Blender does,
-            the system's, and that of the package pyoidn.
+            libOpenImageDenoise.dylib) to try first. After these come the one that this process has loaded, as Blender
+            does, the system's, and that of the package pyoidn.
 
     Raises:
         ValueError: For bad arguments, EngineError if "oidn" cannot be used, MemoryError.
@@ -104,9 +104,9 @@ class Denoiser:
         if backend == "oidn" and library is None:
             raise EngineError(f"Denoiser: {'; '.join(reasons) or 'there is no ' + _oidn.NAME}: use backend='auto'")
         self.name = JOINT_NAME if library is None else f"{_oidn.NAME} {library.version}"
-        """What denoises: "OpenImageDenoise 2.3.3", or "Joint Filter"."""
+        """The name of the denoiser: "OpenImageDenoise 2.3.3", or "Joint Filter"."""
         self.complaints: tuple[str, ...] = reasons
-        """Why a library that is there is not used, a sentence each."""
+        """The reasons why existing libraries are not used, a sentence each."""
         self._lock = threading.Lock()
         self._images: dict[str, Image] = {}
         self._filters: dict[tuple[str, ...], tuple[_oidn.Filter, ...]] = {}
@@ -119,15 +119,15 @@ class Denoiser:
         normal: npt.ArrayLike | None = None,
         progress: Progress | None = None,
     ) -> Image:
-        """The same image with less noise, as a new array. The same arrays give the same bits.
+        """Returns the same image with less noise, as a new array. The same arrays give the same bits.
 
         Numbers that are not finite count as 0. Returns float32 of `color`'s shape.
 
         Args:
-            color: (H, W, 3) or (H, W, 4) scene-linear. The fourth channel, alpha, is handed on as it is; where there is
-                neither alpha nor colour, nothing is put.
-            albedo, normal: (H, W, 3), what guides it, as means of each pixel's samples: the surface's colour from 0 to
-                1, and its normal, -1 to 1 in any space; zero where there is nothing. None where they are not known.
+            color: (H, W, 3) or (H, W, 4) scene-linear. The fourth channel, alpha, is returned unchanged. Pixels with
+                neither alpha nor colour stay empty.
+            albedo, normal: (H, W, 3), the guides, as means of each pixel's samples: the surface's colour from 0 to
+                1, and its normal, -1 to 1 in any space; zero where there is no surface. None where they are not known.
             progress: Called with the share done, 0 to 1; returning False raises `Cancelled`. Ctrl-C works too.
 
         Raises:
@@ -162,7 +162,7 @@ class Denoiser:
         return array
 
     def _take(self, name: str, image: npt.NDArray[np.generic]) -> None:
-        """Into memory that the filters know, without what is no number."""
+        """Copies an image into the filters' memory, with 0 in place of NaN and infinities."""
         held = self._image(name)
         with np.errstate(over="ignore", invalid="ignore"):
             held[...] = image[..., :3]
@@ -190,7 +190,7 @@ class Denoiser:
             each.run(share_of(progress, row / len(filters), 1.0 / len(filters)))
 
     def _make_filters(self, names: tuple[str, ...]) -> tuple[_oidn.Filter, ...]:
-        """Those of the guides first, if they are wanted, which write where the last one reads."""
+        """Makes the filters: first those of the guides, if requested, whose output the last one reads."""
         assert self._device is not None
         made = []
         if self._prefilter == "accurate":
@@ -198,7 +198,7 @@ class Denoiser:
                 guide = {name: self._images[name], "output": self._images[name]}
                 made.append(_oidn.Filter(self._device, guide, self._quality))
         images = {name: self._images[name] for name in names} | {"output": self._image("output")}
-        if "normal" in images and "albedo" not in images:  # which the library wants of normals
+        if "normal" in images and "albedo" not in images:  # the library needs an albedo with normals
             images["albedo"] = self._image("unknown albedo")
             images["albedo"].fill(_UNKNOWN_ALBEDO)
         is_clean = self._prefilter != "fast"
@@ -215,33 +215,33 @@ def _as_paths(libraries: Paths) -> tuple[str, ...]:
 
 
 # Restore detail ------------------------------------------------------------------------------------------------------
-# Puts back what a denoiser has taken from an image although it was no noise.
+# Restores detail that a denoiser has removed from an image along with the noise.
 #
-# A denoised image is off by what was smoothed away, the traced one by its noise. Which of them is nearer to the
-# converged image differs from place to place: foliage of many samples is blurred, a wall is not. The mean of both
-# that has the least error follows from how much they differ, from how much noise there is, and from how much of it
-# the denoiser has let through; none of which takes the converged image to be known (Stein 1981, "Estimation of the
-# Mean of a Multivariate Normal Distribution"). How much comes through is found by trying: the same image with other
-# noise is denoised as well (Ramani, Blu and Unser 2008, "Monte-Carlo SURE"). Renderers' images are mixed like that,
-# by a network, in Firmino, Frisvad and Jensen 2022, "Progressive Denoising of Monte Carlo Rendered Images".
+# The error of a denoised image is its smoothed-away detail; that of the traced image is its noise. Which of the two is
+# nearer to the converged image varies over the image: foliage of many samples is blurred, a wall is not. The mean of
+# both with the least error follows from their difference, from the amount of noise, and from the share of noise that
+# the denoiser lets through. None of these needs the converged image (Stein 1981, "Estimation of the Mean of a
+# Multivariate Normal Distribution"). The share that comes through is found by experiment: the same image with other
+# noise is denoised as well (Ramani, Blu and Unser 2008, "Monte-Carlo SURE"). Firmino, Frisvad and Jensen 2022,
+# "Progressive Denoising of Monte Carlo Rendered Images", mix renderers' images like that, by a network.
 #
-# Detail is looked for where surfaces have some. On an even one light alone varies, of which denoisers make more; and
-# what few samples find there, bright and seldom, would be taken for detail wherever it is not seen in the noise. Nor
-# is any put back where noise is a good part of the brightness: it would be seen as grain, whatever the error.
+# Detail is restored only where surfaces have some. On an even surface only the light varies, and denoisers handle that
+# well. Rare bright samples on it would be mistaken for detail wherever the noise estimate misses them. Detail is not
+# restored either where noise is a large part of the brightness: it would be visible as grain, at any error.
 
 
 Values = npt.NDArray[np.float32]
 
-_BLOCK_SIZE = 8  # pixels each way that are judged together, smoothly between them
-# Of the image's mean, added to what errors are seen beside: in the dark they are seen no better.
+_BLOCK_SIZE = 8  # pixels each way that are judged together, with smooth transitions
+# Of the image's mean, added to the brightness that errors are compared with: errors are not more visible in the dark.
 _DARK = 0.03
-# What is farther off than its own brightness is no matter of degree: fireflies would decide over their blocks.
+# Errors above the pixel's own brightness are clamped: fireflies would otherwise dominate their blocks.
 _FARTHEST = 1.0
-# By so much colours or normals of neighbouring pixels differ where there is surely none, surely some detail.
+# Differences of colours or normals of neighbouring pixels below which there is surely no detail, above which there is.
 _EVEN, _UNEVEN = 0.03, 0.2
-# Noise, in parts of the brightness, at which detail is put back in full, not any more.
+# Noise, in parts of the brightness, up to which detail is restored in full, and from which it is not restored at all.
 _QUIET, _GRAINY = 0.15, 0.45
-_NORMAL_WEIGHT = 0.5  # of -1 to 1, beside colours of 0 to 1
+_NORMAL_WEIGHT = 0.5  # of normals, -1 to 1, compared with colours, 0 to 1
 
 
 def restore_detail(
@@ -252,19 +252,19 @@ def restore_detail(
     albedo: npt.ArrayLike,
     normal: npt.ArrayLike,
 ) -> Image:
-    """The mean of a traced image and the denoised one that is nearest to the converged image, weighed place by place.
+    """Mixes a traced image and the denoised one, place by place, to be nearest to the converged image.
 
-    All but the guides of one shape. Where `noise` is zero all around, `image` counts alone; so it must not be of a
-    single round of samples. `denoised` stays in pixels of `image` that are not finite, on even surfaces and in much
-    noise. Returns float32 of that shape, a new array.
+    All arrays but the guides have the same shape. Where `noise` is zero all around, only `image` counts, so it must be
+    of more than one round of samples. `denoised` is kept in pixels of `image` that are not finite, on even surfaces and
+    in strong noise. Returns float32 of that shape, a new array.
 
     Args:
         image: (H, W, C) with C 3 or 4, scene-linear: "combined" of `render_progressively`.
-        noise: What that puts into its `noise` under the same name.
-        denoised: What a `Denoiser` makes of "denoising_color".
-        let_through: By how much that is less if "denoising_color" is less its own `noise`. The difference of two images
-            that a quicker denoiser has made with the same guides will do.
-        albedo, normal: (H, W, 3), what guides it.
+        noise: The array of the same name in `noise` of `render_progressively`.
+        denoised: The output of a `Denoiser` for "denoising_color".
+        let_through: How much `denoised` decreases if the `noise` of "denoising_color" is subtracted from that. The
+            difference of two images that a faster denoiser has made with the same guides is good enough.
+        albedo, normal: (H, W, 3), the guides.
 
     Raises:
         ValueError: For arrays of another shape.
@@ -292,7 +292,7 @@ def _guide(name: str, value: npt.ArrayLike, shape: tuple[int, ...]) -> Image:
 
 
 def _unevenness(albedo: Image, normal: Image) -> Values:
-    """(H, W) 0 to 1, whether surfaces differ between a pixel or one beside it and its neighbours."""
+    """(H, W) 0 to 1: how much surfaces differ between a pixel or one next to it and their neighbours."""
     largest = np.zeros(albedo.shape[:2], np.float32)
     for guide, weight in ((albedo, 1.0), (normal, _NORMAL_WEIGHT)):
         for ahead, behind in ((np.s_[1:], np.s_[:-1]), (np.s_[:, 1:], np.s_[:, :-1])):
@@ -309,10 +309,10 @@ def _unevenness(albedo: Image, normal: Image) -> Values:
 
 
 def _share_of_raw(raw: Image, error: Image, clean: Image, through: Image) -> Values:
-    """(H, W) 0 to 1, how much of the traced image is in the mean.
+    """(H, W) 0 to 1: the share of the traced image in the mean.
 
-    With it off by e, the denoised one by f, the error E[(f + s (e - f))^2] is least at s = 1 - E[e (e - f)] /
-    E[(e - f)^2].
+    If the traced image is off by e and the denoised one by f, the error E[(f + s (e - f))^2] is least at
+    s = 1 - E[e (e - f)] / E[(e - f)^2].
     """
     with np.errstate(invalid="ignore", over="ignore"):
         brightness = np.maximum(clean, 0.0).mean(axis=2)
@@ -327,7 +327,7 @@ def _share_of_raw(raw: Image, error: Image, clean: Image, through: Image) -> Val
 
 
 def _seen(values: Image) -> Image:
-    """As far as it counts."""
+    """Clamps outliers."""
     return np.clip(_finite(values), -_FARTHEST, _FARTHEST)
 
 
@@ -336,7 +336,7 @@ def _finite(values: Values) -> Values:
 
 
 def _block_means(values: Values) -> Values:
-    """(H, W) to (blocks down, blocks across): means of each block and, by half as much, of those around it."""
+    """Averages blocks: (H, W) to (blocks down, blocks across). The blocks around each count half as much."""
     sums = [_block_sums(values), _block_sums(np.ones_like(values))]
     for axis in (0, 1):
         for number, whole in enumerate(sums):
@@ -354,13 +354,13 @@ def _block_sums(values: Values) -> Values:
 
 
 def _spread(shares: Values, shape: tuple[int, ...]) -> Values:
-    """(blocks down, blocks across) to (H, W), linear between the middles of blocks."""
+    """Interpolates (blocks down, blocks across) to (H, W), linearly between the middles of blocks."""
     down, across = (_between(length, count) for length, count in zip(shape, shares.shape, strict=True))
     return np.asarray(down @ shares @ across.T, np.float32)
 
 
 def _between(length: int, count: int) -> Values:
-    """(length, count) of each pixel along a side, the weights of the blocks whose middles lie around it."""
+    """(length, count): for each pixel along a side, the weights of the blocks whose middles lie around it."""
     places = (np.arange(length) + 0.5) / _BLOCK_SIZE - 0.5
     return np.maximum(1.0 - np.abs(np.clip(places, 0, count - 1)[:, np.newaxis] - np.arange(count)), 0.0).astype(
         np.float32

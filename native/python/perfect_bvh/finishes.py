@@ -16,26 +16,26 @@ FACET_KINDS = ("ggx", "beckmann", "ashikhmin_shirley")
 
 @dataclass(frozen=True, slots=True)
 class FinishTable:
-    """F finishes: what few surfaces have. None in a column: what changes nothing.
+    """F finishes: properties that few surfaces have. None in a column: the neutral value.
 
     Attributes:
         sheens: (F, 3) float32, 0 or more: the colour of fibers on top, as of cloth.
         sheen_roughnesses: (F,) float32, 0 to 1; None: 0.5.
-        sheen_covers: (F,) float32, 0 to 1: how much of the light that fibers reflect is kept from what lies below, as
-            in Blender's Principled BSDF; None: all.
+        sheen_covers: (F,) float32, 0 to 1: the share of the light reflected by fibers that does not reach the layers
+            below, as in Blender's Principled BSDF; None: all.
         coats: (F,) float32, 0 to 1: the weight of a clear coat below the sheen.
         coat_roughnesses: (F,) float32, 0 to 1; None: 0.03.
         coat_iors: (F,) float32, 1 or more; None: 1.5.
-        coat_tints: (F, 3) float32: what the coat lets through, seen from straight above.
+        coat_tints: (F, 3) float32: the coat's transmittance, seen from straight above.
         stretches: (F,) float32, more than 0: widens the slopes of facets along the tangent and narrows them across it
             by this factor.
         rotations: (F,) float32, of the tangent about the normal, in turns. A program sets the tangent ("TANGENT"), and
-            the coat's normal ("COAT_NORMAL") where it is not the mesh's.
+            the coat's normal ("COAT_NORMAL") if it differs from the mesh's.
         diffuse_roughnesses: (F,) float32, 0 to 1.
-        absorptions: (F, 3) float32, 0 or more: how much light is absorbed inside closed meshes, by length: of light
-            that passes the surface on its way in, exp(-absorption * length) reaches the surface from inside.
-        distributions: (F,) float32, rows of FACET_KINDS: of the slopes of facets. Light that facets scatter at each
-            other is right with `MaterialTable.lossy_facets` 1 for all but GGX.
+        absorptions: (F, 3) float32, 0 or more: the absorption of light inside closed meshes, by length: of light
+            that enters through the surface, exp(-absorption * length) reaches the surface from inside.
+        distributions: (F,) float32, rows of FACET_KINDS: the distribution of the slopes of facets. For all but GGX,
+            light that facets scatter at each other is correct with `MaterialTable.lossy_facets` 1.
     """
 
     sheens: Float32Array | None = None
@@ -52,7 +52,7 @@ class FinishTable:
     absorptions: Float32Array | None = None
 
 
-# In the order of the engine's `Finish`: how wide they are, what stands for None, the least and the most they may be.
+# In the order of the engine's `Finish`: the width, the value for None, the minimum and the maximum of each column.
 _FINISH_COLUMNS: dict[str, tuple[int, float, float, float]] = {
     "sheens": (3, 0.0, 0.0, np.inf),
     "sheen_roughnesses": (1, 0.5, 0.0, 1.0),

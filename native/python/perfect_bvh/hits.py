@@ -42,28 +42,28 @@ class Hits:
 
     Fields that were not asked for raise AttributeError.
 
-    t_hit (...) float32: in multiples of the direction's length; inf on a miss. Within two units in the last place of
-        where the ray meets the triangle's plane, however large the triangle and however nearly the ray runs within that
-        plane. Off by about 2^-53 of the largest coordinate, divided by the angle between both, are rays that begin
-        within 2^-28 of that coordinate of the plane; of a sliver divide the 2^-28 by the sine of the triangle's
-        smallest angle. Of curves and points that of where the ray meets the true surface.
+    t_hit (...) float32: in multiples of the direction's length; inf on a miss. It is within two units in the last place
+        of the intersection with the triangle's plane, for triangles of any size and rays at any angle to that plane. An
+        exception are rays that begin closer to the plane than 2^-28 of the largest coordinate: their error is about
+        2^-53 of that coordinate, divided by the angle between ray and plane. For a sliver divide the 2^-28 by the sine
+        of the triangle's smallest angle. For curves and points it is the intersection with the true surface.
     instance_ids, mesh_ids, primitive_ids (...) int32: -1 on a miss. primitive_ids are rows of the mesh's triangles,
         or numbers of its curves or points.
-    primitive_uvs (..., 2) float32: the point (1 - u - v) v0 + u v1 + v v2; zero on a miss. Of a curve u runs from 0 at
-        its first point to 1 at its last, evenly over its segments, and v is 0; of a point both are 0.
-    geometric_normals (..., 3) float32: world space, unit length, by the triangle's winding; zero on a miss. Of curves
-        and points outward from the true surface, of ribbons as `add_curves` says; zero at a tip of radius 0.
-    positions (..., 3) float64: world space, where the ray meets the triangle's plane, in double; zero on a miss. Of
-        triangles that are seen edge-on or are mere threads the point of primitive_uvs: double knows none better. Of
-        curves and points the point of the true surface.
+    primitive_uvs (..., 2) float32: the point (1 - u - v) v0 + u v1 + v v2; zero on a miss. For a curve u runs from 0 at
+        its first point to 1 at its last, evenly over its segments, and v is 0. For a point both are 0.
+    geometric_normals (..., 3) float32: world space, unit length, by the triangle's winding; zero on a miss. For curves
+        and points outward from the true surface, for ribbons as `add_curves` says; zero at a tip of radius 0.
+    positions (..., 3) float64: world space, the intersection with the triangle's plane, in double; zero on a miss. For
+        triangles that are seen edge-on or are extremely thin, the point of primitive_uvs: double cannot represent a
+        better one. For curves and points the point on the true surface.
     distances (...) float64: world units; inf on a miss.
     front_face (...) bool: the ray met the side from which the corners run counter-clockwise in world space, or came
         into a curve or point from outside.
     nodes_visited, primitives_tested (...) int32: boxes and triangles tested for this ray.
     invalid_count: rays that can hit nothing because they are not finite, have no direction or an empty range.
-    packet_ray_count: rays that were traced in packets, 64 consecutive ones together, as coherent rays are.
-    generation, scene_id: of the snapshot that answered, see `Snapshot`; ids mean what they meant then.
-    audit: what checking a share of the answers has shown; None if none was asked for.
+    packet_ray_count: rays that were traced in packets of 64 consecutive, coherent rays.
+    generation, scene_id: of the snapshot that answered, see `Snapshot`; ids are valid for that snapshot.
+    audit: the result of checking a share of the answers; None if no audit was requested.
     """
 
     columns: dict[str, npt.NDArray[Any]]
@@ -92,12 +92,12 @@ class Hits:
         return np.asarray(np.isfinite(self.t_hit))
 
 
-# What callers may hand over to be written into.
+# Result arrays that callers may provide.
 Out = Hits | Mapping[str, npt.NDArray[Any]]
 
 
 def fields_of(fields: Iterable[str] | None, out: Out | None = None) -> tuple[str, ...]:
-    """The names of the fields to compute; None: those of `out` if it is a `Hits`, else the usual ones."""
+    """Returns the names of the fields to compute; None: those of `out` if it is a `Hits`, else the usual ones."""
     if fields is None:
         return tuple(out.columns) if isinstance(out, Hits) else DEFAULT_FIELDS
     return (fields,) if isinstance(fields, str) else tuple(fields)
@@ -110,7 +110,7 @@ def allocate_columns(
     out: Out | None,
     rays: Iterable[npt.NDArray[Any]] = (),
 ) -> dict[str, npt.NDArray[Any]]:
-    """The result arrays, the caller's own where `out` has them; rays: what the query still reads while it writes."""
+    """Returns the result arrays, the caller's own from `out`. rays: the arrays that the query reads while it writes."""
     for name in fields:
         if name not in FIELD_TYPES:
             raise ValueError(f"{function}: unknown field {name!r}; there are {', '.join(FIELD_TYPES)}")
@@ -137,7 +137,7 @@ def allocate_columns(
 def check_out(
     function: str, name: str, given: object, wanted: tuple[int, ...], dtype: type[np.generic]
 ) -> npt.NDArray[Any]:
-    """An array that can be written into as it is."""
+    """Returns an array that can be written into without conversion."""
     expected = f"{function}: {name} must be a writable C-contiguous {np.dtype(dtype).name} array of shape {wanted}"
     if not isinstance(given, np.ndarray):
         raise ValueError(f"{expected}, got {_kind(given)}")
@@ -151,7 +151,7 @@ def check_out(
 
 
 def check_overlap(function: str, name: str, given: npt.NDArray[Any], others: Iterable[npt.NDArray[Any]]) -> None:
-    """Threads write rows in any order: an array with two uses would hold a mixture of both."""
+    """Rejects overlapping arrays: threads write rows in any order, so an array with two uses would hold a mixture."""
     if any(np.may_share_memory(given, other) for other in others):  # by their bounds
         raise ValueError(f"{function}: {name} shares memory with the rays or with another array of out")
 

@@ -1,6 +1,6 @@
-"""Shader nodes as programs: what a material is from place to place.
+"""Shader nodes as programs: material properties that vary over a surface.
 
-A program is made of small instructions, which the renderer runs over batches of hits. `NodeBuilder` makes them:
+A program consists of small instructions, which the renderer runs over batches of hits. `NodeBuilder` makes them:
 
     nodes = NodeBuilder()
     uv = nodes.add("input", mode="UV", layer="UVMap")
@@ -8,7 +8,7 @@ A program is made of small instructions, which the renderer runs over batches of
     red = nodes.add("math", channels_of(image, 0), 0.5, 0.0, mode="MULTIPLY")
     program = nodes.program(COLOR=image, ROUGHNESS=red)
 
-`NODE_SHAPES` lists the instructions: what each reads and writes, and its modes, by Blender's names.
+`NODE_SHAPES` lists the instructions with their inputs, outputs and modes, by Blender's names.
 """
 
 from __future__ import annotations
@@ -29,10 +29,10 @@ class NodeShape(NamedTuple):
     """A kind of instruction.
 
     Attributes:
-        operands: How wide each one is, 1 or 3 channels.
-        channels: How many it writes.
-        numbers: How many settings it has, -1 for any number of them.
-        modes: Its variants, by their names; one of "" where it has none.
+        operands: The width of each operand, 1 or 3 channels.
+        channels: The number of channels that it writes.
+        numbers: The number of settings it has, -1 for any number of them.
+        modes: The names of its variants; a single "" if it has none.
     """
 
     row: int
@@ -51,12 +51,12 @@ NODE_SHAPES: Mapping[str, NodeShape] = {
     )
     for row, (name, operands, channels, numbers, modes) in enumerate(_core.NODE_SHAPES)
 }
-# Inputs that name a layer of the mesh, with the attribute of `MeshAppearance` that holds such.
+# Inputs that name a layer of the mesh, with the attribute of `MeshAppearance` that holds these layers.
 LAYER_INPUTS = {"UV": "uvs", "TANGENT": "tangents", "COLOR": "colors"}
-# Inputs that are the same wherever a hit lies, or cannot be known beside it.
+# Inputs that are the same at all positions of a hit, or that are not known at positions next to it.
 _EVERYWHERE = frozenset({"NORMAL", "TRUE_NORMAL", "INCOMING", "REFLECTION", "BACKFACING", "OBJECT_NORMAL"})
 _EVERYWHERE |= {"TANGENT", "SIDE", "INSTANCE", "GIVEN"}
-# Instructions that are not worked out at once, whatever they read.
+# Instructions that are never folded into constants, for any operands.
 _OF_PLACES = frozenset({"input", "image", "box_image", "vector_transform"})
 _MOST_INSTRUCTIONS, _MOST_CHANNELS = 10_000, 65_536
 _PLACES = 1024
@@ -67,26 +67,26 @@ class ProgramTooLargeError(ValueError):
 
 
 class Output(NamedTuple):
-    """What an instruction writes: `width` channels from its channel `first` on. row: of the instruction."""
+    """The output of an instruction: `width` channels, beginning at its channel `first`. row: the instruction's row."""
 
     row: int
     first: int
     width: int
 
 
-# Of instructions, or the same everywhere: a number, or several channels.
+# An instruction's output, or a constant: a number, or several channels.
 Operand = Output | float | tuple[float, ...]
 
 
 def width_of(operand: Operand) -> int:
-    """How many channels an operand has."""
+    """Returns the number of channels of an operand."""
     if isinstance(operand, Output):
         return operand.width
     return len(operand) if isinstance(operand, tuple) else 1
 
 
 def channels_of(operand: Operand, first: int, width: int = 1) -> Operand:
-    """Some of an operand's channels: a number if it is one."""
+    """Returns some of an operand's channels; a number stays a number."""
     if isinstance(operand, Output):
         return Output(operand.row, operand.first + first, width)
     if isinstance(operand, tuple):
@@ -101,7 +101,7 @@ class NodeProgram:
     Attributes:
         codes: int32
         numbers: float32.
-        layers: Where in `numbers` a layer's number belongs, with the kind of the layer and its name.
+        layers: The positions in `numbers` that receive a layer's number, with the layer's kind and name.
         key: Equal for programs that do the same.
     """
 
@@ -111,7 +111,7 @@ class NodeProgram:
 
     @property
     def key(self) -> tuple[bytes, bytes, tuple[tuple[int, str, str], ...]]:
-        """All that it is, to be compared."""
+        """Returns the program's full content, for comparisons."""
         return self.codes.tobytes(), self.numbers.tobytes(), self.layers
 
     def __eq__(self, other: object) -> bool:
@@ -132,12 +132,12 @@ class NodeProgram:
         return False
 
     def layer_names(self, kind: str) -> set[str]:
-        """The names of the "uvs", "tangents" or "colors" that it asks for."""
+        """The names of the "uvs", "tangents" or "colors" layers that it reads."""
         return {name for _, layer, name in self.layers if layer == kind}
 
 
 class Instruction(NamedTuple):
-    """One of a program: what it reads, and its settings."""
+    """One instruction of a program: its operands and its settings."""
 
     kind: str
     mode: str
@@ -147,7 +147,7 @@ class Instruction(NamedTuple):
 
 
 class NodeBuilder:
-    """Collects instructions. The same one twice is one; what is made of constants alone is worked out at once."""
+    """Collects instructions. Equal instructions are stored once; those with constant operands are evaluated at once."""
 
     def __init__(self) -> None:
         self._instructions: list[Instruction] = []
@@ -160,14 +160,14 @@ class NodeBuilder:
 
         Args:
             kind: One of `NODE_SHAPES`.
-            operands: What it reads: outputs of other instructions, numbers, or vectors. A number where a vector is
-                wanted is one of three equal numbers.
-            mode: Which kind of it.
-            numbers: Its settings. Of inputs they follow from `layer`, or are the row and the side.
+            operands: Outputs of other instructions, numbers, or vectors. A number in place of a vector means three
+                equal numbers.
+            mode: The variant of the instruction.
+            numbers: Its settings. For inputs they follow from `layer`, or are the row and the side.
             layer: Of the inputs "UV", "TANGENT" and "COLOR", the name of the mesh's layer.
 
         Returns:
-            What it writes; a number or a vector if that is the same everywhere.
+            The instruction's output; a number or a vector if it is constant.
 
         Raises:
             ValueError: There is no such instruction or mode, or an operand is too narrow or too wide.
@@ -189,7 +189,7 @@ class NodeBuilder:
         return Output(row, 0, NODE_SHAPES[kind].channels)
 
     def shifted(self, operand: Operand, side: int) -> Operand:
-        """What an operand is beside a hit, for bumps. side: 1 or 2."""
+        """Returns an operand evaluated at a position next to a hit, for bumps. side: 1 or 2."""
         if not isinstance(operand, Output):
             return operand
         made: dict[int, int] = {}
@@ -204,10 +204,10 @@ class NodeBuilder:
         return operand._replace(row=made[operand.row])
 
     def program(self, **outputs: Operand) -> NodeProgram:
-        """Make a program of what is needed for some outputs.
+        """Make a program that computes some outputs.
 
         Args:
-            outputs: What is set, by the modes of the instruction "set": COLOR, ROUGHNESS, NORMAL and so on.
+            outputs: The outputs, by the modes of the instruction "set": COLOR, ROUGHNESS, NORMAL and so on.
 
         Raises:
             ProgramTooLargeError: It has more than 65,536 channels.
@@ -220,15 +220,15 @@ class NodeBuilder:
     def mean(
         self, operand: Operand, images: Sequence[Mapping[str, Any]] = (), stand_ins: Sequence[Sequence[float]] = ()
     ) -> tuple[float, ...]:
-        """Find about what an operand is on average: over 1,024 places, spread evenly.
+        """Estimate the average of an operand over 1,024 evenly spread positions.
 
         Args:
-            operand: What is asked for.
+            operand: The operand.
             images: As the engine takes them.
-            stand_ins: What stands for the instances' own values, four numbers each.
+            stand_ins: Replacements for the instances' own values, four numbers each.
 
         Returns:
-            A number for each channel, 0 for those that are never finite.
+            A number for each channel, 0 for channels that are never finite.
         """
         if not isinstance(operand, Output):
             return operand if isinstance(operand, tuple) else (operand,)
@@ -240,14 +240,14 @@ class NodeBuilder:
     def evaluate(
         self, operand: Output, images: Sequence[Mapping[str, Any]], given: Sequence[Float32Array], count: int
     ) -> Float32Array:
-        """Work an output out without a scene.
+        """Evaluate an output without a scene.
 
         Args:
-            operand: What is asked for.
+            operand: The operand.
             images: As the engine takes them.
-            given: (count, 4) each: what the inputs "GIVEN" and "INSTANCE" have, by their rows. Other inputs have places
-                spread evenly over a unit cube, whose top is seen from all sides.
-            count: How many rows.
+            given: (count, 4) each: the values of the inputs "GIVEN" and "INSTANCE", by their rows. Other inputs get
+                positions spread evenly over a unit cube, whose top is seen from all sides.
+            count: The number of rows.
 
         Returns:
             (count, width of the output) float32.
@@ -255,11 +255,11 @@ class NodeBuilder:
         return self._written([operand]).evaluate(operand, images, given, count)
 
     def instruction(self, operand: Operand) -> Instruction | None:
-        """What an output is of, None for constants."""
+        """Returns the instruction of an output, None for constants."""
         return self._instructions[operand.row] if isinstance(operand, Output) else None
 
     def _rows_of(self, operands: Iterable[Operand]) -> list[int]:
-        """The instructions that operands need, in their order."""
+        """Returns the rows of the instructions that operands need, in order."""
         found: set[int] = set()
         open_rows = [operand.row for operand in operands if isinstance(operand, Output)]
         while open_rows:
@@ -284,7 +284,7 @@ class NodeBuilder:
 
 
 def _check(instruction: Instruction) -> None:
-    """Raise ValueError for what is no instruction."""
+    """Raises ValueError if this is not a valid instruction."""
     kind, mode, operands, numbers, _ = instruction
     shape = NODE_SHAPES.get(kind)
     if shape is None:
@@ -303,7 +303,7 @@ def _check(instruction: Instruction) -> None:
 
 
 class _Writer:
-    """Writes instructions in their order. firsts: the first channel of each, by its row."""
+    """Writes instructions in order. firsts: the first channel of each instruction, by its row."""
 
     def __init__(self) -> None:
         self.firsts: dict[int, int] = {}
@@ -314,7 +314,7 @@ class _Writer:
         self._channels = 0
 
     def write(self, instruction: Instruction) -> int:
-        """Returns the first channel that it writes."""
+        """Writes an instruction, and returns the first channel of its output."""
         kind, mode, operands, numbers, layer = instruction
         shape = NODE_SHAPES[kind]
         places = [self._place(operand, width) for operand, width in zip(operands, shape.operands, strict=True)]
@@ -337,13 +337,13 @@ class _Writer:
     def evaluate(
         self, output: Output, images: Sequence[Mapping[str, Any]], given: Sequence[Float32Array], count: int
     ) -> Float32Array:
-        """(count, width of the output)."""
+        """Evaluates an output: (count, width of the output)."""
         program = self.program()
         channels = np.arange(output.width, dtype=np.int32) + self.firsts[output.row] + output.first
         return _core.evaluate_nodes(program.codes, program.numbers, list(images), list(given), channels, count)
 
     def _place(self, operand: Operand, width: int) -> tuple[int, int]:
-        """The first channel and the step to the next."""
+        """Returns an operand's first channel and the step to the next one."""
         if isinstance(operand, Output):
             return self.firsts[operand.row] + operand.first, int(operand.width != 1)
         values = operand[:3] if isinstance(operand, tuple) else (operand,) * 3

@@ -1,4 +1,4 @@
-"""What can be asked of a committed scene. `Scene` and `Snapshot` both answer it, with the same methods."""
+"""The queries of a committed scene. `Scene` and `Snapshot` have the same ones."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ ALL_MASK = 0xFFFFFFFF
 
 
 class Intersections(NamedTuple):
-    """What `list_intersections` found: `hits, ray_splits = ...`.
+    """The result of `list_intersections`: `hits, ray_splits = ...`.
 
     Attributes:
         hits: One row a hit, ray after ray in C order.
@@ -35,32 +35,32 @@ class Intersections(NamedTuple):
 
     @property
     def ray_indices(self) -> npt.NDArray[np.int64]:
-        """(hits,) int64: which ray each hit belongs to, in the flattened batch."""
+        """(hits,) int64: the index of each hit's ray in the flattened batch."""
         return np.repeat(np.arange(len(self.ray_splits) - 1), np.diff(self.ray_splits))
 
 
 class Queries:
     """The queries, all of them safe to call from several threads at once.
 
-    Arguments that they share; all behind the directions, or the points, are given by keyword:
+    Shared arguments. All after the directions, or after the points, are keyword-only:
 
     origins, directions: (..., 3), broadcast against each other; float32 or float64. Directions need not be
         unit vectors: t is in multiples of their length.
     t_min, t_max: numbers or (...), float32: a hit counts if t_min <= t <= t_max, and t is finite as a float32.
     mask: 32 bits or (...): an instance is seen if its mask shares a bit with the ray's.
     cull: "back" passes through triangles seen from behind (clockwise).
-    times: numbers or (...), float32, from 0, where the shutter opens, to 1, where it closes: each ray, or point, meets
-        the scene as it is at its own time, see `Scene.set_mesh_motion` and `Scene.set_instance_motion`. What does not
-        move is the same at all times.
-    threads: at most so many; 0 for all that the process may use.
+    times: numbers or (...), float32, from 0, where the shutter opens, to 1, where it closes. Each ray, or point, meets
+        the scene at its own time, see `Scene.set_mesh_motion` and `Scene.set_instance_motion`. Objects without motion
+        are the same at all times.
+    threads: the largest number of threads; 0 for all that the process may use.
     progress: called with the share done, 0 to 1; returning False raises `Cancelled`. Ctrl-C works too.
 
-    Rays that are not finite, have no direction, an empty range or another time than 0 to 1 are misses. Memory: what is
-    returned and the arrays that are given. They are read where they are: one vector for all rays, and vectors with gaps
-    between them (columns of a wider array) as well. Others, of other dtypes or broadcast in part, are copied, a million
+    Rays that are not finite, have no direction, an empty range or a time outside 0 to 1 are misses. Memory: the
+    returned arrays and the given ones. Given arrays are read in place, including one vector for all rays and vectors
+    with gaps between them (columns of a wider array). Other dtypes and partly broadcast arrays are copied, a million
     rays at a time.
 
-    All raise ValueError for arrays of the wrong shape or kind, and on a `Scene` StaleSceneError if edits wait.
+    All raise ValueError for arrays of the wrong shape or kind, and on a `Scene` StaleSceneError if edits are pending.
     """
 
     __slots__ = ()
@@ -85,27 +85,27 @@ class Queries:
         threads: int = 0,
         progress: Progress | None = None,
     ) -> Hits:
-        """The first thing that each ray meets. For the other arguments see `Queries`.
+        """Finds the first surface that each ray meets. For the other arguments see `Queries`.
 
         Watertight: no ray passes between triangles that share an edge or a vertex. Whether a ray hits a triangle is
-        exact, with two limits for float64: a direction's components below 2^-300 (5e-91) of its longest count as zero,
-        and an origin's below 1e-90 only as they are rounded. Directions shorter than 2^-1022 (2e-308) hit nothing, and
-        instances that are scaled below 1e-40 are not exact: their coordinates have no digits left.
+        exact, with two limits for float64: direction components below 2^-300 (5e-91) of the longest one count as zero,
+        and origin components below 1e-90 count only after rounding. Directions shorter than 2^-1022 (2e-308) hit
+        nothing. Instances that are scaled below 1e-40 are not exact: their coordinates have no digits left.
 
-        Returns `Hits`, one row a ray, always; invalid rays are misses, counted in `invalid_count`. With `out` it is a
-        new one around the arrays given.
+        Always returns `Hits` with one row a ray. Invalid rays are misses, counted in `invalid_count`. With `out` the
+        result is a new `Hits` around the given arrays.
 
         Args:
-            fields: Names of the fields to compute; None for the usual ones, see `Hits`. What is not named costs
-                nothing: coherent rays of a million take a third less time for ("t_hit", "primitive_ids") alone. The
-                dearest of the usual ones are geometric_normals, which take the triangle's corners from memory.
-            out: Arrays to write fields into and return, so that call after call uses the same memory: a dict of arrays
-                by the fields' names, or the `Hits` of an earlier call, whose fields are then computed if `fields` is
-                None. Contiguous, of the field's dtype and shape (...) or (..., 2 or 3); none may overlap another or the
-                rays.
-            audit: The share of rays, 0 to 1, to check again in double precision and without any tree; what that shows
-                is in the answer's `audit`. It costs about 5 ns for each checked ray and triangle of the scene. Rays
-                that come near curves or points are not judged.
+            fields: Names of the fields to compute; None for the usual ones, see `Hits`. Other fields cost nothing: a
+                million coherent rays take a third less time for ("t_hit", "primitive_ids") alone. The most expensive of
+                the usual ones is geometric_normals, which reads the triangle's corners from memory.
+            out: Arrays to write fields into and return, so that repeated calls use the same memory: a dict of arrays
+                by field name, or the `Hits` of an earlier call, whose fields are then computed if `fields` is None.
+                Each must be contiguous, of the field's dtype and shape (...) or (..., 2 or 3), and may not overlap
+                another one or the rays.
+            audit: The share of rays, 0 to 1, to check again in double precision and without any tree. The result is in
+                `audit` of the answer. It costs about 5 ns for each checked ray and triangle of the scene. Rays that
+                come near curves or points are not judged.
         """
         audit = check_number("cast_rays", "audit", audit, 0.0, 1.0)
         batch = ray_batch("cast_rays", origins, directions, t_min, t_max, mask, times, cull, threads)
@@ -137,13 +137,13 @@ class Queries:
         threads: int = 0,
         progress: Progress | None = None,
     ) -> npt.NDArray[np.bool_]:
-        """Whether anything lies on each ray between t_min and t_max: (...) bool. For the other arguments see `Queries`.
+        """Tests whether anything lies on each ray between t_min and t_max: (...) bool. Other arguments: see `Queries`.
 
         True exactly where `cast_rays` finds a hit, but faster.
 
         Args:
-            out: An array to write into and return, so that call after call uses the same memory: contiguous, bool, of
-                the rays' shape (...); it may not overlap them.
+            out: An array to write into and return, so that repeated calls use the same memory: contiguous, bool, of
+                the rays' shape (...). It may not overlap the rays.
         """
         name = "test_occlusions"
         batch = ray_batch(name, origins, directions, t_min, t_max, mask, times, cull, threads)
@@ -171,7 +171,7 @@ class Queries:
         threads: int = 0,
         progress: Progress | None = None,
     ) -> npt.NDArray[np.int32]:
-        """How many triangles lie on each ray between t_min and t_max: (...) int32. Arguments: see `Queries`.
+        """Counts the triangles on each ray between t_min and t_max: (...) int32. Arguments: see `Queries`.
 
         Each triangle counts once; a ray through an edge meets each of the triangles at it. Invalid rays have 0.
         """
@@ -195,18 +195,19 @@ class Queries:
         threads: int = 0,
         progress: Progress | None = None,
     ) -> Intersections:
-        """All surfaces on each ray between t_min and t_max, nearest first. For the other arguments see `Queries`.
+        """Lists all surfaces on each ray between t_min and t_max, nearest first. For the other arguments see `Queries`.
 
-        Returns `Intersections`: hits and ray_splits. Each triangle is there once a ray; a ray through an edge meets
-        each of the triangles at it. Of a curve or point there is where the ray enters and where it leaves, but not what
-        lies inside of the same curve's next segment; a cyclic curve's first one comes after its last. At equal t the
-        smallest (order, instance id, primitive) comes first, so that a ray's first row is what `cast_rays` answers. The
-        rays are traced twice, first to count: so no more memory is needed than for what is returned.
+        Returns `Intersections`: hits and ray_splits. Each triangle appears once a ray. A ray through an edge meets each
+        of the triangles at it. A curve or point has a hit where the ray enters and one where it leaves. Surfaces inside
+        the same curve's next segment have none; the first segment of a cyclic curve follows its last. At equal t the
+        smallest (order, instance id, primitive) comes first, so a ray's first row is the answer of `cast_rays`. The
+        rays are traced twice, first to count the hits: this needs no more memory than the result.
 
         Args:
-            fields: Names of the fields to compute for each hit; None for the usual ones, see `Hits`. Those that say
-                what a ray cost, nodes_visited and primitives_tested, belong to no single hit.
-            max_hits: At most so many of each ray, the nearest; None for all.
+            fields: Names of the fields to compute for each hit; None for the usual ones, see `Hits`. The fields that
+                measure a ray's cost, nodes_visited and primitives_tested, are not available: they belong to no single
+                hit.
+            max_hits: The largest number of hits of each ray, the nearest ones; None for all.
         """
         name = "list_intersections"
         if max_hits is not None:
@@ -216,7 +217,7 @@ class Queries:
         costs = [field for field in names if field in ("nodes_visited", "primitives_tested")]
         if costs:
             raise ValueError(f"{name}: fields has {costs[0]!r}, which rays have, not hits; ask cast_rays for it")
-        allocate_columns(name, names, (0,), None)  # wrong names, before any work
+        allocate_columns(name, names, (0,), None)  # refuses wrong names before any work
         snapshot = self._committed()
         counts = np.empty(batch.shape, np.int32)
         _count(snapshot, batch, cull, counts, threads, share_of(progress, 0.0, 0.5))
@@ -246,11 +247,11 @@ class Queries:
         time: float = 0.0,
         progress: Progress | None = None,
     ) -> RayWalk:
-        """What one ray does on its way through the trees: each box and each triangle that it looks at, in order.
+        """Records the path of one ray through the trees: each box and each triangle that it tests, in order.
 
-        Returns `RayWalk`. It ends at the hit that `cast_rays` answers, after as many nodes and triangles as its
-        nodes_visited and primitives_tested count. An invalid ray hits nothing. Some 300 bytes for each event; a ray
-        through a usual scene has some hundreds.
+        Returns `RayWalk`. It ends at the hit that `cast_rays` answers. Its numbers of nodes and triangles equal the
+        ray's nodes_visited and primitives_tested. An invalid ray hits nothing. Each event takes some 300 bytes; a ray
+        through a usual scene has some hundreds of events.
 
         Args:
             origin, direction: (3,), float32 or float64.
@@ -272,20 +273,20 @@ class Queries:
         threads: int = 0,
         progress: Progress | None = None,
     ) -> ClosestPoints:
-        """The nearest point of the scene to each point, and how far away it is. For threads, progress see `Queries`.
+        """Finds the nearest point of the scene to each point, and its distance. For threads, progress see `Queries`.
 
-        Returns `ClosestPoints`. Distances are those of the world, in double, through any transform, sheared or scaled
-        unevenly. Curves and points are solid: what lies inside of one is its own nearest point, at distance 0. At equal
-        distance the smallest (order, instance id, primitive) is found. Points that are not finite, or with a negative
-        distance, find nothing, nor do those so far away (1e150) that a square of it is no number.
+        Returns `ClosestPoints`. Distances are in world space, in double, through any transform, sheared or scaled
+        unevenly. Curves and points are solid: a point inside one is its own nearest point, at distance 0. At equal
+        distance the smallest (order, instance id, primitive) wins. Nothing is found for points that are not finite,
+        that have a negative distance, or that are so far away (1e150) that the square of the distance overflows.
 
         Args:
             points: (..., 3), float32 or float64.
-            max_distance: A number or (...): nothing farther away is found; the smaller, the faster.
+            max_distance: A number or (...): nothing farther away is found. A smaller limit is faster.
             mask: 32 bits or (...): an instance is seen if its mask shares a bit with the point's.
 
         Raises:
-            ValueError: For arrays of the wrong shape or kind, and on a `Scene` StaleSceneError if edits wait.
+            ValueError: For arrays of the wrong shape or kind, and on a `Scene` StaleSceneError if edits are pending.
         """
         batch = point_batch("compute_closest_points", points, max_distance, mask, times, threads)
         columns = allocate_closest(batch.shape)
@@ -304,16 +305,16 @@ class Queries:
         *,
         progress: Progress | None = None,
     ) -> SceneStatistics:
-        """Sizes and quality of all trees, as `SceneStatistics`.
+        """Returns sizes and quality of all trees, as `SceneStatistics`.
 
         Args:
-            detailed: Also end-point overlap and leaf-count variability (Aila, Karras and Laine 2013). They take
-                microseconds for each triangle, and binary trees that are no longer kept are built again for them, with
-                the same settings.
+            detailed: Also compute end-point overlap and leaf-count variability (Aila, Karras and Laine 2013). They take
+                microseconds for each triangle. Binary trees that are no longer kept are rebuilt for them, with the same
+                settings.
             progress: Called with the share done, 0 to 1; returning False raises `Cancelled`. Ctrl-C works too.
 
         Raises:
-            StaleSceneError: (on a `Scene`) if edits wait.
+            StaleSceneError: (on a `Scene`) if edits are pending.
         """
         return SceneStatistics.from_core(_core.measure(self._committed(), bool(detailed), progress))
 

@@ -1,4 +1,4 @@
-"""What one ray does on its way through the trees, as columns."""
+"""The path of one ray through the trees, as columns."""
 
 from __future__ import annotations
 
@@ -14,30 +14,30 @@ from .calibration import Calibration, current_calibration
 
 
 class WalkEvent(IntEnum):
-    """What happens to a box or a triangle on a ray's way."""
+    """An event of a box or a triangle on a ray's path."""
 
     ENTER_NODE = 0
     """The ray visits a node; the boxes of its children are tested next."""
     ENTER_LEAF = 1
     """It visits a leaf, whose triangles are tested next."""
     ENTER_INSTANCE = 2
-    """It goes on in the tree of an instance, transformed by the inverse of the instance's matrix."""
+    """It continues in the tree of an instance, transformed by the inverse of the instance's matrix."""
     SKIP_INSTANCE = 3
     """It reaches an instance whose mask shares no bit with its own, or that it passes by."""
     BOX_HIT = 4
-    """A box is tested and hit: it is visited later, unless a hit is found before its turn."""
+    """A box is tested and hit: it will be visited later, unless a nearer hit is found first."""
     BOX_MISSED = 5
     """A box is tested; the ray passes by, or its range ends before."""
     BOX_PRUNED = 6
     """A box is tested, and begins behind the nearest hit so far."""
     WAITING_PRUNED = 7
-    """A box that was to be visited begins behind the hit that has been found meanwhile."""
+    """A box in the queue is skipped: it begins behind a hit that was found after the box's test."""
     TRIANGLE_MISSED = 8
     """A triangle is tested; the ray passes by."""
     TRIANGLE_HIT = 9
     """A triangle is tested: the nearest hit so far."""
     TRIANGLE_REJECTED = 10
-    """A triangle is tested and met: behind the nearest hit, out of the ray's range or from the side that is culled."""
+    """A triangle is hit, but behind the nearest hit, out of the ray's range or from the culled side."""
 
 
 VISITS = (WalkEvent.ENTER_NODE, WalkEvent.ENTER_INSTANCE, WalkEvent.SKIP_INSTANCE)
@@ -47,21 +47,21 @@ TRIANGLE_TESTS = (WalkEvent.TRIANGLE_MISSED, WalkEvent.TRIANGLE_HIT, WalkEvent.T
 
 @dataclass(frozen=True, slots=True)
 class RayWalk:
-    """What `walk_ray` saw: one row an event, in the order in which they happen.
+    """The result of `walk_ray`: one row for each event, in order.
 
     Attributes:
         events: (N,) uint8, numbers of `WalkEvent`.
         bounds: (N, 2, 3) float64, lower and upper corners of the box, in the object space of its mesh; of the top level
             in world space. For triangles the box of their leaf.
         transforms: (N, 3, 4) float64: the map from the space of `bounds` to the world.
-        triangles: (N, 3, 3) float64, corners in the world; NaN where the event is a box's.
-        t: (N,) float64: where the ray enters the box, a little early by design, or meets the triangle; inf where it
-            does not. Of a tree's root also where the ray begins inside: its t_min.
+        triangles: (N, 3, 3) float64, corners in the world; NaN for events of boxes.
+        t: (N,) float64: where the ray enters the box, a little early by design, or hits the triangle; inf where it
+            does neither. For a tree's root it is the ray's t_min if the ray begins inside.
         nearest_t: (N,) float64: t of the nearest hit after the event, inf before the first.
-        levels: (N,) int32, of the box in its tree, 0 for the root. A triangle has its leaf's.
-        instance_ids, mesh_ids: (N,) int32: whose tree it is, or which instance is entered; -1 for boxes of the top
-            level.
-        primitive_ids: (N,) int32: the triangle; -1 where the event is a box's.
+        levels: (N,) int32, the level of the box in its tree, 0 for the root. A triangle has its leaf's.
+        instance_ids, mesh_ids: (N,) int32: the instance and mesh of the tree, or of the instance that is entered; -1
+            for boxes of the top level.
+        primitive_ids: (N,) int32: the triangle; -1 for events of boxes.
     """
 
     events: npt.NDArray[np.uint8]
@@ -80,32 +80,32 @@ class RayWalk:
 
     @property
     def hit_row(self) -> int | None:
-        """The row of the hit that the ray ends at, None if it hits nothing."""
+        """The row of the hit at which the ray ends, None if it hits nothing."""
         rows = np.flatnonzero(self.events == WalkEvent.TRIANGLE_HIT)
         return int(rows[-1]) if len(rows) else None
 
     @property
     def nodes_visited(self) -> int:
-        """As `Hits.nodes_visited` counts: nodes, and instances that were reached."""
+        """The count of nodes and of instances that were reached, as in `Hits.nodes_visited`."""
         return int(np.isin(self.events, VISITS).sum())
 
     @property
     def primitives_tested(self) -> int:
-        """As `Hits.primitives_tested` counts: triangles, as often as they were tested."""
+        """The count of triangle tests, with repetitions, as in `Hits.primitives_tested`."""
         return int(np.isin(self.events, TRIANGLE_TESTS).sum())
 
     @property
     def cost(self) -> int:
-        """In the units of `TreeBoxes.costs`: one for each visited node or instance and each tested triangle."""
+        """The cost in the units of `TreeBoxes.costs`: one for each visited node or instance and tested triangle."""
         return self.nodes_visited + self.primitives_tested
 
     def nanoseconds(self, calibration: Calibration | None = None) -> npt.NDArray[np.float64]:
-        """(N,) float64: what each event costs one thread, as the governor reckons; together, what the ray costs.
+        """(N,) float64: the cost of each event for one thread, as the governor estimates it; the sum is the ray's cost.
 
         Args:
-            calibration: What visits cost; None for this machine's, as scenes have it. Boxes that are tested at once
-                share the visit of their node, triangles that of their leaf. An instance that is reached costs what a
-                node does.
+            calibration: The cost of visits; None for this machine's, as scenes have it. Boxes that are tested together
+                share the visit of their node, triangles that of their leaf. Reaching an instance costs as much as a
+                node.
         """
         costs = current_calibration() if calibration is None else calibration
         visits = np.zeros(len(WalkEvent))
@@ -140,25 +140,26 @@ _COLUMNS = ("boxes", "levels", "leaf_sizes", "costs", "subtree_costs", "overlaps
 
 @dataclass(frozen=True, slots=True)
 class TreeBoxes:
-    """What `Snapshot.tree_boxes` lists: one row a box, from the root downwards, a level after the other.
+    """The result of `Snapshot.tree_boxes`: one row for each box, level by level from the root down.
 
-    Of the whole tree, whichever levels were listed:
-    primitives: (M,) int32: the triangles of the mesh, or the ids of the instances, leaf after leaf. Where spatial
-        splits have cut triangles, these stand in several leaves.
+    These describe the whole tree, for any range of listed levels:
+    primitives: (M,) int32: the triangles of the mesh, or the ids of the instances, leaf after leaf. Triangles that
+        spatial splits have cut are in several leaves.
     depth: the deepest level.
-    sah: all costs together. built_sah: the same when the tree was built; `sah` where it was not refitted since.
+    sah: the sum of all costs. built_sah: the same when the tree was built; equal to `sah` if it was not refitted since.
 
     Attributes:
         boxes: (N, 2, 3) float64, lower and upper corners, in the object space of the mesh; of the top level in world
             space.
         levels: (N,) int32, 0 for the root.
         leaf_sizes: (N,) int32: the triangles of a leaf, 1 for an instance in the top level, 0 for an interior node.
-        costs: (N,) float32: what a random ray through the root's box spends on this box, one for a visited node and one
-            for each tested triangle or instance (MacDonald and Booth 1990). Over a whole tree they add up to its SAH.
-        subtree_costs: (N,) float32: what it spends on this box and on all below it.
-        overlaps: (N,) float32: the surface area that the box shares with its siblings, as a share of its own; 0 is
+        costs: (N,) float32: the expected cost of this box for a random ray through the root's box, one for a visited
+            node and one for each tested triangle or instance (MacDonald and Booth 1990). The sum over a tree is its
+            SAH.
+        subtree_costs: (N,) float32: the expected cost of this box and all below it.
+        overlaps: (N,) float32: the surface area that the box shares with its siblings, divided by its area. 0 is
             best, and more than 1 is possible where several siblings cover it.
-        ranges: (N, 2) int64: the rows of `primitives` that the box holds, from the first to before the second.
+        ranges: (N, 2) int64: the rows of `primitives` that the box holds, begin and end (exclusive).
     """
 
     boxes: npt.NDArray[np.float64]
@@ -178,16 +179,16 @@ class TreeBoxes:
 
     @property
     def hit_chances(self) -> npt.NDArray[np.float32]:
-        """(N,) float32: how likely a random ray that meets the root's box meets each: its area over the root's."""
+        """(N,) float32: the probability that a random ray through the root box hits each: its area over the root's."""
         return np.divide(self.costs, np.maximum(self.leaf_sizes, 1), dtype=np.float32)
 
     def primitives_of(self, row: int) -> npt.NDArray[np.int32]:
-        """(K,) int32: the triangles, or the ids of the instances, that one of the boxes holds."""
+        """Returns (K,) int32: the triangles, or the ids of the instances, in one of the boxes."""
         begin, end = self.ranges[row]
         return self.primitives[begin:end]
 
     def head(self, count: int) -> TreeBoxes:
-        """The first `count` boxes: those nearest to the root."""
+        """Returns the first `count` boxes: those nearest to the root."""
         return replace(self, **{name: getattr(self, name)[:count] for name in _COLUMNS})
 
 

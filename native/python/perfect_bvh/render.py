@@ -1,4 +1,4 @@
-"""Images of a scene: pictures to look at, and what the ray through each pixel hit, as arrays."""
+"""Images of a scene: pictures to look at, and arrays of the surface that each pixel's ray hit."""
 
 from __future__ import annotations
 
@@ -38,9 +38,9 @@ Passes = dict[str, npt.NDArray[Any]]
 MODES: tuple[str, ...] = get_args(Mode)
 
 NO_DEPTH = 1e10
-"""What depths are where nothing was hit: the number that Blender's own depth pass holds there."""
+"""The depth where nothing was hit: the same number as in Blender's own depth pass."""
 
-# By name: what follows (H, W) in the shape, the dtype, and the value where nothing was hit.
+# By name: the shape after (H, W), the dtype, and the value where nothing was hit.
 _PASSES: Mapping[str, tuple[tuple[int, ...], type[np.generic], float]] = {
     "combined": ((4,), np.float32, 0.0),
     "depth": ((), np.float32, NO_DEPTH),
@@ -58,35 +58,35 @@ _PASSES: Mapping[str, tuple[tuple[int, ...], type[np.generic], float]] = {
     "denoising_normal": ((3,), np.float32, 0.0),
 }
 _GUIDES = ("denoising_color", "denoising_albedo", "denoising_normal")
-_BLENDED = ("combined", *_GUIDES)  # those that samples add up to
+_BLENDED = ("combined", *_GUIDES)  # passes that are means of samples
 PASSES: tuple[str, ...] = tuple(_PASSES)
 
 
 class RenderOptions(TypedDict, total=False):
-    """What else `render`, `render_passes` and `render_progressively` take, by keyword.
+    """Further arguments of `render`, `render_passes` and `render_progressively`, by keyword.
 
     Attributes:
-        threads: At most so many; 0, the default, for all that the process may use. It changes no pixel.
-        seed: Another seed gives another noise; images of one seed are equal bit for bit.
+        threads: The largest number of threads; 0, the default, for all that the process may use. It changes no pixel.
+        seed: Another seed gives other noise; images of the same seed are equal bit for bit.
         first_sample: The number of the first sample, so that an image can be continued: the mean of samples 0 to 3 and
-            4 to 7, weighted by their counts, is as good as that of 0 to 7. A single sample with first_sample 0 stands
+            4 to 7, weighted by their counts, is as good as that of 0 to 7. A single sample with first_sample 0 is
             at the pixel's centre; all others spread over the pixel filter.
         is_continued: Whether other samples will follow, so that a single first one spreads like them; default False.
         filter_width: How far the pixel filter (a Blackman-Harris window) reaches to each side, in pixels; default 1.5.
             0 puts every sample at the pixel's centre. Neighbouring pixels share samples.
-        ao_distance: clay: how far away a surface still keeps light from another, in world units; its effect fades to
+        ao_distance: clay: the largest distance at which a surface occludes another, in world units; its effect fades to
             nothing over that distance. None, the default: 0.35 of the diagonal of the scene's bounding box.
         light_rays: clay: rays to the sky and to the key light for each sample. None, the default: 1 for a single
             sample, else 2, which takes less time for an image of the same noise.
-        light_paths: preview: how far light is followed, see `LightPaths`.
+        light_paths: preview: the limits of light paths, see `LightPaths`.
         clay_color: clay, matcap, wireframe: one scene-linear colour for everything instead of the materials' viewport
             colours.
         wire_width: wireframe: the width of the lines in pixels; default 1.
-        wire_color: wireframe: their scene-linear colour.
-        tiles: (rows, columns) bool, which tiles of the image to trace, 32 x 32 pixels each, the first in the upper left
-            corner; what lies in others is as outside of a border. None, the default: all.
-        shutter: How an image shows what moves, see `Shutter`. None, the default: things stand where they are at time 0.
-        audit: A `RenderAudit`, which says what share of the camera rays to check again and takes what that shows.
+        wire_color: wireframe: the scene-linear colour of the lines.
+        tiles: (rows, columns) bool, the tiles of the image to trace, 32 x 32 pixels each, the first in the upper left
+            corner. Pixels in other tiles are like pixels outside a border. None, the default: all.
+        shutter: How an image shows motion, see `Shutter`. None, the default: objects are shown at time 0.
+        audit: A `RenderAudit`: it sets the share of the camera rays to check again, and receives the result.
     """
 
     threads: int
@@ -115,7 +115,7 @@ def render(
     progress: Progress | None = None,
     **options: Unpack[RenderOptions],
 ) -> npt.NDArray[np.float32]:
-    """An image of a scene: (H, W, 4) float32, scene-linear, premultiplied by alpha, row 0 on top.
+    """Renders an image of a scene: (H, W, 4) float32, scene-linear, premultiplied by alpha, row 0 on top.
 
     It is the pass "combined" of `render_passes`, which explains the arguments.
     """
@@ -136,42 +136,43 @@ def render_passes(
     progress: Progress | None = None,
     **options: Unpack[RenderOptions],
 ) -> Passes:
-    """An image of a scene and what its pixels show, all from one walk over the pixels.
+    """Renders an image of a scene and arrays of the surfaces in its pixels, all from one walk over the pixels.
 
     Returns the arrays by name, row 0 on top. Holdouts are transparent, and misses in the other passes. Pixels outside
     the camera's border are not traced: they are transparent black, and misses.
 
     Args:
         scene: A `Scene` without pending edits, or a `Snapshot`.
-        mode: How the image looks: "preview": the scene under its own lights and world, by path tracing: base colours
+        mode: The look of the image. "preview": the scene under its own lights and world, by path tracing: base colours
             and images, metal, glass, emission, transparency, soft shadows, light that bounces
-            (`RenderOptions.light_paths`). Without a world in the appearance the studio's sky. "clay": diffuse surfaces
-            in a photographer's studio: soft sky, ambient occlusion, one soft key light. "matcap": form from the normals
-            as the viewer sees them, without shadows: a ball in a studio. "wireframe": the edges of the triangles over
-            softly lit surfaces. "normal": the shading normal in world space, -1..1 as 0..1. "uv": the place in the
-            mesh's uv map as red and green, blue 1; black where there is no map. "depth", "distance": along the view
-            axis, along the ray, in world units, in all of R, G and B; 1e10 where there is nothing. Not blended:
-            whatever `samples` says, one ray through the pixel's centre. "instance", "material": one colour for each,
-            always the same for the same id or row of the material table. "cost": nodes visited plus triangles tested by
-            the camera ray, on a logarithmic scale from 2 (violet) to 512 and more (pale yellow), the same for all
-            images. The colours of the last three are meant for a plain sRGB display, without a scene's view transform.
+            (`RenderOptions.light_paths`). If the appearance has no world, the studio's sky lights the scene. "clay":
+            diffuse surfaces in a photographer's studio: soft sky, ambient occlusion, one soft key light. "matcap": form
+            from the normals as seen by the viewer, without shadows, like a sphere in a studio. "wireframe": the edges
+            of the triangles over softly lit surfaces. "normal": the shading normal in world space, -1..1 as 0..1. "uv":
+            the uv coordinates of the mesh's map as red and green, blue 1; black where there is no map. "depth",
+            "distance": along the view axis, along the ray, in world units, in all of R, G and B; 1e10 where nothing was
+            hit. These two are not blended: they always use one ray through the pixel's centre, for any `samples`.
+            "instance", "material": one colour for each, always the same for the same id or row of the material table.
+            "cost": nodes visited plus triangles tested by the camera ray, on a logarithmic scale from 2 (violet) to 512
+            and more (pale yellow), the same for all images. The colours of the last three are meant for a plain sRGB
+            display, without a scene's view transform.
         size: (width, height) in pixels.
         samples: Camera rays for each pixel of the image.
         appearance: materials, normals and visibility; None: everything is plain, flat and visible.
-        passes: Which arrays to make. All but "combined" hold what the ray through the pixel's centre hits: they are
-            exact, and never blended where an edge crosses the pixel. "combined" (H, W, 4) float32: the image, see
-            `render`. "depth", "distance" (H, W) float32: along the view axis, along the ray; 1e10 where nothing was
+        passes: The arrays to make. All but "combined" hold the surface that the ray through the pixel's centre hits:
+            they are exact, and never blended where an edge crosses the pixel. "combined" (H, W, 4) float32: the image,
+            see `render`. "depth", "distance" (H, W) float32: along the view axis, along the ray; 1e10 where nothing was
             hit. They are equal in panoramas. "normal" (H, W, 3) float32: shading normal, world space, unit length,
             towards the viewer; zero on a miss. "object_index", "material_index" (H, W) int32: pass indices; 0 on a
             miss. "instance", "primitive" (H, W) int32: instance id, triangle of its mesh; -1 on a miss. "vector" (H, W,
-            4) float32: how what the pixel shows moves in the image, in pixels to the right and up, as Blender's Vector
-            pass has it: where it was when the shutter opened, seen from here, and here, seen from where it will be when
-            it closes. Zero on a miss, for what is then behind the camera, without a shutter. "nodes_visited",
-            "primitives_tested" (H, W) int32: what the ray cost. "denoising_color" (H, W, 4) float32: the image as a
-            denoiser wants it, which takes noise for independent: the mean of each pixel's own samples, whereas
-            neighbours share samples in "combined". "denoising_albedo", "denoising_normal" (H, W, 3) float32: what
-            guides a denoiser: the share of light that surfaces give back and their normal in world space. Blended as
-            "combined" is; "preview" looks for them in mirrors and through panes.
+            4) float32: the motion of the pixel's surface in the image, in pixels to the right and up, as in Blender's
+            Vector pass: the offset from here to its position when the shutter opens, and the offset to here from its
+            position when the shutter closes. Zero on a miss, for surfaces that are behind the camera at that time, and
+            without a shutter. "nodes_visited", "primitives_tested" (H, W) int32: the cost of the ray. "denoising_color"
+            (H, W, 4) float32: the image for a denoiser, which expects independent noise: the mean of each pixel's own
+            samples, whereas neighbours share samples in "combined". "denoising_albedo", "denoising_normal" (H, W, 3)
+            float32: guides for a denoiser: the share of light that surfaces reflect and their normal in world space.
+            They are blended like "combined"; "preview" takes them from surfaces seen in mirrors and through panes, too.
         progress: Called with the share done, 0 to 1; returning False raises `Cancelled`. Ctrl-C works too.
         options: See `RenderOptions`.
 
@@ -198,19 +199,19 @@ def render_progressively(
 ) -> Iterator[tuple[int, Passes]]:
     """Renders 1, 2, 4, 8 ... samples of a pixel, and yields (samples done, passes) after each of these rounds.
 
-    The arguments are those of `render_passes`; `progress` counts over all rounds. The arrays are the same objects each
-    time; "combined" and a denoiser's guides are refined in place and the others are complete after the first round. The
-    scene may be edited meanwhile: all rounds show the state at the first one.
+    The arguments are those of `render_passes`; `progress` counts over all rounds. Each round yields the same array
+    objects. "combined" and a denoiser's guides are refined in place; the other passes are complete after the first
+    round. The scene may be edited during the iteration: all rounds show its state at the first one.
 
     Args:
-        time_limit: In seconds, 0 for none: rounds are made smaller, so that what they are expected to take fits, and
-            end when not one more sample does. The first sample is always there. What the caller does in between counts.
-        sampling: A new `AdaptiveSampling` of this size: tiles that are good enough get no more samples, and rounds end
-            when all are. It holds how many each has got; the samples done are those of the others. None, the default:
-            as many everywhere.
-        noise: A dictionary that takes, by the name of each pass that is refined, an array of the pass's shape and
-            dtype: an error as large as that of the pass may be, see `restore_detail`. Zero as long as there is one
-            round alone. None, the default: it is not worked out.
+        time_limit: In seconds, 0 for none. Rounds are made smaller so that their expected time fits. They end when not
+            one more sample fits. The first sample is always rendered. The caller's time between rounds counts.
+        sampling: A new `AdaptiveSampling` of this size. Tiles that are good enough get no more samples, and rounds end
+            when all tiles are. It holds the number of samples of each tile; the yielded number is that of the
+            unfinished tiles. None, the default: all tiles get the same number.
+        noise: A dictionary that receives, by the name of each refined pass, an array of the pass's shape and dtype. It
+            holds an error of the same expected size as the pass's own, see `restore_detail`. It is zero while there is
+            only one round. None, the default: it is not computed.
     """
     snapshot = _snapshot_of("render_progressively", scene)
     total = check_count("render_progressively", "samples", samples, 1)
@@ -222,7 +223,7 @@ def render_progressively(
     start = options.get("first_sample", 0)
     options["is_continued"] = options.get("is_continued", False) or total > 1
     started = time.perf_counter()
-    done, work = 0, 0  # samples; those of tiles
+    done, work = 0, 0  # samples of a pixel; samples of all tiles
     result: Passes = {}
     while done == 0 or (done < total and not (sampling and sampling.is_finished)):
         count = min(max(done, 1), total - done)
@@ -247,7 +248,7 @@ def render_progressively(
 def _add_round(
     result: Passes, made: Passes, done: int, count: int, sampling: AdaptiveSampling | None, noise: Passes | None
 ) -> None:
-    """What a round of samples has made goes into what the `done` before it have, and is judged."""
+    """Merges a round of samples into the mean of the `done` samples before it, and updates the adaptive sampling."""
     pixels = None
     if sampling is not None:
         pixels = sampling.pixels()
@@ -266,13 +267,14 @@ def add_samples(
     pixels: npt.NDArray[np.bool_] | None = None,
     noise: npt.NDArray[np.float32] | None = None,
 ) -> None:
-    """Makes the mean of `done` samples of pixels, (H, W, C), that of `count` more, too, in place.
+    """Turns the mean of `done` samples of pixels, (H, W, C), into the mean that includes `count` more, in place.
 
     Args:
-        made: The mean of those.
-        pixels: (H, W), which have them; None for all.
-        noise: Like `mean`, for an error as large as that of the new mean may be. Both means, of the samples before and
-            of all, are off by errors of known proportion, so that their difference, scaled, has the new one's variance.
+        made: The mean of the new samples.
+        pixels: (H, W), the pixels that have new samples; None for all.
+        noise: Like `mean`, receives an error of the same expected size as the new mean's. The mean of the old samples
+            and that of all samples have errors of known proportion, so their difference, scaled, has the new mean's
+            variance.
     """
     change = (made - mean) * np.float32(count / (done + count))
     where = True if pixels is None else pixels[..., np.newaxis]
@@ -284,11 +286,11 @@ def add_samples(
 def depth_to_grey(
     depth: npt.NDArray[np.float32], near: float | None = None, far: float | None = None
 ) -> npt.NDArray[np.float32]:
-    """A depth pass as greys to look at: 1 at `near` and nearer, 0 at `far` and beyond, evenly between.
+    """Converts a depth pass to greys to look at: 1 at `near` and nearer, 0 at `far` and beyond, linear between.
 
     Args:
         depth: (...) float32, as the passes "depth" and "distance".
-        near, far: None for the nearest and the farthest thing that was hit.
+        near, far: None for the nearest and the farthest depth that was hit.
 
     Returns:
         (...) float32; 0 where nothing was hit.
@@ -303,7 +305,7 @@ def depth_to_grey(
 
 
 def cost_to_color(costs: npt.ArrayLike) -> npt.NDArray[np.float32]:
-    """What the mode "cost" shows for these numbers of nodes visited and triangles tested together, for a legend.
+    """Returns the colours of the mode "cost" for sums of nodes visited and triangles tested, for a legend.
 
     Args:
         costs: (...) numbers.
@@ -315,7 +317,7 @@ def cost_to_color(costs: npt.ArrayLike) -> npt.NDArray[np.float32]:
     return _core.cost_colors(np.ascontiguousarray(values.reshape(-1))).reshape(*values.shape, 3)
 
 
-# The columns of `materials_at`, with how wide they are.
+# The columns of `materials_at`, with their widths.
 _MATERIAL_COLUMNS = {
     **dict.fromkeys(("colors", "metals", "tints", "specular_tints"), 3),
     **dict.fromkeys(("alphas", "metallics", "roughnesses", "reflectances", "transmissions"), 1),
@@ -324,16 +326,16 @@ _MATERIAL_COLUMNS = {
 
 
 def materials_at(scene: Scene | Snapshot, appearance: Appearance, hits: Hits) -> dict[str, npt.NDArray[np.float32]]:
-    """Find what materials are where rays hit, as the mode "preview" sees them when they are met straight on.
+    """Finds the material properties where rays hit, as the mode "preview" sees them at perpendicular incidence.
 
     Args:
-        scene: What was hit.
-        appearance: Of that scene.
+        scene: The scene that was hit.
+        appearance: The appearance of that scene.
         hits: (N,), none of them a miss, with instance_ids, primitive_ids and primitive_uvs.
 
     Returns:
-        (N,) or (N, 3) float32 columns by the names that `MaterialTable` has for them: colors, metals, tints (of what is
-        refracted), specular_tints, alphas, metallics, roughnesses, reflectances, transmissions, translucencies, iors,
+        (N,) or (N, 3) float32 columns by their names in `MaterialTable`: colors, metals, tints (of refracted
+        light), specular_tints, alphas, metallics, roughnesses, reflectances, transmissions, translucencies, iors,
         even_metals and plain_refractions.
 
     Raises:
@@ -379,7 +381,7 @@ def _render(
     if mode == "preview" and looks["world"] is not None and 0 <= looks["world"]["image"] < len(looks["images"]):
         looks["bright_sky"] = find_bright_sky(looks["images"][looks["world"]["image"]], settings["threads"])
     wanted = _check_passes(function, passes)
-    # Guides are made together, and beside the image that they are for.
+    # Guides are made together, and always with the image that they are for.
     made = (*wanted, *_BLENDED) if any(name in _GUIDES for name in wanted) else wanted
     kinds = {name: _PASSES[name] for name in made}
     arrays = {name: np.full((height, width, *row), nothing, dtype) for name, (row, dtype, nothing) in kinds.items()}
@@ -418,7 +420,7 @@ def _check_passes(function: str, passes: Iterable[str]) -> list[str]:
 
 
 def _settings(function: str, options: RenderOptions, samples: int) -> dict[str, Any]:
-    """The options as the native module takes them, checked; defaults where they are missing."""
+    """Returns the checked options as the native module takes them, with defaults for missing ones."""
     known = RenderOptions.__annotations__
     for name in sorted(set(options) - set(known)):
         raise TypeError(f"{function}: unknown option {name!r}; there are {', '.join(known)}")

@@ -24,7 +24,7 @@ from .report import CommitReport
 class Snapshot(Queries):
     """An immutable committed scene. Any number of threads may query it while its scene is edited.
 
-    Get one from `Scene.snapshot()`; `Scene` has the same queries, for the snapshot of the moment.
+    Get one from `Scene.snapshot()`. `Scene` has the same queries and answers them from its latest snapshot.
     """
 
     __slots__ = ("_snapshot",)
@@ -37,12 +37,12 @@ class Snapshot(Queries):
 
     @property
     def generation(self) -> int:
-        """Counts the scene's commits from 1."""
+        """The number of this commit of the scene, counted from 1."""
         return self._snapshot.generation
 
     @property
     def scene_id(self) -> int:
-        """Which `Scene` of this process it came from."""
+        """The id of the `Scene` of this process that it came from."""
         return self._snapshot.scene_id
 
     def tree_boxes(
@@ -53,14 +53,14 @@ class Snapshot(Queries):
         last_level: int | None = None,
         with_leaves_above: bool = False,
     ) -> TreeBoxes:
-        """The boxes that rays meet on their way down one tree, for drawing it or judging it.
+        """Lists the boxes of one tree that rays meet on their way down, for drawing or judging the tree.
 
         Args:
-            mesh: The id of a mesh, for its tree; None for the top level, over the instances.
-            first_level, last_level: Which levels, both included; the root is level 0, and None is the deepest. A node
-                has up to eight children, so that each level may hold eight times as many boxes as the one above.
-            with_leaves_above: Also the leaves that stand above the first level. One level with them is a cut through
-                the tree: its boxes together hold all that the tree holds.
+            mesh: The id of the mesh whose tree is listed; None for the top level, over the instances.
+            first_level, last_level: The range of levels, both included. The root is level 0; None is the deepest level.
+                A node has up to eight children, so each level may hold eight times as many boxes as the one above.
+            with_leaves_above: Also list the leaves above the first level. A single level with these leaves is a cut
+                through the tree: together its boxes hold everything that the tree holds.
 
         Raises:
             ValueError: For a mesh that this snapshot does not have, and for levels out of order.
@@ -68,10 +68,11 @@ class Snapshot(Queries):
         return list_tree_boxes(self._snapshot, mesh, first_level, last_level, with_leaves_above)
 
     def tree_sah(self, mesh: int) -> float:
-        """What a random ray that meets the box of a mesh's tree spends there: float, the `sah` of its `tree_boxes`.
+        """Computes the expected cost of a random ray in a mesh's tree, if it meets its box: the `sah` of `tree_boxes`.
 
-        One for a visited node and one for each tested triangle (MacDonald and Booth 1990), summed in another order than
-        there: the last digits may differ. The tree is gone through once, and nothing is copied.
+        Each visited node and each tested triangle costs 1 (MacDonald and Booth 1990). The order of summation differs
+        from `tree_boxes`, so the last digits may differ. The tree is traversed once, and nothing is copied. Returns a
+        float.
 
         Raises:
             ValueError: For a mesh that this snapshot does not have.
@@ -88,15 +89,15 @@ _MOST_RAYS = 1e18
 class Scene(Queries, CurvesAndPoints):
     """A two-level tree over instanced meshes of triangles, curves or points.
 
-    Edits are collected; `commit()` builds, refits or keeps each tree as its edits need: of a tree whose vertices moved
-    what is expected to cost least, update and rays together. Queries then answer from the committed state and raise
-    `StaleSceneError` while edits wait. Every edit checks its input before it changes anything. Arrays are copied in.
-    May be used from several threads.
+    Edits are collected. `commit()` builds, refits or keeps each tree as its edits need. For a tree whose vertices
+    moved, it chooses the action with the least expected cost of update and rays together. Queries then answer from the
+    committed state, and raise `StaleSceneError` while edits are pending. Every edit checks its input before it changes
+    anything. Arrays are copied in. Several threads may use a scene.
 
     Args:
-        calibration: What work costs on this machine; by default what `perfect-bvh calibrate` measured, or else what
-            comes with the package. With equal calibrations, edits and expected rays the decisions are the same
-            anywhere.
+        calibration: The cost of work on this machine. The default is the result of `perfect-bvh calibrate`, or else the
+            calibration that comes with the package. Decisions depend only on the calibration, the edits and the
+            expected rays, not on the machine.
     """
 
     __slots__ = (
@@ -114,10 +115,10 @@ class Scene(Queries, CurvesAndPoints):
         self._scene = _core.make_scene()
         self._chains: dict[int, CurveChains] = {}
         self.before_query: Callable[[], object] | None = None
-        """Called on the thread of each query that would be answered, and of `is_current` and `snapshot()`, before it.
+        """Called before each query that would be answered, and before `is_current` and `snapshot()`, on their thread.
 
-        For code that can find out whether the source of this scene's data has changed: it may call `mark_stale`. What
-        it raises, the query raises. Queries of snapshots do not call it.
+        It serves code that can find out whether the source of this scene's data has changed: it may call `mark_stale`.
+        The query raises any exception that it raises. Queries of snapshots do not call it.
         """
 
     def _committed(self) -> _core.Snapshot:
@@ -137,16 +138,15 @@ class Scene(Queries, CurvesAndPoints):
         build: Literal["auto"] | BuildConfig = "auto",
         usage: Usage = "static",
     ) -> int:
-        """Adds a mesh and returns its id. It is seen only through instances.
+        """Adds a mesh and returns its id. It is visible only through instances.
 
         Args:
-            positions: (V, 3) float; float64 keeps its detail however far from zero it lies. Of a mesh larger than 2^20
-                detail below 2^-126 of its size is rounded.
+            positions: (V, 3) float. float64 positions keep their detail at any distance from zero. In a mesh larger
+                than 2^20, detail below 2^-126 of its size is rounded.
             triangles: (T, 3) int, rows of positions; counter-clockwise seen from the front.
             build: "auto" or a `BuildConfig`.
-            usage: What will happen to the mesh: "static" (nothing, or rigid motion), "deforming" (its positions) or
-                "changing" (its topology). "auto" builds a mesh of the last kind with the "fast" builder, others with
-                "binned".
+            usage: The expected changes: "static" (none, or rigid motion), "deforming" (positions) or "changing"
+                (topology). "auto" builds a "changing" mesh with the "fast" builder, others with "binned".
 
         Raises:
             ValueError: For non-finite positions and for indices out of range.
@@ -156,9 +156,9 @@ class Scene(Queries, CurvesAndPoints):
         return self._scene.add_mesh(rows, corners, as_config("add_mesh", build).as_settings(), usage)
 
     def update_mesh(self, mesh: int, positions: npt.ArrayLike) -> None:
-        """Moves a mesh's vertices: (V, 3) with as many rows as before.
+        """Moves a mesh's vertices: (V, 3), the same number of rows as before.
 
-        The next commit refits its tree, or rebuilds it where a refitted one would be too slow, and reports which and
+        The next commit refits its tree, or rebuilds it if a refitted tree would be too slow. Its report says which, and
         why. A tree with spatial splits cannot be refitted.
         """
         self._scene.update_mesh(check_id("update_mesh", "mesh", mesh), as_rows("update_mesh", "positions", positions))
@@ -166,21 +166,21 @@ class Scene(Queries, CurvesAndPoints):
     def set_mesh_motion(
         self, mesh: int, positions: npt.ArrayLike, time_range: tuple[float, float] = (0.0, 1.0)
     ) -> None:
-        """Moves a mesh's vertices within the shutter: rays see it as it is at their own time (`times` of the queries).
+        """Moves a mesh's vertices within the shutter: each ray sees the mesh at its own time (`times` of the queries).
 
         The next commit refits or rebuilds the first step's tree, as for `update_mesh`, and refits it to each of the
-        other steps; so the mesh takes as much memory at each step.
+        other steps. Each step takes as much memory as the first.
 
         Args:
-            positions: (S, V, 3), S steps from 2 to 255 at equal intervals, each with as many rows as before; between
-                two steps every vertex goes in a straight line, as float32 interpolates it. One step, (1, V, 3), is
-                `update_mesh`, which ends the motion.
-            time_range: When the first and the last step are reached; before and after, the mesh stands still.
+            positions: (S, V, 3), S steps from 2 to 255 at equal intervals, each with the same number of rows as before.
+                Between two steps every vertex moves in a straight line, interpolated in float32. One step, (1, V, 3),
+                is `update_mesh`, which ends the motion.
+            time_range: The times of the first and the last step. Before and after, the mesh does not move.
 
         Raises:
             ValueError: For positions of other counts or not finite, for a range that is not a rising pair of finite
-                numbers, and for a mesh that was added with the builder "spatial", whose trees cannot follow; nothing is
-                changed then.
+                numbers, and for a mesh that was added with the builder "spatial", whose trees cannot be refitted.
+                Nothing is changed then.
         """
         name = "set_mesh_motion"
         steps, rows = as_steps(name, "positions", positions, 3)
@@ -191,7 +191,7 @@ class Scene(Queries, CurvesAndPoints):
         self._scene.set_mesh_motion(check_id(name, "mesh", mesh), rows, steps, span)
 
     def replace_mesh(self, mesh: int, positions: npt.ArrayLike, triangles: npt.ArrayLike) -> None:
-        """Gives a mesh another geometry; its instances stay."""
+        """Replaces a mesh's geometry; its instances stay."""
         self._scene.replace_mesh(
             check_id("replace_mesh", "mesh", mesh),
             as_rows("replace_mesh", "positions", positions),
@@ -199,12 +199,12 @@ class Scene(Queries, CurvesAndPoints):
         )
 
     def set_usage(self, mesh: int, usage: Usage) -> None:
-        """Says again what will happen to a mesh, see `add_mesh`: for the trees that are built from now on."""
+        """Changes the expected usage of a mesh, see `add_mesh`. It applies to trees that are built from now on."""
         check_usage("set_usage", usage)
         self._scene.set_usage(check_id("set_usage", "mesh", mesh), usage)
 
     def remove_mesh(self, mesh: int) -> None:
-        """Removes a mesh, curves or points that no instance uses; raises ValueError otherwise."""
+        """Removes a mesh, curves or points that no instance uses; raises ValueError if one does."""
         number = check_id("remove_mesh", "mesh", mesh)
         self._scene.remove_mesh(number)
         self._keep(number, None)
@@ -216,12 +216,12 @@ class Scene(Queries, CurvesAndPoints):
 
         Args:
             transform: (4, 4) or (3, 4), object to world, any affine map; None for the identity. Rays are mapped into
-                the mesh's space in double precision, and whether they hit is exact for the mapped ray. Where the
-                transform's condition number times the ray's distance in mesh sizes exceeds about 2^36, the mapping
-                itself may miss.
+                the mesh's space in double precision. The hit test is exact for the mapped ray. The mapping itself may
+                be inexact where the transform's condition number times the ray's distance in mesh sizes exceeds about
+                2^36.
             mask: 32 bits, see `Queries`.
-            order: Of several hits at exactly the same t, the one with the smallest order wins; by default that is the
-                instance added first.
+            order: Breaks ties: of several hits at exactly the same t, the smallest order wins. By default the instance
+                that was added first wins.
         """
         transforms = np.eye(4)[None] if transform is None else transform
         orders = None if order is None else [order]
@@ -234,7 +234,7 @@ class Scene(Queries, CurvesAndPoints):
         masks: npt.ArrayLike | None = None,
         orders: npt.ArrayLike | None = None,
     ) -> npt.NDArray[np.int32]:
-        """Places many: meshes (I,) ids, transforms (I, 4, 4) or (I, 3, 4), masks and orders (I,).
+        """Places several instances: meshes (I,) ids, transforms (I, 4, 4) or (I, 3, 4), masks and orders (I,).
 
         Returns (I,) int32 ids, ascending; ids are never reused.
         """
@@ -248,7 +248,7 @@ class Scene(Queries, CurvesAndPoints):
         return np.arange(first, first + count, dtype=np.int32)
 
     def set_transforms(self, ids: npt.ArrayLike, transforms: npt.ArrayLike) -> None:
-        """Moves instances: ids (I,), transforms (I, 4, 4) or (I, 3, 4). No mesh's tree is touched."""
+        """Moves instances: ids (I,), transforms (I, 4, 4) or (I, 3, 4). The trees of meshes do not change."""
         rows = as_integers("set_transforms", "ids", ids, np.int32).reshape(-1)
         if len(rows):
             self._scene.set_transforms(rows, as_transforms("set_transforms", transforms, len(rows)))
@@ -256,19 +256,19 @@ class Scene(Queries, CurvesAndPoints):
     def set_instance_motion(
         self, ids: npt.ArrayLike, transforms: npt.ArrayLike, time_range: tuple[float, float] = (0.0, 1.0)
     ) -> None:
-        """Moves instances within the shutter: rays see each where it is at their own time (`times` of the queries).
+        """Moves instances within the shutter: each ray sees them at its own time (`times` of the queries).
 
-        No mesh's tree is touched. Where an instance's scale passes through zero it is not seen at that moment. Raises
-        ValueError for unknown ids, matrices that are not finite or not affine, for those that flatten an instance, of
-        which nobody can tell how it turns, and for other ranges and shapes; nothing is changed then.
+        The trees of meshes do not change. An instance is not visible at a time at which its scale is zero. Raises
+        ValueError for unknown ids, for matrices that are not finite or not affine, for matrices that flatten an
+        instance (they do not define its rotation), and for other ranges and shapes. Nothing is changed then.
 
         Args:
             ids: (I,).
             transforms: (S, I, 4, 4) or (S, I, 3, 4), S steps from 2 to 255 at equal intervals. Between two steps the
-                rotation turns evenly by the shorter way, and what is left of the matrix (scale and shear) and the
-                translation go in straight lines, as in Blender's and Cycles' motion blur. A turn of more than half of
-                one between two steps needs more steps. One step is `set_transforms`, which ends the motion.
-            time_range: When the first and the last step are reached; before and after, the instances stand still.
+                rotation turns evenly by the shorter path. The translation and the rest of the matrix (scale and shear)
+                are interpolated linearly, as in Blender's and Cycles' motion blur. A turn of more than half a
+                revolution needs more steps. One step is `set_transforms`, which ends the motion.
+            time_range: The times of the first and the last step. Before and after, the instances do not move.
         """
         name = "set_instance_motion"
         rows = as_integers(name, "ids", ids, np.int32).reshape(-1)
@@ -297,21 +297,21 @@ class Scene(Queries, CurvesAndPoints):
     def commit(self, expected_rays: int | None = None, *, progress: Progress | None = None) -> CommitReport:
         """Brings the trees up to date with all edits.
 
-        With the build "auto", a mesh that rests gets the tree of a better builder once the
-        rays that its tree has served and those to come repay that: at most twice for the same triangles.
+        With the build "auto", a mesh that does not change is rebuilt with a better builder as soon as past and expected
+        rays repay that: at most twice for the same triangles.
 
-        After a failed or cancelled commit the edits still wait, and snapshots taken before stay valid.
+        After a failed or cancelled commit the edits are still pending, and earlier snapshots stay valid.
 
         Args:
-            expected_rays: How many rays are about to be cast until the next commit: what refitting and building is
-                weighed against, and builders are chosen by. By default as many as the last commit was told, 0 aside, or
-                as were cast since the last commit (see `rays_cast`) if those are more. Where none was ever told,
-                builders are chosen by usage, or better ones if the rays cast since the last commit repay them; and a
-                refitted tree is restructured or rebuilt where a ray is expected to cost 5 percent more than when it was
-                built.
-            progress: Called with the share done, up to 20 times a second; returning False raises `Cancelled`. It must
-                not use this scene. What is done between two looks at the time does not grow with the meshes. Ctrl-C
-                works too.
+            expected_rays: The expected number of rays until the next commit. The engine weighs refits and builds
+                against it, and chooses builders by it. The default is the number that the last commit was given (unless
+                0), or the number of rays cast since the last commit (see `rays_cast`) if that is larger. If no commit
+                was ever given a number, the usage selects the builder, or a better one if the rays cast since the last
+                commit repay it; and a refitted tree is restructured or rebuilt if a ray is expected to cost 5 percent
+                more than when the tree was built.
+            progress: Called with the share done, up to 20 times a second. Returning False raises `Cancelled`. It must
+                not use this scene. The work between two checks of the time does not grow with the meshes. Ctrl-C works
+                too.
         """
         rays = None
         if expected_rays is not None:
@@ -329,32 +329,32 @@ class Scene(Queries, CurvesAndPoints):
 
     @property
     def is_current(self) -> bool:
-        """Whether queries would be answered: committed, no edits waiting, not marked stale."""
+        """Whether queries would be answered: committed, no pending edits, not marked stale."""
         self._check_source()
         return self._scene.is_current()
 
     @property
     def scene_id(self) -> int:
-        """A number that no other `Scene` of this process has; its snapshots and hits carry it."""
+        """The id of this `Scene`, unique within the process. Its snapshots and hits carry it."""
         return self._scene.scene_id()
 
     @property
     def rays_cast(self) -> int:
-        """Rays that were cast so far at this scene's snapshots, for images and their light, too; not by `walk_ray`."""
+        """Rays cast so far at this scene's snapshots, also for images and their light; `walk_ray` does not count."""
         return self._scene.rays_cast()
 
     @property
     def mesh_count(self) -> int:
-        """Meshes, with edits that wait."""
+        """The number of meshes, including pending edits."""
         return self._scene.mesh_count()
 
     @property
     def instance_count(self) -> int:
-        """Instances, with edits that wait."""
+        """The number of instances, including pending edits."""
         return self._scene.instance_count()
 
     def snapshot(self) -> Snapshot:
-        """The committed state, immutable. Raises StaleSceneError if edits wait."""
+        """Returns the committed state, which is immutable. Raises StaleSceneError if edits are pending."""
         return Snapshot(self._committed())
 
 

@@ -1,4 +1,4 @@
-"""How many threads the engine uses, and what ends their work from another one."""
+"""The number of threads of the engine, and flags that stop their work from another thread."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ _MOST_THREADS = 1024
 
 
 def set_thread_count(count: int) -> None:
-    """Sets how many threads long calls use from now on; 0, the default, for as many as the process may use.
+    """Sets the number of threads of long calls from now on; 0, the default, for as many as the process may use.
 
-    Changes no answer. Calls under way are finished.
+    Changes no answer. Running calls finish first.
 
     Raises:
         ValueError: For anything but an integer from 0 to 1024.
@@ -23,16 +23,16 @@ def set_thread_count(count: int) -> None:
 
 
 # Isa -----------------------------------------------------------------------------------------------------------------
-# Which instruction set the kernels use. Every one of them gives the same answers, bit for bit.
+# The instruction set of the kernels. All of them give the same answers, bit for bit.
 
 
 def available_isas() -> tuple[str, ...]:
-    """The instruction sets that this build holds and this machine runs, the best last; "scalar" is always there."""
+    """The instruction sets in this build that this machine supports, the best last; "scalar" is always there."""
     return tuple(_core.available_isas())
 
 
 def active_isa() -> str:
-    """The one that queries use: the best, unless the variable PERFECT_BVH_ISA or `set_active_isa` says else.
+    """The instruction set of queries: the best, unless the variable PERFECT_BVH_ISA or `set_active_isa` says otherwise.
 
     Raises:
         ValueError: If PERFECT_BVH_ISA names none of `available_isas()`.
@@ -41,7 +41,7 @@ def active_isa() -> str:
 
 
 def set_active_isa(name: str | None) -> None:
-    """Uses another instruction set from now on, in all threads; None goes back to the default.
+    """Selects another instruction set from now on, in all threads; None returns to the default.
 
     For tests and benchmarks: it changes no answer.
 

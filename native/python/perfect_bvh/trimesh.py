@@ -1,4 +1,4 @@
-"""Rays for `trimesh`: put it in place of a mesh's own intersector, and nothing else of a script changes.
+"""Rays for `trimesh`: replaces a mesh's own intersector; the rest of a script stays the same.
 
     from perfect_bvh.trimesh import RayMeshIntersector
 
@@ -29,10 +29,10 @@ Floats = npt.NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class _Bounds:
-    """Where a mesh is.
+    """The bounds of a mesh.
 
-    In the scene it is stretched to reach from 0 to 1 along each axis: its outermost faces, at which rays often begin,
-    are then exactly where they are, whatever float32 makes of their coordinates.
+    In the scene the mesh is stretched to reach from 0 to 1 along each axis. Its outermost faces, at which rays often
+    begin, are then exact in float32.
     """
 
     low: Floats = field(default_factory=lambda: np.zeros(3))
@@ -45,13 +45,13 @@ class _Bounds:
         return _Bounds(low, np.where(size > 0.0, size, 1.0))
 
     def bring_in(self, points: Floats) -> Floats:
-        """Points, in the scene."""
+        """Maps points into the scene."""
         brought = points - self.low
         brought /= self.size  # a product would not be 1 at the other end
         return brought
 
     def bring_rays(self, origins: Floats, directions: Floats) -> tuple[Floats, Floats]:
-        """Rays, in the scene; t stays the same."""
+        """Maps rays into the scene; t stays the same."""
         return self.bring_in(origins), directions * (1.0 / self.size)
 
 
@@ -59,8 +59,8 @@ class RayMeshIntersector:
     """Rays at one mesh: the methods, arguments and returned values of trimesh's own intersectors.
 
     No ray passes between two triangles, and all surfaces on a ray are found, however close they are. The mesh is read
-    again when it has changed. Vertices are stored as float32 within the mesh's bounds: a hit is exact for these, up to
-    6e-8 of the bounds beside the true one; faces of the bounds themselves are where they are.
+    again when it has changed. Vertices are stored as float32 within the mesh's bounds. Hits are exact for these; they
+    are up to 6e-8 of the bounds away from the true ones. Faces on the bounds are exact.
 
     Args:
         geometry: The `trimesh.Trimesh`.
@@ -87,11 +87,11 @@ class RayMeshIntersector:
         Args:
             ray_origins, ray_directions: (n, 3) float; directions of any length.
             multiple_hits: All hits of each ray, the nearest first; otherwise the first alone.
-            max_hits: At most so many of each ray; None for all.
+            max_hits: The largest number of hits of each ray; None for all.
             return_locations: Whether the hits' positions are returned as well.
 
         Returns:
-            The hits' rows in `mesh.faces`, (m,) int64; their rays, (m,) int64; and, if asked for, where they are,
+            The hits' rows in `mesh.faces`, (m,) int64; their rays, (m,) int64; and, if requested, their positions,
             (m, 3) float64. Sorted by rays.
 
         Raises:
@@ -121,7 +121,7 @@ class RayMeshIntersector:
         """Find where rays meet the mesh; the arguments are those of `intersects_id`.
 
         Returns:
-            Where the hits are, (m, 3) float64; their rays, (m,) int64; their rows in `mesh.faces`, (m,) int64.
+            The positions of the hits, (m, 3) float64; their rays, (m,) int64; their rows in `mesh.faces`, (m,) int64.
         """
         triangles, rays, places = self.intersects_id(  # type: ignore[misc]
             ray_origins, ray_directions, multiple_hits=multiple_hits, return_locations=True, **keywords
@@ -164,13 +164,13 @@ class RayMeshIntersector:
         return scene.test_occlusions(*bounds.bring_rays(origins, directions))
 
     def contains_points(self, points: npt.ArrayLike) -> npt.NDArray[np.bool_]:
-        """Find which points are inside of the mesh, by trimesh's own rule: rays both ways, counted.
+        """Find which points are inside the mesh, by trimesh's own rule: it counts the hits of rays in both directions.
 
         Args:
-            points: (n, 3) float. On the surface the answer is either.
+            points: (n, 3) float. The answer for points on the surface is undefined.
 
         Returns:
-            (n,) bool. It means nothing for a mesh that is not watertight.
+            (n,) bool, only meaningful for a watertight mesh.
         """
         inside: npt.NDArray[np.bool_] = contains_points(self, points)
         return inside
@@ -192,7 +192,7 @@ class RayMeshIntersector:
         self._read: tuple[int, Scene, _Bounds] | None = None
 
     def _scene(self) -> tuple[Scene, _Bounds]:
-        """The mesh as it is now, brought into its bounds."""
+        """The current mesh, mapped into its bounds."""
         version = hash(self.mesh)
         if self._read is None or self._read[0] != version:
             scene, bounds, faces = Scene(), _Bounds(), np.asarray(self.mesh.faces)
@@ -205,10 +205,10 @@ class RayMeshIntersector:
         return self._read[1:]
 
     def _is_new_place(self, rays: Ints, hits: Hits) -> npt.NDArray[np.bool_]:
-        """Whether a hit is the first of its place: at an edge or vertex each triangle that meets there has a hit.
+        """Whether a hit is the first at its position: at an edge or vertex each triangle that meets there has a hit.
 
-        They have the same t, share a corner and face the ray from the same side. Where a ray leaves one part of a mesh
-        and enters the next, which touches it, there are two places: those sides are different.
+        Such hits have the same t, share a corner and face the ray from the same side. Where a ray leaves one part of a
+        mesh and enters a touching part, there are two positions: their sides differ.
         """
         corners = np.asarray(self.mesh.vertices)[np.asarray(self.mesh.faces)]
         is_new = np.ones(len(rays), np.bool_)
@@ -233,7 +233,7 @@ class RayMeshIntersector:
 
 
 def _places_before(rays: Ints, is_new: npt.NDArray[np.bool_]) -> Ints:
-    """Of each hit, how many places its ray has met before."""
+    """Returns, for each hit, the number of positions that its ray has met before."""
     counts: Ints = np.cumsum(is_new) - is_new
     starts = np.flatnonzero(np.diff(rays, prepend=-1))
     return counts - np.repeat(counts[starts], np.diff(starts, append=len(rays)))
