@@ -1,5 +1,5 @@
-// numpy arrays as spans. `_core` takes C-contiguous arrays of the exact dtype only: pybind11's default would copy in
-// silence; the Python face converts where it can be seen.
+// numpy arrays as spans. `_core` takes only C-contiguous arrays of the exact dtype: by default pybind11 would copy
+// others without notice. The Python layer converts them, where the conversion is visible in its code.
 #pragma once
 
 #include <pybind11/numpy.h>
@@ -31,7 +31,7 @@ namespace py = pybind11;
 template <class T>
 using Array = py::array_t<T, py::array::c_style>;
 
-// (rows, 3) as vectors.
+// Views an array of shape (rows, 3) as vectors.
 template <class T>
 std::span<const Vec3<T>> as_vectors(const Array<T>& array) {
   if (array.ndim() != 2 || array.shape(1) != 3)
@@ -44,21 +44,22 @@ std::span<const T> as_span(const Array<T>& array) {
   return {array.data(), static_cast<std::size_t>(array.size())};
 }
 
-// A copy.
+// Copies values into a new array.
 template <class T>
 Array<T> to_column(const std::vector<T>& values) {
   return Array<T>(static_cast<py::ssize_t>(values.size()), values.data());
 }
 
 // Values --------------------------------------------------------------------------------------------------------------
-// Dictionaries from the Python face as values and spans.
+// Dictionaries from the Python layer as values and spans.
 
 template <class T>
 [[nodiscard]] T get(const py::dict& values, const char* name) {
   return values[name].cast<T>();
 }
 
-// A view of an array that `values` keeps alive. C-contiguous and of the exact dtype, or the cast throws.
+// Returns a view of an array that `values` keeps alive. The cast throws if the array is not C-contiguous or has another
+// dtype.
 template <class T>
 [[nodiscard]] std::span<const T> view(const py::dict& values, const char* name) {
   const auto array = py::cast<py::array>(values[name]);
@@ -73,14 +74,14 @@ template <class T, class Scalar>
 }
 
 // Bind ----------------------------------------------------------------------------------------------------------------
-// The parts that the module is bound in.
+// Each part of the module has a function that binds it.
 
-// A view of the pixels that the Python face has checked and keeps alive.
+// Returns a view of the pixels. The Python layer has checked them and keeps them alive.
 [[nodiscard]] Texture read_image(const py::handle& value);
 void read_appearance(const py::dict& values, Appearance& appearance);
 
-// Takes from a class the way to be made in Python. pybind11 lets `__new__` alone return an object without a C++ value,
-// and the first method of such an object then works on memory that was never initialised.
+// Removes the constructor of a class from Python. Otherwise `__new__` alone would return an object without a C++ value
+// (pybind11), and its first method would work on uninitialised memory.
 void make_only_natively(const pybind11::handle& native_class);
 
 void bind_errors(pybind11::module_& module);
@@ -96,7 +97,7 @@ void bind_bulk(pybind11::module_& module);
 void bind_curve_chains(pybind11::module_& module);
 
 // Build settings ------------------------------------------------------------------------------------------------------
-// What the Python face says of how a mesh's tree is to be built.
+// Reads from the Python layer's settings how to build the tree of a mesh.
 
 namespace py = pybind11;
 
@@ -121,17 +122,17 @@ inline Usage parse_usage(const std::string& name) {
 }
 
 // Progress ------------------------------------------------------------------------------------------------------------
-// How long native calls hear of Ctrl-C, of a Python `progress` callable, and of a flag that another thread sets.
+// How native calls react to Ctrl-C, to a Python `progress` callable, and to a flag that another thread sets.
 
 namespace py = pybind11;
 
-// Given as `progress`, it stops a call as soon as it is set: every thread of the call looks at it, none needs the GIL.
+// Passed as `progress`, it stops a call as soon as it is set: every thread of the call polls it, without the GIL.
 struct StopFlag {
   std::atomic<bool> is_set{false};
 };
 
-// A token whose callback takes the GIL, looks for signals (which may raise KeyboardInterrupt) and asks
-// progress(fraction), if it is not None, whether to go on: anything but an explicit False goes on.
+// Returns a token whose callback takes the GIL, checks for signals (which may raise KeyboardInterrupt) and, if
+// `progress` is not None, asks progress(fraction) whether to continue: only an explicit False stops the call.
 // The token may be used with the GIL released; `progress` must outlive it.
 [[nodiscard]] inline CancelToken::Callback make_progress(const py::object& progress) {
   return [&progress](float fraction) {
@@ -143,7 +144,7 @@ struct StopFlag {
   };
 }
 
-// Runs work(cancel) with the GIL released. What the callback raised reaches the caller as it is.
+// Runs work(cancel) with the GIL released. An exception raised by the callback reaches the caller unchanged.
 template <class Work>
 auto with_progress(const py::object& progress, Work&& work) {
   const StopFlag* flag = py::isinstance<StopFlag>(progress) ? progress.cast<const StopFlag*>() : nullptr;
@@ -159,22 +160,22 @@ auto with_progress(const py::object& progress, Work&& work) {
 }
 
 // Step times ----------------------------------------------------------------------------------------------------------
-// When the steps of a motion are reached.
+// The times at which a motion reaches its steps.
 
-// The first and the last are reached at the ends of the range.
+// The first and last steps are at the ends of the range.
 inline StepTimes step_times(std::size_t steps, const std::pair<float, float>& range) {
   const auto last = static_cast<std::uint32_t>(steps - 1);
   return {range.first, static_cast<float>(last) / (range.second - range.first), last};
 }
 
 // Camera --------------------------------------------------------------------------------------------------------------
-// Cameras and shutters from what the Python face has checked.
+// Builds cameras and shutters from values that the Python layer has checked.
 
 [[nodiscard]] Camera read_camera(const py::dict& values);
 [[nodiscard]] Shutter read_shutter(const py::dict& values);
 
 // Round edits ---------------------------------------------------------------------------------------------------------
-// Curves and points of a scene.
+// Binds the edits of a scene's curves and points.
 
 void bind_round_edits(pybind11::class_<Scene>& scene);
 

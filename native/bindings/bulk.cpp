@@ -1,5 +1,5 @@
-// Loops over instances and triangles for code that keeps a scene in step with another program: in Python they would
-// cost more than the engine's own work. No algorithm, only long loops.
+// Loops over instances and triangles that keep a scene in sync with another program. In Python they would cost more
+// than the engine's own work. They hold no algorithms, only long loops.
 #include <pybind11/numpy.h>
 #include <pybind11/stl.h>
 
@@ -33,7 +33,7 @@ bool are_transforms(const Array<float>& array) {
   return array.ndim() == 3 && array.shape(1) == kRows && array.shape(2) == kColumns;
 }
 
-// The rows of a matrix that is stored in columns.
+// The rows of a matrix that is stored column by column.
 struct MatrixRows {
   explicit MatrixRows(const float* columns) {
     for (int i = 0; i < 4; ++i) rows[i] = Float4::load_unaligned(columns + i * 4);
@@ -42,7 +42,7 @@ struct MatrixRows {
   Float4 rows[4];
 };
 
-// parent * local. The order of the sums is Blender's own, so that the last bits are its list's as well.
+// product = parent * local. The sums are in the same order as Blender's, so that even the last bits agree.
 void place(const float* parent, const MatrixRows& local, float* product) {
   for (int row = 0; row < kRows; ++row) {
     const float* p = parent + row * kColumns;
@@ -53,13 +53,13 @@ void place(const float* parent, const MatrixRows& local, float* product) {
 }
 
 bool is_within(const float* values, float largest) {
-  bool within = true;  // NaN is not
+  bool within = true;  // false for NaN
   for (int i = 0; i < kRows * kColumns; ++i) within &= std::abs(values[i]) <= largest;
   return within;
 }
 
-// parent (4, 4) in rows or None, local (N, 4, 4) in columns -> placed (N, 3, 4) in rows; returns the rows that hold a
-// value beyond `largest`, ascending.
+// Multiplies parent (4, 4), row-major or None, with local (N, 4, 4), column-major, into placed (N, 3, 4), row-major.
+// Returns the indices of the transforms that hold a value beyond `largest`, ascending.
 Array<std::int32_t> place_instances(const std::optional<Array<float>>& parent, const Array<float>& local,
                                     Array<float>& placed, float largest) {
   check(local.ndim() == 3 && local.shape(1) == 4 && local.shape(2) == 4, "local matrices of shape (rows, 4, 4)");
@@ -92,8 +92,8 @@ Array<std::int32_t> place_instances(const std::optional<Array<float>>& parent, c
   return Array<std::int32_t>(static_cast<py::ssize_t>(bad.size()), bad.data());
 }
 
-// (I,) bool: whether transform i differs in any bit from the old one in rows[i], without rows from the old i-th; false
-// where rows[i] is negative.
+// Returns (I,) bool: whether transform i differs in any bit from the old transform rows[i] (without `rows`, from old
+// transform i). False where rows[i] is negative.
 py::array_t<bool> find_moved(const Array<float>& old_transforms, const Array<float>& new_transforms,
                              const std::optional<Array<std::int32_t>>& rows) {
   check(are_transforms(old_transforms) && are_transforms(new_transforms), "transforms of shape (rows, 3, 4)");
@@ -122,8 +122,7 @@ py::array_t<bool> find_moved(const Array<float>& old_transforms, const Array<flo
   return moved;
 }
 
-// Whether corner_verts[corner_triangles] equals triangles; indices must be in range, which is not checked twice: an
-// index out of it is a difference.
+// Returns whether corner_verts[corner_triangles] equals triangles. An index out of range counts as a difference.
 bool are_triangles(const Array<std::int32_t>& corner_verts, const Array<std::int32_t>& corner_triangles,
                    const Array<std::int32_t>& triangles) {
   if (corner_triangles.size() != triangles.size()) return false;
@@ -133,7 +132,7 @@ bool are_triangles(const Array<std::int32_t>& corner_verts, const Array<std::int
   std::atomic<bool> same{true};
   parallel_for(ThreadPool::shared(), corners.size(), 16 * kGrain, [&](std::size_t begin, std::size_t end) {
     if (!same) return;
-    // In blocks that stay in the first level cache: what is in range is seen of many at once, what is there of each.
+    // Work in blocks that fit in the first level cache: the range of a whole block is checked first, then each value.
     constexpr std::size_t kBlock = 1024;
     for (; begin < end; begin += kBlock) {
       const std::size_t stop = std::min(end, begin + kBlock);
@@ -153,7 +152,7 @@ bool are_triangles(const Array<std::int32_t>& corner_verts, const Array<std::int
   return same;
 }
 
-// source -> target, as large; returns whether no number is beyond `largest`, which NaN is.
+// Copies source to target, of equal size. Returns whether all numbers are within `largest`; NaN is not.
 bool copy_within(const Array<float>& source, Array<float>& target, float largest) {
   check(source.size() == target.size(), "a target as large as the source");
   const auto from = as_span(source);
@@ -169,7 +168,7 @@ bool copy_within(const Array<float>& source, Array<float>& target, float largest
   return within;
 }
 
-// Whether two arrays hold the same bits, of one type and in one shape. Where they differ that mostly shows at once.
+// Returns whether two arrays have the same bits, dtype and shape. Most arrays that differ do so in their first bytes.
 bool are_equal(const py::array& a, const py::array& b) {
   check((a.flags() & b.flags() & py::array::c_style) != 0, "arrays in C order");
   if (!a.dtype().is(b.dtype()) && !a.dtype().equal(b.dtype())) return false;
@@ -202,7 +201,7 @@ void bind_bulk(py::module_& module) {
 }
 
 // Filter --------------------------------------------------------------------------------------------------------------
-// The denoiser without a library. The Python face hands over checked arrays, which it keeps alive.
+// The denoiser that needs no library. The Python layer passes checked arrays and keeps them alive.
 
 namespace {
 

@@ -1,5 +1,5 @@
-// Where the C++ library is linked statically, as in wheels, its demangler would be a twentieth of the module. pybind11
-// asks for it in messages about types that nobody registered, and goes on with the name as the compiler wrote it.
+// If the C++ library is linked statically, as in wheels, its demangler would be a twentieth of the module. pybind11
+// uses it in error messages about unregistered types; without it, it prints the mangled name.
 
 #include <cstddef>
 

@@ -13,7 +13,7 @@ namespace perfect_bvh::bindings {
 
 namespace py = pybind11;
 
-// The exception classes live in Python, where their documentation is read; translation looks them up there.
+// The exception classes are written in Python, where they are documented; the translator looks them up there.
 void bind_errors(py::module_&) {
   py::register_local_exception_translator([](std::exception_ptr thrown) {
     const auto raise = [](const char* name, const char* what) {
@@ -97,7 +97,7 @@ void bind_threads(py::module_& module) {
 }  // namespace perfect_bvh::bindings
 
 // Module --------------------------------------------------------------------------------------------------------------
-// The compiled module `_core`. Only the Python face imports it.
+// The compiled module `_core`. Only the Python layer imports it.
 
 namespace perfect_bvh::bindings {
 namespace {
@@ -122,7 +122,7 @@ PYBIND11_MODULE(_core, module) {
   bind_errors(module);
   bind_threads(module);
   bind_isa(module);
-  bind_queries(module);  // before the scene, whose signatures name its Snapshot
+  bind_queries(module);  // before the scene, whose signatures use its Snapshot
   bind_curve_chains(module);
   bind_scene(module);
   bind_render(module);

@@ -1,4 +1,4 @@
-// Shader nodes without an image: evaluated for numbers from outside, and what materials are where rays hit.
+// Shader nodes without an image: evaluates them for given numbers, and returns the materials at hits.
 #include <pybind11/stl.h>
 
 #include <algorithm>
@@ -12,8 +12,8 @@
 namespace perfect_bvh::bindings {
 namespace {
 
-// What stands for a scene: numbers from outside, and where these ask for a surface, places spread evenly over a unit
-// cube, whose top is seen from all sides.
+// Replaces a scene as input of node programs: given numbers and, where nodes ask for a surface, points spread evenly
+// over a unit cube whose top is seen from all sides.
 class StandIns final : public NodeInputs {
  public:
   explicit StandIns(std::vector<std::span<const Rgba>> given) : given_(std::move(given)) {}
@@ -26,7 +26,7 @@ class StandIns final : public NodeInputs {
       channels[3][lane] = value.a;
     }
   }
-  // All spaces are one.
+  // All coordinate spaces are the same.
   [[nodiscard]] Vec3f transformed(std::size_t, Vec3f v, VectorKind kind, VectorSpace, VectorSpace) const override {
     if (kind != VectorKind::kNormal) return v;
     const float size = length(v);
@@ -35,7 +35,7 @@ class StandIns final : public NodeInputs {
 
  private:
   [[nodiscard]] Rgba value_of(NodeInput input, std::size_t number, std::size_t row) const noexcept {
-    // Additive recurrences by the plastic number's powers (Roberts 2018).
+    // Additive recurrences with powers of the plastic number (Roberts 2018).
     const auto spread = [row](double step) {
       const double turned = 0.5 + step * static_cast<double>(row);
       return static_cast<float>(turned - std::floor(turned));
@@ -62,7 +62,7 @@ class StandIns final : public NodeInputs {
         return {1.0f, 0.0f, 0.0f, 1.0f};
       case NodeInput::kIncoming:
       case NodeInput::kReflection: {
-        const float side = std::sqrt(std::max(1.0f - x, 0.0f));  // as light falls on it
+        const float side = std::sqrt(std::max(1.0f - x, 0.0f));  // cosine-weighted, as light reaches a surface
         return {side, 0.0f, std::sqrt(x), 0.0f};
       }
       default:
@@ -74,7 +74,7 @@ class StandIns final : public NodeInputs {
   std::size_t first_ = 0, count_ = 0;
 };
 
-// (count, channels) of what a program's channels come to.
+// Evaluates channels of a program; returns (count, channels).
 Array<float> evaluate_nodes(const Array<std::int32_t>& codes, const Array<float>& numbers, const py::list& images,
                             const std::vector<Array<float>>& given, const Array<std::int32_t>& channels,
                             std::size_t count) {
@@ -105,7 +105,7 @@ Array<float> evaluate_nodes(const Array<std::int32_t>& codes, const Array<float>
   return values;
 }
 
-// Name, widths of operands, channels, numbers, modes.
+// Returns for each node: name, widths of operands, channels, numbers, modes.
 py::list node_shapes() {
   py::list shapes;
   for (const NodeShape& shape : kNodeShapes) {
@@ -127,8 +127,8 @@ void store(const Material& material, float* to) noexcept {
   }
 }
 
-// From what callers know of a hit on curves or points to the segment or ball that the engine knows. Made anew where
-// hits are of another mesh than before.
+// Finds the engine's segment or sphere from the callers' data of a hit on curves or points. The table is rebuilt when
+// hits change to another mesh.
 class RoundParts {
  public:
   void find(const Mesh& mesh, std::size_t part, float u, Hit& hit) {

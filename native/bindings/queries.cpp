@@ -1,5 +1,5 @@
-// Rays through snapshots. The Python face hands over columns and preallocated results; all are contiguous, but for
-// rays' origins and directions.
+// Rays through snapshots. The Python layer passes columns and preallocated results. All are contiguous, except rays'
+// origins and directions.
 #include <pybind11/stl.h>
 
 #include <algorithm>
@@ -15,8 +15,8 @@ namespace {
 
 using SnapshotPtr = std::shared_ptr<const Snapshot>;
 
-// Origins or directions as they are: rows of three numbers side by side, with any distance from row to row. A single
-// row is every ray's. False: they are not of this type.
+// Uses origins or directions without a copy: rows of three adjacent numbers, at any stride between rows. A single row
+// applies to all rays. Returns false if they have another type.
 template <class T>
 bool set_vectors(const py::array& array, std::size_t& count, const Vec3<T>*& pointer, std::ptrdiff_t& stride) {
   if (!py::isinstance<py::array_t<T>>(array)) return false;
@@ -83,7 +83,7 @@ RayColumns read_rays(const py::array& origins, const py::array& directions, cons
   return columns;
 }
 
-// The writable memory of an output column with `width` values a ray; null if it was not asked for.
+// Returns the writable memory of an output column with `width` values a ray; null if the column was not requested.
 template <class T>
 T* writable(const py::dict& columns, const char* name, std::size_t count, std::size_t width) {
   if (!columns.contains(name)) return nullptr;

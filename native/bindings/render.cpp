@@ -1,4 +1,4 @@
-// Images of snapshots. The Python face hands over checked arrays, which it keeps alive, and preallocated results.
+// Images of snapshots. The Python layer passes checked arrays, which it keeps alive, and preallocated results.
 #include "render/image/render.h"
 
 #include <pybind11/stl.h>
@@ -82,7 +82,7 @@ void read_pixels(const py::dict& values, const char* name, Texture& texture) {
   }
 }
 
-// Numbered square by square from 0.
+// Reads the tiles of an image, numbered from 0.
 std::shared_ptr<const TextureTiles> read_tiles(const py::handle& value, const Texture& whole) {
   const auto tiles = value.cast<std::vector<py::dict>>();
   if (tiles.empty()) return nullptr;
@@ -114,7 +114,7 @@ Texture read_image(const py::handle& value) {
 
 namespace {
 
-// Columns of equal length, as the Python face has checked.
+// The columns have equal length; the Python layer has checked it.
 void read_lights(const py::dict& values, std::vector<Light>& lights) {
   const auto kinds = view<std::int32_t>(values, "kinds");
   const auto positions = rows_of<Vec3d>(view<double>(values, "positions"));
@@ -136,7 +136,7 @@ void read_lights(const py::dict& values, std::vector<Light>& lights) {
   }
 }
 
-// As the lights' columns.
+// Reads columns, as for the lights.
 void read_hair(const py::dict& values, std::vector<Hair>& rows) {
   const auto numbers = [&](const char* name) { return view<float>(values, name); };
   const auto colored = rows_of<std::uint8_t>(view<bool>(values, "colored"));
@@ -165,7 +165,7 @@ void read_scene_light(const py::dict& values, Appearance& appearance) {
   if (!sky.is_none()) appearance.bright_sky = sky.cast<std::shared_ptr<BrightSky>>();
 }
 
-// Of a mesh, by number; None for one that it lacks.
+// Reads the layers of a mesh, by number; None for a layer that the mesh lacks.
 template <class T>
 void read_layers(const py::dict& mesh, const char* name, std::vector<std::span<const T>>& layers) {
   for (const py::handle value : mesh[name]) {
@@ -180,7 +180,7 @@ void read_layers(const py::dict& mesh, const char* name, std::vector<std::span<c
   }
 }
 
-// Of each program its instructions, as Python wrote them.
+// Reads the instructions of each program, as the Python layer wrote them.
 void read_programs(const py::dict& values, Appearance& appearance) {
   const auto instance_values = get<std::size_t>(values, "instance_value_count");
   for (const py::handle value : values["programs"]) {
@@ -261,7 +261,7 @@ void read_appearance(const py::dict& values, Appearance& appearance) {
 
 namespace {
 
-// The memory of a pass, a row a pixel; empty if the pass is not wanted.
+// Returns the memory of a pass, one row per pixel; empty if the pass is not wanted.
 template <class T, class Scalar>
 std::span<T> target(const py::dict& targets, const char* name, std::size_t pixel_count) {
   if (!targets.contains(name)) return {};
@@ -294,7 +294,7 @@ PassTargets read_targets(const py::dict& arrays, std::size_t pixel_count) {
   return targets;
 }
 
-// Columns that Snapshot.audit_answers takes, and where in the image each ray belongs.
+// Returns the columns that Snapshot.audit_answers takes, and the pixel that each ray belongs to.
 py::dict columns_of(const std::vector<SubsetRay>& kept, int width) {
   const auto count = static_cast<py::ssize_t>(kept.size());
   py::array_t<std::int64_t> pixels(count);

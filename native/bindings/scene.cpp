@@ -1,4 +1,4 @@
-// Input was checked for shape and dtype by the Python face; the engine checks the values.
+// The Python layer has checked shapes and dtypes of inputs; the engine checks the values.
 #include "scene/scene.h"
 
 #include <pybind11/stl.h>
@@ -74,7 +74,7 @@ void update_balls(Scene& scene, std::int32_t mesh_id, const Array<T>& centres, c
   scene.update_balls(mesh_id, kKind, balls, ThreadPool::shared());
 }
 
-// Of all steps, one after another; no offsets: those that there are.
+// Sets the spheres of all steps, one step after another. Without offsets the existing ones apply.
 template <class T, PrimitiveKind kKind>
 void set_motion(Scene& scene, std::int32_t mesh_id, const Array<T>& centres, const Array<T>& radii,
                 const Array<std::int64_t>& offsets, std::size_t steps, const std::pair<float, float>& range) {
@@ -118,11 +118,11 @@ void bind_round_edits(py::class_<Scene>& scene) {
 }
 
 // Scene ---------------------------------------------------------------------------------------------------------------
-// Editing and committing. Input was checked for shape and dtype by the Python face; the engine checks the values.
+// Editing and committing. The Python layer has checked shapes and dtypes of inputs; the engine checks the values.
 
 namespace {
 
-// An array of shape (count, 3, 4) or (count, 4, 4).
+// Views an array of shape (count, 3, 4) or (count, 4, 4) as matrices.
 template <class T>
 Matrices<T> as_matrices(const Array<T>& array, std::size_t count) {
   if (array.ndim() != 3 || static_cast<std::size_t>(array.shape(0)) != count ||
@@ -283,7 +283,7 @@ void set_transforms(Scene& scene, const Array<std::int32_t>& ids, const Array<T>
   scene.set_transforms(rows, matrices, ThreadPool::shared());
 }
 
-// transforms: the instances' at the first step, then at the second, and so on.
+// transforms: all instances at the first step, then all at the second, and so on.
 template <class T>
 void set_instance_motion(Scene& scene, const Array<std::int32_t>& ids, const Array<T>& transforms, std::size_t steps,
                          const std::pair<float, float>& range) {

@@ -98,8 +98,8 @@ void bind_statistics(py::module_& module) {
 }
 
 // Curve chains --------------------------------------------------------------------------------------------------------
-// Curves over control points, divided into chains of balls. Input was checked for shape and dtype by the Python face;
-// here the values are.
+// Divides curves over control points into chains of spheres. The Python layer has checked shapes and dtypes of inputs;
+// the functions here check the values.
 
 namespace {
 
@@ -117,7 +117,7 @@ CurveKind parse_kind(const std::string& name) {
   throw std::invalid_argument("_core: unknown kind of curve " + name);
 }
 
-// The arguments of all that is called here, in this order; they own what the view points to.
+// The arguments that all functions here share, in this order. They own the memory that the view points to.
 template <class T>
 struct Given {
   const Array<T>& points;
@@ -131,7 +131,7 @@ struct Given {
   }
 };
 
-// piece_count: of each span; 0: as many as the tolerance asks for.
+// piece_count: segments of each span; 0: as many as the tolerance requires.
 template <class T>
 Subdivision divide_curves(const Array<T>& points, const Array<T>& radii, const Array<std::int64_t>& offsets,
                           const Array<std::uint8_t>& cyclic, const std::string& kind, double tolerance,

@@ -1,7 +1,7 @@
-// The module's own operator new and delete, for linkers that take no list of what may be exported. The C++ library's
-// would be exported as weak symbols, and replaced by other copies in Blender's process; these are compiled with hidden
-// declarations (Exports.cmake), and are linked in their place. A failure throws std::bad_alloc, without asking the
-// handler that std::set_new_handler may have set.
+// The module's own operator new and delete, for linkers that accept no list of exports. The C++ library's operators
+// would be exported as weak symbols, and copies in Blender's process would replace them. These are compiled with hidden
+// declarations (Exports.cmake) and are linked instead. A failure throws std::bad_alloc without calling the handler set
+// by std::set_new_handler.
 #include <algorithm>
 #include <cstddef>
 #include <cstdlib>
