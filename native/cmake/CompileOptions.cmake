@@ -20,7 +20,7 @@ if(NOT MSVC)
     -Woverloaded-virtual
   )
 elseif(CMAKE_CXX_COMPILER_ID STREQUAL "Clang")
-  # clang-cl: what it has no option of its own for, it takes behind /clang:
+  # clang-cl takes options that it has no equivalent for behind /clang:
   set(PERFECT_BVH_NO_EXCEPTIONS /clang:-fno-exceptions)
   target_compile_options(perfect_bvh_compile_options INTERFACE /clang:-ffp-contract=off /Gy /W4 /utf-8)
 else()
@@ -37,7 +37,7 @@ if(PERFECT_BVH_SANITIZE)
     -fsanitize=${PERFECT_BVH_SANITIZE} -fno-sanitize-recover=all -fno-omit-frame-pointer)
   target_link_options(perfect_bvh_compile_options INTERFACE -fsanitize=${PERFECT_BVH_SANITIZE})
   if(PERFECT_BVH_SANITIZE MATCHES "undefined")
-    # Compiles in half the time: what is wrong with a pointer AddressSanitizer stops at.
+    # Compiles in half the time: AddressSanitizer already stops at invalid pointers.
     target_compile_options(perfect_bvh_compile_options INTERFACE
       -fno-sanitize=null,alignment,object-size,vptr,pointer-overflow,nonnull-attribute,returns-nonnull-attribute)
   endif()

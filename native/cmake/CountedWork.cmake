@@ -1,10 +1,10 @@
-# Tests that count work between two questions whether to stop: what makes a snapshot, compiled once more so that each
-# basic block reports when it runs (tests/work/count_work.h). Without warnings and sanitizers, which the other tests
-# have. On Linux alone, with a compiler that can.
+# Tests that count the work between two polls for cancellation. The code that makes a snapshot is compiled once more, so
+# that each basic block reports when it runs (tests/work/count_work.h). They are built without warnings and sanitizers,
+# which the other tests cover, and only on Linux, with a compiler that supports it.
 
 function(perfect_bvh_add_work_tests)
   include(CheckCXXCompilerFlag)
-  set(CMAKE_TRY_COMPILE_TARGET_TYPE STATIC_LIBRARY)  # what is reported to comes with the tests
+  set(CMAKE_TRY_COMPILE_TARGET_TYPE STATIC_LIBRARY)  # the function that blocks report to is in the tests
   check_cxx_compiler_flag(-fsanitize-coverage=trace-pc PERFECT_BVH_CAN_REPORT_BLOCKS)
   if(NOT PERFECT_BVH_CAN_REPORT_BLOCKS OR NOT CMAKE_SYSTEM_NAME STREQUAL "Linux" OR CMAKE_CROSSCOMPILING)
     message(FATAL_ERROR "The tests that count work need Linux and a compiler with -fsanitize-coverage=trace-pc")
@@ -14,7 +14,7 @@ function(perfect_bvh_add_work_tests)
     "src/wide/*.cpp" "src/update/*.cpp" "src/blas/*.cpp" "src/tlas/*.cpp" "src/scene/*.cpp")
   file(GLOB tests CONFIGURE_DEPENDS "tests/work/test_*.cpp")
   add_library(perfect_bvh_reporting OBJECT ${engine} ${tests})
-  # With lines, by which what ran too often is named.
+  # With line numbers, to name the blocks that ran too often.
   target_compile_options(perfect_bvh_reporting PRIVATE -O2 -g1 -ffp-contract=off -fsanitize-coverage=trace-pc)
   perfect_bvh_precompile(perfect_bvh_reporting)
 

@@ -1,10 +1,10 @@
-# Nothing but PyInit_* may leave the module: other copies of operator new and of pybind11 live in Blender's process.
-# What nothing refers to is left out besides.
+# Only PyInit_* may be exported: other copies of operator new and of pybind11 exist in Blender's process. Unreferenced
+# code is removed.
 
 function(perfect_bvh_export_init_alone module)
-  target_compile_definitions(${module} PRIVATE PYBIND11_EXPORT_EXCEPTION=)  # nobody else catches what it throws
+  target_compile_definitions(${module} PRIVATE PYBIND11_EXPORT_EXCEPTION=)  # no other module catches its exceptions
   if(WIN32)
-    if(NOT MSVC)  # whose linker does so by itself
+    if(NOT MSVC)  # MSVC's linker removes it by default
       target_link_options(${module} PRIVATE LINKER:--gc-sections)
     endif()
   elseif(APPLE)
@@ -21,7 +21,7 @@ function(perfect_bvh_export_init_alone module)
   endif()
 endfunction()
 
-# Gives the module an operator new of its own. The source says why.
+# Gives the module its own operator new. The source file explains why.
 function(perfect_bvh_hide_operator_new module)
   set(source bindings/macos/operator_new.cpp)
   target_sources(${module} PRIVATE ${source})

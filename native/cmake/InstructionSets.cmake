@@ -1,11 +1,11 @@
 # Kernels are compiled once for each instruction set: src/traverse/*_avx2.cpp, *_avx512.cpp and *_neon.cpp get their own
-# flags, on the processors that they are for; everything else stays baseline x86-64 or 64-bit ARM, of which NEON is a
-# part. The engine is told which sets it holds by PERFECT_BVH_HAVE_AVX2, ..._AVX512 and ..._NEON (0 or 1).
+# flags, on the processors that they are for. Everything else stays baseline x86-64 or 64-bit ARM, which includes NEON.
+# The macros PERFECT_BVH_HAVE_AVX2, ..._AVX512 and ..._NEON (0 or 1) say which sets the engine holds.
 #
-# A weak symbol in such a unit (an inline function or a template that was not inlined) could be the copy that the
-# linker keeps for the whole library, and would then run on machines without these instructions. So every unit is
-# checked after it is compiled, and the build stops if one holds a weak symbol. On Windows and macOS, whose objects `nm`
-# tells too little of, release/weak_symbols.py does so when wheels are built.
+# A weak symbol in such a unit (an inline function or a template that was not inlined) could be the copy that the linker
+# keeps for the whole library. It would then run on machines without these instructions. Therefore every unit is checked
+# after it is compiled, and the build stops at a weak symbol. On Windows and macOS `nm` shows too little of an object;
+# there release/weak_symbols.py checks when wheels are built.
 
 set(PERFECT_BVH_ISAS avx2 avx512 neon)
 set(PERFECT_BVH_LEFT_OUT_ISAS "" CACHE STRING "Of these, those that no kernels are compiled for")
@@ -36,7 +36,7 @@ function(perfect_bvh_add_isa_unit engine isa)
   set(units perfect_bvh_${isa})
   add_library(${units} OBJECT ${perfect_bvh_sources_${isa}})
   target_include_directories(${units} PRIVATE .)
-  # Kernels throw nothing; without exceptions no terminate handler (a weak symbol) is emitted either.
+  # Kernels throw no exceptions; with exceptions off, no terminate handler (a weak symbol) is emitted.
   target_compile_options(${units} PRIVATE ${perfect_bvh_flags_${isa}} ${PERFECT_BVH_NO_EXCEPTIONS})
   target_link_libraries(${units} PRIVATE perfect_bvh_compile_options Threads::Threads)
   target_sources(${engine} PRIVATE $<TARGET_OBJECTS:${units}>)

@@ -1,7 +1,8 @@
-# What sanitizers leave out of the C++ tests: they are what a check of the whole takes longest for.
+# The C++ tests that sanitizer builds leave out: they take the most time of a full check.
 
-# ThreadSanitizer makes a test twenty times as slow, and sees nothing in one that starts no thread: most of those, that
-# is more than half of the time, are left to the other builds, which run every test. Files that hold nothing else:
+# ThreadSanitizer makes a test twenty times as slow, and finds nothing in a test that starts no thread. Most of these
+# tests, more than half of the time, are left to the other builds, which run every test. Files that hold only such
+# tests:
 set(PERFECT_BVH_TESTS_WITHOUT_THREADS
   composition
   governor
@@ -13,8 +14,8 @@ set(PERFECT_BVH_TESTS_WITHOUT_THREADS
   visit_order
 )
 
-# Of the other files: tests without threads that take long, and four that do start threads, but only to make large trees
-# or many; the same stages run under threads in ...GivesTheSameBytesForAnyThreadCount...
+# In the other files: long tests without threads, and four that start threads only to make large trees or many trees.
+# The same stages run under threads in ...GivesTheSameBytesForAnyThreadCount...
 set(PERFECT_BVH_NOT_FOR_THREAD_SANITIZER
   *HardInput.GivesTheHits*
   *HardInput.MakesSoundTrees*
@@ -34,7 +35,7 @@ set(PERFECT_BVH_NOT_FOR_THREAD_SANITIZER
   *WideRefit.HoldsOverAHundredFrames*
 )
 
-# Takes the files without threads out of the list named by `sources_variable`.
+# Removes the files without threads from the list named by `sources_variable`.
 function(perfect_bvh_choose_test_files sources_variable)
   if(NOT PERFECT_BVH_SANITIZE STREQUAL "thread")
     return()
@@ -51,10 +52,10 @@ function(perfect_bvh_choose_test_files sources_variable)
   set(${sources_variable} ${sources} PARENT_SCOPE)
 endfunction()
 
-# Sets the variable named by `filter_variable` to a filter of GoogleTest's. To be called once the engine is linked.
+# Sets the variable named by `filter_variable` to a GoogleTest filter. Call it after the engine is linked.
 function(perfect_bvh_sanitize_tests target filter_variable)
   if(PERFECT_BVH_SANITIZE)
-    # A library, so that it comes last.
+    # As a library, so that its option comes last.
     add_library(perfect_bvh_sanitized_tests INTERFACE)
     target_compile_options(perfect_bvh_sanitized_tests INTERFACE -O1)
     target_link_libraries(${target} PRIVATE perfect_bvh_sanitized_tests)

@@ -1,7 +1,7 @@
 # cmake -DNM=nm -DOBJECTS=a.o;b.o -DSTAMP=file -P check_weak_symbols.cmake
 #
-# Fails if an object defines a weak or unique symbol (nm's W, V, u). The one exception is the reference to the
-# exception handler's personality routine: a pointer, which holds no instruction.
+# Fails if an object defines a weak or unique symbol (nm's W, V, u). The only exception is the reference to the
+# exception handler's personality routine: a pointer, which holds no instructions.
 
 foreach(object IN LISTS OBJECTS)
   execute_process(

@@ -1,5 +1,5 @@
-# What CMake's own rules for macOS are followed by, for zig.cmake: other systems' `ar` writes archives that ziglang's
-# linker misreads, -bundle crashes it, and mend_mach_o.py says what is left to do. ZIG_PYTHON in the environment runs it.
+# Overrides CMake's own rules for macOS, for zig.cmake: ziglang's linker misreads archives written by other systems'
+# `ar`, -bundle crashes it, and mend_mach_o.py explains the last step. ZIG_PYTHON in the environment runs that script.
 
 set(CMAKE_CXX_ARCHIVE_CREATE "\"$ENV{ZIG}\" ar --format=darwin qc <TARGET> <OBJECTS>")
 set(CMAKE_CXX_ARCHIVE_APPEND "\"$ENV{ZIG}\" ar --format=darwin q <TARGET> <OBJECTS>")
