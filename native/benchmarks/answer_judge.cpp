@@ -9,7 +9,7 @@
 namespace perfect_bvh::bench {
 namespace {
 
-constexpr std::size_t kMostTests = 100'000'000;  // of a triangle by a ray: about a second
+constexpr std::size_t kMostTests = 100'000'000;  // of a triangle with a ray: about a second
 constexpr std::size_t kLeastRays = 64, kMostRays = 1024;
 
 }  // namespace

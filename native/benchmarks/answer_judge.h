@@ -1,5 +1,5 @@
-// How many of a competitor's closest hits are wrong, by every triangle tried in double precision (query/audit.h).
-// In: a scene that holds the mesh, rays. Out: counts. Answers that were judged before are not judged again.
+// Counts a competitor's wrong closest hits by testing every triangle in double precision (query/audit.h). In: a scene
+// that holds the mesh, rays. Out: counts. Answers that were judged before are not judged again.
 #pragma once
 
 #include <cstddef>
@@ -23,7 +23,7 @@ struct Answers {
 
 class AnswerJudge {
  public:
-  // Judges about every so-many-th of the rays that keeps the work bounded.
+  // Judges every n-th ray only, with n large enough that the work stays bounded.
   AnswerJudge(std::shared_ptr<const Snapshot> scene, const std::vector<Ray>& rays);
 
   [[nodiscard]] std::size_t ray_count() const noexcept { return rays_.size(); }

@@ -1,9 +1,9 @@
 // answers_bench --rays RAYS.bin --answers OUT.bin --json OUT.json [--peers a,b] [--strategies a,b] MESH.bin
 //
-// Not for times but for truth: what every competitor answers, for a judge elsewhere. Competitors are named as by
-// trace_bench. RAYS.bin: uint32 count, uint32 1 for any hit, float32 t_max; float32 origins and directions, 3 a ray.
-// OUT.bin, for each competitor in the order of the names in OUT.json: float32 t (infinity on a miss) and int32
-// triangles (-1 on a miss; for any hit 0 or -1, and t means nothing).
+// Writes the answers of every competitor, without times, for another program to judge. Competitors have the same names
+// as in trace_bench. RAYS.bin: uint32 count, uint32 1 for any hit, float32 t_max; float32 origins and directions, 3 a
+// ray. OUT.bin, for each competitor in the order of the names in OUT.json: float32 t (infinity on a miss) and int32
+// triangles (-1 on a miss; for any hit 0 or -1, and t has no meaning).
 #include <cstdio>
 #include <cstring>
 #include <fstream>

@@ -1,4 +1,4 @@
-// A program's command line, argument by argument, and the options that several programs take.
+// Reads a program's command line one argument at a time, and the options that several programs share.
 #pragma once
 
 #include <cstdint>
@@ -22,7 +22,7 @@ class Arguments {
  public:
   Arguments(int count, char** values) : count_(count), values_(values) {}
 
-  // On to the next option, or to a mesh's path; false at the end.
+  // Goes to the next option or mesh path; false at the end.
   bool next() {
     if (++at_ >= count_) return false;
     name_ = values_[at_];
@@ -30,19 +30,20 @@ class Arguments {
   }
   [[nodiscard]] const std::string& name() const noexcept { return name_; }
 
-  // The argument as a mesh's path. Throws std::runtime_error if it is an option: the program has none of that name.
+  // Returns the argument as a mesh's path. Throws std::runtime_error if it is an option: the program has none of that
+  // name.
   [[nodiscard]] const std::string& path() const {
     if (name_.starts_with("--")) throw std::runtime_error("there is no option " + name_);
     return name_;
   }
 
-  // Of the option: the argument behind it. Throws std::runtime_error if there is none.
+  // Returns the value that follows the option. Throws std::runtime_error if there is none.
   [[nodiscard]] std::string value() {
     if (++at_ >= count_) throw std::runtime_error(name_ + " needs a value");
     return values_[at_];
   }
   [[nodiscard]] std::vector<std::string> list() { return split(value()); }
-  // WxH.
+  // Reads WxH.
   [[nodiscard]] std::pair<std::uint32_t, std::uint32_t> size() {
     const std::vector<std::string> parts = split(value(), 'x');
     if (parts.size() != 2) throw std::runtime_error(name_ + " wants WxH");
@@ -56,12 +57,12 @@ class Arguments {
   std::string name_;
 };
 
-// What every program takes that measures times.
+// Options of every program that measures times.
 struct CommonOptions {
   int rounds = 5;                           // --rounds N
-  std::uint32_t width = 640, height = 400;  // --size WxH, of the image that primary rays make
+  std::uint32_t width = 640, height = 400;  // --size WxH, of the image of primary rays
   std::string json;                         // --json OUT.json
-  bool is_noisy = false;                    // --noisy: measure whatever the load
+  bool is_noisy = false;                    // --noisy: measure at any load
 };
 
 // Sets what the argument names; false if it is none of these options.

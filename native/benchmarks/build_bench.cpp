@@ -2,12 +2,12 @@
 //   --tree NAME:BUILDER[,SETTING=VALUE...]   one of our trees (tree_choice.h); any number of them
 //   --peers a,b      of embree_low, embree_medium, embree_high (all); none: ours alone
 //   --threads N      of both sides, for builds (1)       --rounds N         interleaved rounds, at least (5)
-//   --least-seconds S  more rounds of builds until that many have gone (0)
-//   --seconds S      start no round of builds after that many (60)
+// --least-seconds S  more rounds of builds until S seconds have passed (0)
+// --seconds S      start no round of builds after S seconds (60)
 //   --warm           all builds in one process, rather than each in its own
 //   --ray-rounds N   interleaved rounds of rays; 0: none, and no statistics of the trees (5)
-//   --size WxH       of the image that primary rays make (640x400)         --inside  the camera stands inside the box
-//   --json OUT.json  --noisy  measure whatever the load
+// --size WxH       of the image of primary rays (640x400)                --inside  the camera is inside the box
+// --json OUT.json  --noisy  measure at any load
 //
 // Builds: see tree_builds.h. Rays: see ray_race.h; always on one thread. Prints "progress SHARE" lines.
 #include <cstdio>
@@ -78,12 +78,12 @@ void tell_progress(double share) {
   std::fflush(stdout);
 }
 
-// The share of the time that is about right for builds; the rest is for rays.
+// Estimates the share of the time that builds take; the rest is for rays.
 double build_share(const Options& options) { return options.ray_rounds > 0 ? 0.3 : 1.0; }
 
 // Rays -------------------------------------------------------------------------------------------------------------
 
-// What rays are cast at: our trees first, in the order of the builders.
+// The trees that rays are cast at: ours first, in the order of the builders.
 struct Traced {
   std::vector<RayCompetitor> competitors;
   std::vector<std::shared_ptr<const Snapshot>> scenes;
@@ -103,7 +103,7 @@ Traced make_traced(const Options& options, const Mesh& mesh) {
   return traced;
 }
 
-// For each competitor an object, of a row for each kind of ray.
+// Returns an object for each competitor, with a row for each kind of ray.
 std::vector<std::string> run_rays(const Traced& traced, const Mesh& mesh, const Options& options) {
   const Aabb box = bounds_of_positions(mesh.positions);
   const std::vector<Ray> primary = primary_rays(box, options.view, options.width, options.height);

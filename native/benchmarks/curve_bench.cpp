@@ -1,14 +1,15 @@
 // curve_bench [options] BALLS.bin
 //   --rounds N       interleaved rounds (5)               --kinds a,b  of primary,diffuse,shuffled,occlusion (all)
-//   --size WxH       of the image (640x400)               --inside     the camera stands inside the box
+// --size WxH       of the image (640x400)               --inside     the camera is inside the box
 //   --build-rounds N interleaved rounds of builds and of refits; 0: none (5)
 //   --peers a,b      of round, flat, cubic, tubes, ribbon; ours always (all)
-//   --isa NAME       of our kernels (the best)            --visits     what our rays visit, counted in another run
-//   --json OUT.json  --noisy  measure whatever the load
+// --isa NAME       of our kernels (the best)            --visits     count what our rays visit, in another run
+// --json OUT.json  --noisy  measure at any load
 //
-// Curves or points (round_scene.h) beside Embree's round and flat linear and its cubic curves or its spheres, and
-// beside our own tessellation and our ribbons: rays (ray_race.h; ratios to Embree's round ones, quality MEDIUM),
-// builds, each in a process of its own, and refits in the wind, the balls' copy included, all on one thread.
+// Curves or points (round_scene.h), compared with Embree's round linear, flat linear and cubic curves or its spheres,
+// and with our own tessellation and our ribbons. Measures rays (ray_race.h; ratios to Embree's round ones, quality
+// MEDIUM), builds, each in its own process, and refits in the wind, including the copy of the spheres. All run on one
+// thread.
 #include <algorithm>
 #include <cstdio>
 #include <memory>
@@ -76,7 +77,7 @@ EmbreeShape shape_named(const std::string& name) {
   throw std::runtime_error("no peer is called " + name + "; there are round, flat, cubic, tubes, ribbon");
 }
 
-// What is raced; points are spheres to Embree, of one kind.
+// Returns whether the peer has this kind of scene; for points Embree has only spheres.
 bool is_raced(const RoundScene& scene, const std::string& peer) {
   return scene.has_curves() || peer == "round" || peer == "tubes";
 }
@@ -85,7 +86,7 @@ bool is_raced(const RoundScene& scene, const std::string& peer) {
 
 struct Competitor : RayCompetitor {
   std::size_t byte_count;
-  std::shared_ptr<const Snapshot> snapshot;  // of ours
+  std::shared_ptr<const Snapshot> snapshot;  // only for our competitors
 };
 
 Competitor ours(const std::string& name, const Mesh& mesh, const std::string& isa) {
@@ -173,7 +174,7 @@ std::vector<std::string> race_all_builds(const RoundScene& scene, const Options&
 
 // Refits -----------------------------------------------------------------------------------------------------------
 
-// A whole update of ours, whatever the governor decides.
+// Times a whole update of ours; the governor may refit or rebuild.
 struct OurCurves {
   ThreadPool pool{1};
   Scene scene;
@@ -200,7 +201,7 @@ std::vector<std::string> race_refits(const RoundScene& scene, const Options& opt
   OurCurves own(scene);
   EmbreeRound peer(scene, {EmbreeShape::kRound, 1, true});
   std::vector<double> own_ns, peer_ns;
-  constexpr int kWarmUp = 3;  // rounds, in which memory is handed out
+  constexpr int kWarmUp = 3;  // rounds that allocate the memory
   const double each = 1e9 / static_cast<double>(scene.mesh.primitive_count());
   for (int round = 0; round < kWarmUp + options.build_rounds; ++round) {
     const std::vector<Vec3f>& centres = scene.frames[static_cast<std::size_t>(round) % scene.frames.size()];
@@ -217,7 +218,7 @@ std::string bench(const Options& options) {
   const RoundScene scene = read_round_scene(options.path);
   JsonObject object;
   object.add("primitive_count", scene.mesh.primitive_count());
-  // First: a process of a build's own is a copy of this one, which is to have no threads yet.
+  // Builds come first: each runs in a fork of this process, which must not have started threads yet.
   object.add_raw("builds", to_json(race_all_builds(scene, options)));
   object.add_raw("rays", to_json(race_rays(scene, options)));
   object.add_raw("refits", to_json(race_refits(scene, options)));

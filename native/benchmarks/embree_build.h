@@ -1,4 +1,4 @@
-// Embree as a peer: how long it takes from a mesh to a committed scene, and how many bytes that has.
+// Embree as a peer: the time from a mesh to a committed scene, and the scene's size in bytes.
 #pragma once
 
 #include <embree4/rtcore.h>
@@ -10,7 +10,7 @@
 
 namespace perfect_bvh::bench {
 
-// Of embree_low, embree_medium or embree_high. Throws std::runtime_error for others.
+// peer: embree_low, embree_medium or embree_high. Throws std::runtime_error for others.
 [[nodiscard]] RTCBuildQuality embree_quality(const std::string& peer);
 
 class EmbreeBuilder {
@@ -20,9 +20,9 @@ class EmbreeBuilder {
   EmbreeBuilder(const EmbreeBuilder&) = delete;
   EmbreeBuilder& operator=(const EmbreeBuilder&) = delete;
 
-  // A new scene over a copy of the mesh. Returns the seconds from the full buffers to the committed scene.
+  // Builds a new scene over a copy of the mesh. Returns the seconds from the full buffers to the committed scene.
   double build(const Mesh& mesh);
-  // Of the last scene while it stood: its trees, positions and triangles.
+  // Size of the last scene while it existed: its trees, positions and triangles.
   [[nodiscard]] std::size_t byte_count() const { return built_byte_count_; }
 
  private:

@@ -8,7 +8,7 @@
 namespace perfect_bvh::bench {
 namespace {
 
-// Three rows a column; `stride` floats from column to column.
+// Copies columns of three rows each; `stride` floats from column to column.
 void write_columns(const Affine& map, float* out, std::size_t stride) {
   for (const Vec3d& column : {map.x, map.y, map.z, map.translation}) {
     for (int axis = 0; axis < 3; ++axis) out[axis] = static_cast<float>(column[axis]);
@@ -68,7 +68,7 @@ class EmbreeInstances : public InstanceScene {
   RTCBuildQuality quality_;
 };
 
-// An instance a geometry.
+// One geometry for each instance.
 class Geometries : public EmbreeInstances {
  public:
   using EmbreeInstances::EmbreeInstances;
@@ -105,7 +105,7 @@ class Geometries : public EmbreeInstances {
   std::vector<RTCGeometry> geometries_;
 };
 
-// All instances in one array, whose buffer is full before the clock: an application writes its transforms there.
+// All instances in one array. Its buffer is filled before timing starts: an application writes its transforms there.
 class Array : public EmbreeInstances {
  public:
   using EmbreeInstances::EmbreeInstances;
@@ -138,7 +138,7 @@ class Array : public EmbreeInstances {
   }
 
  private:
-  std::vector<float> buffer_;  // 16 floats a transform, columns
+  std::vector<float> buffer_;  // 16 floats a transform, by columns
   RTCGeometry geometry_ = nullptr;
 };
 

@@ -28,7 +28,7 @@ void set_matrix(RTCGeometry geometry, unsigned step, const Affine& map) {
   rtcSetGeometryTransform(geometry, step, RTC_FORMAT_FLOAT3X4_COLUMN_MAJOR, columns);
 }
 
-// A stretch of ours is symmetric; as long as it is the same in all directions Embree's, which is not, is the same.
+// Our stretch is symmetric and Embree's is not. They agree as long as the stretch is the same in all directions.
 void set_turn(RTCGeometry geometry, unsigned step, const TurnStep& turn) {
   RTCQuaternionDecomposition parts;
   rtcInitQuaternionDecomposition(&parts);

@@ -1,4 +1,4 @@
-// Embree as a peer on what moves within the shutter: its motion blur, of as many steps.
+// Embree as a peer for scenes that move within the shutter: its motion blur, with the same number of steps.
 #pragma once
 
 #include <embree4/rtcore.h>
@@ -7,8 +7,8 @@
 
 namespace perfect_bvh::bench {
 
-// Each mesh that is placed once, unmoved and in its own frame, stands in the scene itself; the others are instances.
-// Those that turn have quaternions (as ours do), those that only shift have matrices. A hit's instance is a geometry's
+// A mesh that is placed once, without motion and transform, is in the scene itself; the others are instances. Instances
+// that turn have quaternions (as ours do), those that only shift have matrices. A hit's instance is a geometry's
 // number: the row in the scene.
 class EmbreeMotion {
  public:

@@ -11,8 +11,8 @@
 
 namespace perfect_bvh::bench {
 
-// Copies the mesh; not yet committed. A scene of low quality leaves the choice of the builder to each geometry's
-// quality.
+// Copies the mesh into a new geometry, which is not yet committed. In a scene of low quality each geometry's quality
+// chooses the builder.
 [[nodiscard]] RTCGeometry make_geometry(RTCDevice device, const Mesh& mesh,
                                         RTCBuildQuality quality = RTC_BUILD_QUALITY_MEDIUM);
 
@@ -22,14 +22,14 @@ void add_mesh(RTCDevice device, RTCScene scene, const Mesh& mesh, RTCBuildQualit
 class EmbreePeer {
  public:
   struct Options {
-    // e.g. "threads=2,isa=avx2". Threads are for building alone. With one each, a worker of TBB's never slept once
-    // there were several devices, and asked for work beside whatever was being measured.
+    // e.g. "threads=2,isa=avx2". Threads are only for building. With one thread per device and several devices, a TBB
+    // worker never slept, and its polling disturbed the measurements.
     std::string device = "threads=2";
     RTCBuildQuality quality = RTC_BUILD_QUALITY_MEDIUM;
     bool is_robust = false;
   };
 
-  // By what a peer's name contains: avx2, robust, high.
+  // Reads the options from a peer's name, which may contain avx2, robust, high.
   [[nodiscard]] static Options named(const std::string& name);
 
   EmbreePeer(const Mesh& mesh, const Options& options);
@@ -37,7 +37,7 @@ class EmbreePeer {
   EmbreePeer(const EmbreePeer&) = delete;
   EmbreePeer& operator=(const EmbreePeer&) = delete;
 
-  // Of the scene, its copy of the mesh included.
+  // Bytes of the scene, including its copy of the mesh.
   [[nodiscard]] std::size_t byte_count() const noexcept { return static_cast<std::size_t>(byte_count_); }
   [[nodiscard]] RTCScene scene() const noexcept { return scene_; }
 
@@ -49,7 +49,7 @@ class EmbreePeer {
   ssize_t byte_count_ = 0;
 };
 
-// Casts at the peer's scene: a name that contains "packets" means 16 rays a call, any other one.
+// Casts at the peer's scene: 16 rays a call if the name contains "packets", otherwise one.
 [[nodiscard]] RayCompetitor embree_competitor(const std::string& name, std::shared_ptr<const EmbreePeer> peer);
 
 }  // namespace perfect_bvh::bench

@@ -1,5 +1,5 @@
-// Embree's rays as competitors, each in the format and the floating-point mode that its manual asks for: RTCRayHit and
-// RTCRay one by one, traced in place, or RTCRayHit16 and RTCRay16 filled before.
+// Embree's rays as competitors, each in the format and the floating-point mode that its manual requires: RTCRayHit and
+// RTCRay one by one, traced in place, or RTCRayHit16 and RTCRay16, filled in advance.
 #pragma once
 
 #include <embree4/rtcore.h>
@@ -15,8 +15,8 @@
 
 namespace perfect_bvh::bench {
 
-// Flushes denormals to zero and takes them for zero, which Embree's manual asks for in every thread that calls it, as
-// long as this stands. The manual speaks of x86 alone.
+// Flushes denormals to zero and reads them as zero during its lifetime. Embree's manual requires this in every thread
+// that calls Embree, on x86 only.
 class EmbreeFloatingPoint {
  public:
 #if defined(__x86_64__)
@@ -37,14 +37,14 @@ class EmbreeFloatingPoint {
 #endif
 };
 
-// By what a hit's instance is known: nothing, the geometry that it is, a row of an array of instances; or the geometry
-// that it is or, without an instance, that was hit.
+// How to read the instance of a hit: none; the instance geometry; a row of an array of instances; or the instance
+// geometry or, without one, the hit geometry.
 enum class EmbreeInstanceIds { kNone, kGeometry, kRow, kEither };
 
-// rtcIntersect1 and rtcOccluded1.
+// Uses rtcIntersect1 and rtcOccluded1.
 class EmbreeRays : public RayCaster {
  public:
-  // owner: whatever keeps the scene alive.
+  // owner: the object that keeps the scene alive.
   EmbreeRays(std::shared_ptr<const void> owner, RTCScene scene, EmbreeInstanceIds ids = EmbreeInstanceIds::kNone);
 
   void load(std::span<const Ray> rays, RayUse use) override;
@@ -60,10 +60,10 @@ class EmbreeRays : public RayCaster {
   RTCOccludedArguments any_{};
   RayUse use_;
   std::vector<RTCRayHit> queries_;
-  std::vector<RTCRay> rays_;  // of any hit
+  std::vector<RTCRay> rays_;  // for any hit
 };
 
-// rtcIntersect16 and rtcOccluded16 on consecutive rays; of the last ones some are not valid.
+// Uses rtcIntersect16 and rtcOccluded16 on consecutive rays; the last packet may hold invalid rays.
 class EmbreePackets : public RayCaster {
  public:
   EmbreePackets(std::shared_ptr<const void> owner, RTCScene scene);
@@ -86,7 +86,7 @@ class EmbreePackets : public RayCaster {
   RayUse use_;
   std::vector<Valid> valid_;
   std::vector<RTCRayHit16> queries_;
-  std::vector<RTCRay16> rays_;  // of any hit
+  std::vector<RTCRay16> rays_;  // for any hit
 };
 
 }  // namespace perfect_bvh::bench

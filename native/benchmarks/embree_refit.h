@@ -1,4 +1,5 @@
-// Embree as a peer that follows a deforming mesh: the tree of the first positions, refitted to all later ones.
+// Embree as a peer that follows a deforming mesh: it builds the tree for the first positions, and refits it to later
+// ones.
 #pragma once
 
 #include <embree4/rtcore.h>

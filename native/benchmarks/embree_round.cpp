@@ -20,7 +20,7 @@ RTCGeometryType type_of(const RoundScene& scene, EmbreeShape shape) {
 
 Ball ball_of(const RoundScene& scene, std::size_t row) { return {scene.centres[row], scene.radii[row]}; }
 
-// Of each segment its first ball; of a cubic the first of four.
+// Lists the first sphere of each segment; for a cubic segment the first of its four.
 struct Segments {
   std::vector<Ball> balls;
   std::vector<std::uint32_t> firsts;

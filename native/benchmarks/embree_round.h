@@ -1,4 +1,4 @@
-// Embree as a peer on curves and points: one scene over one geometry of its own kinds.
+// Embree as a peer on curves and points: one scene over one geometry of Embree's own type.
 #pragma once
 
 #include <embree4/rtcore.h>
@@ -10,8 +10,8 @@
 
 namespace perfect_bvh::bench {
 
-// Round or flat from point to point, or round along the Catmull-Rom curve through the points, its ends counted twice.
-// Points are spheres, whichever is asked for.
+// Round or flat from point to point, or round along the Catmull-Rom curve through the points, whose end points are
+// doubled. Points are spheres for every shape.
 enum class EmbreeShape { kRound, kFlat, kCubic };
 
 class EmbreeRound {
@@ -28,11 +28,11 @@ class EmbreeRound {
   EmbreeRound& operator=(const EmbreeRound&) = delete;
 
   [[nodiscard]] RTCScene scene() const noexcept { return scene_; }
-  // Of the scene, its copy of the balls included.
+  // Bytes of the scene, including its copy of the spheres.
   [[nodiscard]] std::size_t byte_count() const noexcept { return static_cast<std::size_t>(byte_count_); }
-  // From the full buffers to the committed scene.
+  // Seconds from the full buffers to the committed scene.
   [[nodiscard]] double build_seconds() const noexcept { return build_seconds_; }
-  // Of one that is refitted, not cubic: seconds until the balls are there and rays can be cast.
+  // For a refitted scene that is not cubic: returns the seconds from new spheres until rays can be cast.
   double move(std::span<const Vec3f> centres);
 
  private:

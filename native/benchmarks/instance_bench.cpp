@@ -3,16 +3,16 @@
 //   --threads N      of both sides, for commits (1)      --rounds N         interleaved rounds (5)
 //   --kinds a,b      of first,commit,primary,diffuse (all)
 //   --peers a,b      of embree,low,array,array_low (embree,low,array): see instance_scene.h; rays are cast at the first
-//   --strategies a,b of auto,packets,stream,single (auto): how our rays are traced
+// --strategies a,b of auto,packets,stream,single (auto): how our rays are traced
 //   --size WxH       of the image (640x400)              --json OUT.json
-//   --noisy          measure whatever the load
+// --noisy          measure at any load
 //
-// The mesh's own tree stands before the clock, and the transforms in each engine's format. First: all instances are
-// added to an empty scene and committed, each time in a process of its own. Commits: every instance gets another
-// transform, then the scene is committed. All competitors in turn, the medians of the rounds. With one thread the time
-// is the thread's own CPU time, otherwise that of the wall clock.
-// Rays: see ray_race.h; ratios are to the first peer. How many nodes and triangles a ray visits is counted in another
-// run of ours.
+// The mesh's own tree, and the transforms in each engine's format, are ready before timing starts. First: all instances
+// are added to an empty scene and committed, each time in a new process. Commits: every instance gets another
+// transform, then the scene is committed. Competitors take turns; results are medians of the rounds. With one thread
+// the time is the thread's own CPU time, otherwise wall-clock time.
+// Rays: see ray_race.h; ratios are to the first peer. The nodes and triangles that our rays visit are counted in
+// another run.
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
@@ -79,7 +79,7 @@ Options parse(int count, char** values) {
   return options;
 }
 
-// A layout of so many instances.
+// A layout with `count` instances.
 struct Crowd {
   std::string layout;
   std::size_t count;
@@ -106,7 +106,7 @@ struct Times {
   std::vector<double> set, commit;  // seconds
 };
 
-// hand_over: add or move, of what was prepared.
+// Times handing over and committing the prepared instances. hand_over: add or move.
 std::vector<double> time_commit(InstanceScene& scene, void (InstanceScene::*hand_over)(), int threads) {
   const double start = seconds(threads);
   (scene.*hand_over)();
@@ -135,7 +135,7 @@ std::vector<Times> time_first(const std::vector<std::string>& names, const Mesh&
 
 using Scenes = std::vector<std::unique_ptr<InstanceScene>>;
 
-// The instances are where they were at the end.
+// Afterwards all instances are back where time_first() placed them.
 std::vector<Times> time_updates(const Scenes& scenes, const Mesh& mesh, const Crowd& crowd, const Options& options) {
   const std::vector<Affine> placed[2] = {crowd.place(mesh, 2), crowd.place(mesh, 3)};
   std::vector<Times> times(scenes.size());
@@ -259,7 +259,7 @@ std::string bench(const Options& options) {
   for (const std::string& layout : options.layouts) {
     for (const std::size_t count : options.counts) crowds.push_back({layout, count});
   }
-  // All first builds come first: a process of its own begins as a copy of this one, which has started no threads yet.
+  // All first builds come first: each runs in a fork of this process, which has not started threads yet.
   for (const Crowd& crowd : crowds) {
     if (!options.wants("first")) break;
     report_times(crowd, "first", names, time_first(names, mesh, crowd, options), options.threads, rows);

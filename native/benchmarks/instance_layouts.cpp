@@ -13,7 +13,7 @@ double uniform(Random& random, double from, double to) {
   return from + (to - from) * static_cast<double>(random()) * 0x1p-32;
 }
 
-// A random rotation: a unit quaternion, drawn from within the ball.
+// A random rotation: a unit quaternion, drawn from inside the unit ball.
 Affine random_rotation(Random& random) {
   double q[4], square = 0;
   do {
@@ -47,7 +47,7 @@ std::vector<Affine> place_instances(const std::string& layout, const Aabb& mesh,
       place[axis] = (static_cast<double>(cell[axis]) + uniform(random, -0.3, 0.3)) * spacing;
     }
     map.translation = place - map.vector(centre);
-    // Rounded to float, so that every peer gets the very same transform.
+    // Rounded to float, so that every peer gets exactly the same transform.
     for (Vec3d* column : {&map.x, &map.y, &map.z, &map.translation}) *column = to_double(to_float(*column));
     placed[i] = map;
   }

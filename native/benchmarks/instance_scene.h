@@ -1,4 +1,4 @@
-// A scene of many instances of one mesh, as benchmarks of top levels see it: ours or Embree's.
+// A scene of many instances of one mesh, for benchmarks of top levels: ours or Embree's.
 #pragma once
 
 #include <memory>
@@ -11,7 +11,7 @@
 
 namespace perfect_bvh::bench {
 
-// Made with the mesh's own tree built, and no instances yet.
+// Starts with the mesh's own tree built, and without instances.
 class InstanceScene {
  public:
   InstanceScene() = default;
@@ -19,21 +19,21 @@ class InstanceScene {
   InstanceScene(const InstanceScene&) = delete;
   InstanceScene& operator=(const InstanceScene&) = delete;
 
-  // Not timed: the transforms in the format in which the engine takes them next.
+  // Not timed: stores the next transforms in the engine's format.
   virtual void prepare(std::span<const Affine> transforms) = 0;
-  // Timed: as many instances, at what was prepared; the scene has none so far.
+  // Timed: adds one instance for each prepared transform; the scene must be empty.
   virtual void add() = 0;
-  // Timed: all instances go to what was prepared.
+  // Timed: moves all instances to the prepared transforms.
   virtual void move() = 0;
-  // Timed: what was added or moved can be traced from now on.
+  // Timed: makes added or moved instances ready for tracing.
   virtual void commit() = 0;
-  // Of the last commit.
+  // Casts rays at the last committed scene.
   [[nodiscard]] virtual std::shared_ptr<RayCaster> caster() const = 0;
 };
 
-// embree: geometries at MEDIUM; low: those at LOW in a dynamic scene, which is Embree's choice for what moves each
-// frame; array: one array at MEDIUM; array_low: that like low. Throws std::runtime_error for other names. The mesh's
-// own tree is always MEDIUM.
+// embree: geometries at MEDIUM; low: geometries at LOW in a dynamic scene, which Embree recommends for objects that
+// move each frame; array: one array at MEDIUM; array_low: one array, like low. Throws std::runtime_error for other
+// names. The mesh's own tree is always MEDIUM.
 [[nodiscard]] std::unique_ptr<InstanceScene> make_embree_instances(const std::string& name, const Mesh& mesh,
                                                                    int thread_count);
 

@@ -30,7 +30,7 @@ std::string machine_name() {
   for (int index = 0;; ++index) {
     const std::string folder = "/sys/devices/system/cpu/cpu0/cache/index" + std::to_string(index) + "/";
     const std::string level = first_line(folder + "level"), type = first_line(folder + "type");
-    const std::string size = first_line(folder + "size");  // not told on every processor
+    const std::string size = first_line(folder + "size");  // not available on every processor
     if (level.empty()) break;
     if (type == "Instruction" || size.empty()) continue;
     caches += (caches.empty() ? "; L" : ", L") + level + (type == "Data" ? "d " : " ") + size;

@@ -9,10 +9,10 @@ using Positions = AlignedVector<Vec3f>;
 
 [[nodiscard]] Aabb bounds_of_positions(const Positions& positions);
 
-// About the longest axis of the mesh's box, by so much from end to end.
+// Twists the mesh about the longest axis of its box; `radians` is the angle from end to end.
 [[nodiscard]] Positions twisted(Positions positions, float radians);
 
-// By a fiftieth of the mesh's length, another way in every frame.
+// Sways the mesh by a fiftieth of its length, in another direction in every frame.
 [[nodiscard]] Positions swayed(Positions positions, int frame);
 
 [[nodiscard]] Mesh with(const Mesh& mesh, Positions positions);

@@ -84,7 +84,7 @@ void add_instances(Scene& scene, const MotionScene& from) {
   scene.set_instance_motion(ids, Matrices<double>{entries.data(), ids.size() * from.step_count, 3}, from.times());
 }
 
-// One ray's bounces off what a primary ray meets; false if that is nothing.
+// Finds where a ray bounces off the hit of a primary ray; false on a miss.
 struct Bounce {
   Vec3d origin, normal;
 };

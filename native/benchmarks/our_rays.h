@@ -1,5 +1,5 @@
-// Our kernels as a competitor: rays as the engine's C++ interface takes them. They trace in the default floating-point
-// environment, which they set themselves.
+// Our kernels as a competitor: rays as the engine's C++ interface takes them. The kernels trace in the default
+// floating-point environment, which they set themselves.
 #pragma once
 
 #include <string>
@@ -13,7 +13,7 @@ namespace perfect_bvh::bench {
 
 class OurRays : public RayCaster {
  public:
-  // isa: of available_kernels(); an empty name leaves the choice to the engine.
+  // isa: one of available_kernels(); an empty name lets the engine choose.
   explicit OurRays(std::shared_ptr<const Snapshot> scene, std::string isa = "", TraceOptions options = {});
 
   void load(std::span<const Ray> rays, RayUse use) override;
@@ -31,7 +31,7 @@ class OurRays : public RayCaster {
   std::vector<std::uint8_t> occluded_;
 };
 
-// What a ray takes in the mean. Counted in a run of its own, which is not timed.
+// Mean work of a ray. Counted in a separate run, which is not timed.
 struct Visits {
   double nodes = 0, triangles = 0;
 };

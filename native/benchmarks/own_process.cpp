@@ -10,7 +10,7 @@
 namespace perfect_bvh::bench {
 namespace {
 
-// Ends the process, without what is done at a program's end: that is the parent's to do.
+// Ends the process without running exit handlers: they belong to the parent.
 [[noreturn]] void work_in_child(const std::function<std::vector<double>()>& work, int out) {
   int code = 1;
   try {

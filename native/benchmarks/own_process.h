@@ -1,5 +1,5 @@
-// Work in a process of its own, so that it finds memory as a program does that has just begun: no pages that were
-// handed out before, no lists of freed blocks.
+// Runs work in a new process, so that its memory is that of a program that has just started: no pages that were
+// allocated before, no lists of freed blocks.
 #pragma once
 
 #include <functional>
@@ -7,8 +7,8 @@
 
 namespace perfect_bvh::bench {
 
-// The numbers that `work` returns, from a child process. This process must not have started threads that the work
-// needs. Throws std::runtime_error if the child fails, after it has said why.
+// Returns the numbers that `work` computes in a child process. This process must not have started threads that the work
+// needs. If the child fails, it prints the reason, and this throws std::runtime_error.
 [[nodiscard]] std::vector<double> run_in_own_process(const std::function<std::vector<double>()>& work);
 
 }  // namespace perfect_bvh::bench

@@ -1,4 +1,4 @@
-// What the programs share that measure one mesh: a command line in, JSON out.
+// What the programs that measure one mesh share: a command line in, JSON out.
 #pragma once
 
 #include <cstdio>
@@ -12,9 +12,9 @@
 
 namespace perfect_bvh::bench {
 
-// parse(count, values) gives the options, among them `json`, a path or nothing, and `is_noisy`; bench(options) the text
-// that goes there or to the console. Returns the program's exit code; errors are told in a line, and a load that makes
-// figures worthless is one, unless is_noisy. Processor, caches and load stand beside what is measured, on stderr.
+// parse(count, values) returns the options, among them `json`, a path or empty, and `is_noisy`. bench(options) returns
+// the text that goes to that path or to the console. Returns the program's exit code. Errors are printed as one line; a
+// load that makes the results worthless is an error, unless is_noisy. Processor, caches and load are printed on stderr.
 template <class Parse, class Bench>
 [[nodiscard]] int run_program(int count, char** values, const Parse& parse, const Bench& bench) {
   try {

@@ -1,4 +1,4 @@
-// Whether a machine is quiet enough to be measured on.
+// Checks whether a machine is quiet enough for measurements.
 #pragma once
 
 #include <cstdio>
@@ -6,10 +6,10 @@
 
 namespace perfect_bvh::bench {
 
-// Processes that run or want to, in the mean of the last minute. A benchmark that has just run is one of them.
+// Mean number of running or runnable processes in the last minute. A benchmark that has just run is one of them.
 inline constexpr double kMostLoad = 1.2;
 
-// The sentence that says why not to measure; nothing if nothing speaks against it.
+// Returns a sentence that says why not to measure, or nothing.
 [[nodiscard]] inline std::string objection_to_load(double load, bool is_noisy) {
   if (is_noisy || load <= kMostLoad) return "";
   char text[160];

@@ -1,5 +1,5 @@
-// A way of casting rays that can be raced: an engine's rays stand ready in its own format before the clock starts, and
-// its answers are read after the clock has stopped.
+// A ray tracer that can be raced: its rays are in the engine's own format before timing starts, and its answers are
+// read after timing has stopped.
 #pragma once
 
 #include <cstdint>
@@ -11,10 +11,10 @@
 
 namespace perfect_bvh::bench {
 
-// What rays are for: some engines want to know.
+// How rays are used; some engines need this information.
 struct RayUse {
-  bool is_any_hit = false;   // whether anything is hit, and no more
-  bool is_coherent = false;  // neighbours go nearly the same way
+  bool is_any_hit = false;   // find only whether there is a hit
+  bool is_coherent = false;  // neighbouring rays have nearly the same direction
 };
 
 class RayCaster {
@@ -24,16 +24,17 @@ class RayCaster {
   RayCaster(const RayCaster&) = delete;
   RayCaster& operator=(const RayCaster&) = delete;
 
-  // Not timed: writes the rays in the engine's format, and clears the answers. To be called before every cast, which
-  // may overwrite the rays.
+  // Not timed: writes the rays in the engine's format, and clears the answers. Call it before every cast, because a
+  // cast may overwrite the rays.
   virtual void load(std::span<const Ray> rays, RayUse use) = 0;
-  // Timed: casts what was loaded.
+  // Timed: casts the loaded rays.
   virtual void cast() = 0;
-  // Not timed: what the last cast found, a row a ray. Of any hit only the second may be asked, otherwise the first.
+  // Not timed: returns the answers of the last cast, a row a ray: after any-hit rays only the second overload may be
+  // called, otherwise only the first.
   virtual void read(std::span<Hit> hits) const = 0;
   virtual void read(std::span<std::uint8_t> occluded) const = 0;
 
-  // All three in whatever time.
+  // Runs all three, without timing.
   template <class Answer>
   void answer(std::span<const Ray> rays, RayUse use, std::span<Answer> answers) {
     load(rays, use);

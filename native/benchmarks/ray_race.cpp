@@ -13,7 +13,7 @@ double lower_third(std::vector<double> times) {
   return *place;
 }
 
-// Of one competitor: by batch, then by round.
+// Times of one competitor: by batch, then by round.
 using Times = std::vector<std::vector<double>>;
 
 RaceResult result_of(const Times& times, std::size_t ray_count, const Agreement& agreement) {
@@ -28,7 +28,7 @@ RaceResult result_of(const Times& times, std::size_t ray_count, const Agreement&
   return {mrays / best, Spread::of(rates), agreement};
 }
 
-// One batch, and what the first competitor answers to it.
+// Casts one batch; the first competitor's answers are the reference.
 class Batch {
  public:
   Batch(std::span<const Ray> rays, RayUse use, RayCaster& first) : rays_(rays), use_(use) {

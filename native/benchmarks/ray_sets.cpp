@@ -25,7 +25,7 @@ Vec3d cosine_direction(Vec3d normal, Random& random) {
 
 Ray make_ray(Vec3d origin, Vec3d direction, float t_max) {
   Ray ray;
-  // Rounded to float, so that every peer gets the very same ray.
+  // Rounded to float, so that every peer gets exactly the same ray.
   ray.origin = to_double(to_float(origin)), ray.direction = to_double(to_float(direction)), ray.t_max = t_max;
   return ray;
 }
@@ -80,7 +80,8 @@ Bounces bounce_rays(const Mesh& mesh, const std::vector<Ray>& primary, const std
 
 namespace {
 
-// Rows of an image's pixels in Z-order within tiles of 8 x 8, tiles row by row; what is left at the edges is left out.
+// Returns the pixels of an image in Z-order within tiles of 8 x 8, tiles row by row. Pixels beyond the last whole tile
+// are left out.
 std::vector<std::size_t> tiled_order(std::size_t width, std::size_t height) {
   std::vector<std::size_t> order;
   const auto every_other_bit = [](std::size_t bits) { return (bits & 1) | (bits >> 1 & 2) | (bits >> 2 & 4); };

@@ -2,8 +2,8 @@
 //   --threads N      of both sides, for updates (1)      --rounds N         interleaved rounds; 0: no swaying mesh (9)
 //   --twists a,b     radians from end to end (0.1,1.5,6.2831853)
 //   --ray-rounds N   interleaved rounds of rays; 0: no twists (5)
-//   --size WxH       of the image that primary rays make (640x400)
-//   --json OUT.json  --noisy  measure whatever the load
+// --size WxH       of the image of primary rays (640x400)
+// --json OUT.json  --noisy  measure at any load
 //
 // A mesh that sways (sway_race.h), then the mesh twisted in one step (twist_race.h).
 #include <stdexcept>

@@ -1,4 +1,4 @@
-// What refit_bench is asked to measure.
+// The options of refit_bench.
 #pragma once
 
 #include <string>

@@ -26,7 +26,7 @@ std::vector<T> read_rows(std::ifstream& file, std::size_t count) {
 
 using Ring = std::array<Vec3f, kSides>;
 
-// Around a centre, at right angles to the curve's way there.
+// Returns points on a circle around a centre, at right angles to the curve's direction there.
 Ring ring_around(Vec3d centre, Vec3d along, double radius) {
   const Vec3d way = normalized(along);
   const Vec3d least = std::abs(way.x) < 0.5 ? Vec3d{1, 0, 0} : Vec3d{0, 1, 0};

@@ -1,4 +1,4 @@
-// Curves or points as every competitor gets them, and what they are as triangles.
+// Curves or points as every competitor gets them, and their approximation by triangles.
 #pragma once
 
 #include <cstdint>
@@ -14,22 +14,22 @@ namespace perfect_bvh::bench {
 struct RoundScene {
   std::vector<Vec3f> centres;
   std::vector<float> radii;
-  std::vector<std::int64_t> offsets;       // of each curve its first ball, then how many there are; none: points
-  std::vector<std::vector<Vec3f>> frames;  // the centres in the wind
-  Mesh mesh;                               // ours
+  std::vector<std::int64_t> offsets;       // the first sphere of each curve, then the total count; empty: points
+  std::vector<std::vector<Vec3f>> frames;  // the centres in each frame of the wind
+  Mesh mesh;                               // as our engine takes it
 
   [[nodiscard]] bool has_curves() const noexcept { return !offsets.empty(); }
 };
 
-// Little-endian uint32 numbers of balls, of curves (0: points) and of frames; float32 x, y, z and radius of each ball;
-// uint32 first balls of curves; float32 centres of each frame. Throws std::runtime_error.
+// Reads little-endian uint32 numbers of spheres, of curves (0: points) and of frames; float32 x, y, z and radius of
+// each sphere; uint32 first spheres of curves; float32 centres of each frame. Throws std::runtime_error.
 [[nodiscard]] RoundScene read_round_scene(const std::string& path);
 
-// Tubes of six sides, open at their ends; of points octahedra.
+// Makes tubes of six sides, open at their ends; for points octahedra.
 [[nodiscard]] Mesh tessellated(const RoundScene& scene);
 
-// "primary", "diffuse", "shuffled" and "occlusion" (ray_sets.h), the latter from what primary rays hit of a scene of
-// one instance.
+// Makes "primary", "diffuse", "shuffled" and "occlusion" rays (ray_sets.h); the last three start at the hits of primary
+// rays in a scene of one instance.
 [[nodiscard]] std::vector<RaySet> make_round_ray_sets(const Snapshot& snapshot, View view, std::uint32_t width,
                                                       std::uint32_t height);
 

@@ -1,4 +1,4 @@
-// Times and what is told of them.
+// Times and their statistics.
 #pragma once
 
 #include <time.h>
@@ -14,12 +14,13 @@ namespace perfect_bvh::bench {
   return static_cast<double>(now.tv_sec) + 1e-9 * static_cast<double>(now.tv_nsec);
 }
 
-// What one thread did is measured in its own time, whatever else the machine does; of several only the wall knows.
+// Returns the thread's own CPU time for one thread, which other load does not affect, and wall-clock time for several
+// threads.
 [[nodiscard]] inline double seconds(int thread_count) {
   return seconds_on(thread_count == 1 ? CLOCK_THREAD_CPUTIME_ID : CLOCK_MONOTONIC);
 }
 
-// The middle of the measurements, and the quarters below and above which a fourth of them lies.
+// The median and the lower and upper quartiles of the measurements.
 struct Spread {
   double median = 0, low = 0, high = 0;
 

@@ -19,12 +19,12 @@ namespace {
 struct Competitor {
   std::string method;
   std::function<double(const Positions&)> move;                // seconds
-  std::function<void()> start_count = [] {};                   // once the rounds that count begin
-  std::function<void(JsonObject&)> tell = [](JsonObject&) {};  // more of what happened in them
-  std::vector<double> nanoseconds{};                           // a triangle, of each round
+  std::function<void()> start_count = [] {};                   // called when the counted rounds begin
+  std::function<void(JsonObject&)> tell = [](JsonObject&) {};  // adds statistics of those rounds
+  std::vector<double> nanoseconds{};                           // per triangle, for each round
 };
 
-// The tree alone, into memory that a tree of the same shape leaves, as a scene does it in the long run.
+// Refits only the tree, into the memory of a former tree of the same shape, as a scene does after some frames.
 Competitor our_refit(const Mesh& mesh, int thread_count) {
   struct State {
     Mesh mesh;
@@ -65,7 +65,7 @@ const char* name_of(MeshAction action) {
   }
 }
 
-// All of a commit, whatever the governor decides: the copy of the positions too.
+// Times a whole commit, including the copy of the positions; the governor decides how to update.
 Competitor our_commit(const Mesh& mesh, int thread_count) {
   struct State {
     ThreadPool pool;
@@ -115,7 +115,7 @@ std::string row_of(const Competitor& competitor) {
 std::vector<std::string> race_sway(const Mesh& mesh, const RefitOptions& options) {
   std::vector<Competitor> competitors{our_refit(mesh, options.threads), our_commit(mesh, options.threads),
                                       embree_refit(mesh, options.threads)};
-  constexpr int kWarmUp = 3;  // rounds, in which memory is handed out
+  constexpr int kWarmUp = 3;  // rounds that allocate the memory
   for (int round = 0; round < kWarmUp + options.rounds; ++round) {
     const Positions positions = swayed(mesh.positions, round);
     for (std::size_t turn = 0; turn < competitors.size(); ++turn) {

@@ -1,6 +1,6 @@
-// What it costs to follow a mesh that sways: every competitor in turn, the order rotating from round to round, each
-// from the frame's positions in memory to a scene ready to trace. With one thread the time is the thread's own CPU
-// time, otherwise that of the wall clock.
+// Measures the cost of following a mesh that sways. Competitors take turns, and the order rotates from round to round.
+// Each starts with the frame's positions in memory and ends with a scene ready to trace. With one thread the time is
+// the thread's own CPU time, otherwise wall-clock time.
 #pragma once
 
 #include <string>
@@ -11,8 +11,8 @@
 
 namespace perfect_bvh::bench {
 
-// JSON objects: method, ns_per_triangle (the median), ns_low, ns_high; of commits also what the scene did, by how
-// often.
+// Returns JSON objects: method, ns_per_triangle (the median), ns_low, ns_high; for commits also how often the scene
+// took each action.
 [[nodiscard]] std::vector<std::string> race_sway(const Mesh& mesh, const RefitOptions& options);
 
 }  // namespace perfect_bvh::bench

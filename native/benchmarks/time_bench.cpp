@@ -1,13 +1,14 @@
 // time_bench [options] SCENE.bin
 //   --rounds N  interleaved rounds (5)                 --kinds a,b  of primary,diffuse,occlusion (all)
-//   --size WxH  of the image (640x400)                 --inside     the camera stands inside the box
-//   --isa NAME  of our kernels (the best)              --visits     what our rays visit, counted in another run
+// --size WxH  of the image (640x400)                 --inside     the camera is inside the box
+// --isa NAME  of our kernels (the best)              --visits     count what our rays visit, in another run
 //   --peers a,b of embree, ours, embree still, ours still, ours still with times (all)
-//   --json OUT.json  --noisy  measure whatever the load
+// --json OUT.json  --noisy  measure at any load
 //
-// A scene that moves within the shutter (motion_scene.h), rays at random times: Embree's motion blur and ours; and the
-// scene frozen half-way, rays of the same kind: Embree's, ours, and ours where rays have times but nothing moves. All
-// take turns (ray_race.h), on one thread; those that see the frozen scene have rays of their own.
+// Measures a scene that moves within the shutter (motion_scene.h), with rays at random times: Embree's motion blur and
+// ours. It also measures the scene frozen half-way with rays of the same kind: Embree, ours, and ours where rays have
+// times but nothing moves. All take turns (ray_race.h) on one thread; competitors on the frozen scene have separate
+// rays.
 #include <algorithm>
 #include <memory>
 #include <stdexcept>
@@ -64,7 +65,7 @@ Options parse(int count, char** values) {
   return options;
 }
 
-// Casts rays of its own in the place of those that it is given, batch by batch: of a race's set as many.
+// Replaces the rays of a race by its own rays, batch by batch: both sets have the same size.
 class OwnRays : public RayCaster {
  public:
   OwnRays(std::shared_ptr<RayCaster> caster, std::vector<Ray> own, const std::vector<Ray>& given)

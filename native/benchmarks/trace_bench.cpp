@@ -1,16 +1,16 @@
 // trace_bench [options] MESH.bin...
 //   --rounds N       interleaved rounds (7)               --batches a,b      rays a call (8192)
-//   --kinds a,b      of primary,tiled,shadow,diffuse,shuffled,occlusion (all)
+// --kinds a,b      of primary,tiled,shadow,diffuse,shuffled,occlusion (all)
 //   --isas a,b       kernels (all)                        --in-flight a,b    rays under way (0: the default)
 //   --strategies a,b of auto,packets,stream,single (auto)
 //   --peers a,b      of embree, and that with _avx2, _robust, _high, _packets in its name (embree)
 //   --size WxH       of the image (640x400)               --json OUT.json
-//   --leaks N        instead: N rays at random vertices and N at random edge points of closed, star-shaped meshes
+// --leaks N        instead: N rays at random vertices and N at random edge points of closed, star-shaped meshes
 //                    around the origin, from inside; prints how many pass through
 //   --reinsert N     reinsertion passes for our tree
-//   --inside         the camera stands inside the box     --filling          or so near that the mesh fills the view
-//   --noisy          measure whatever the load
-//   --visits         tells how many nodes our rays visit and how many triangles they test, counted in another run
+// --inside         the camera is inside the box         --filling          or so near that the mesh fills the view
+// --noisy          measure at any load
+// --visits         count the nodes that our rays visit and the triangles they test, in another run
 //
 // Casts the same rays with every competitor (ray_race.h), each in its own format. Ratios are to the first one: Embree's
 // default (rtcIntersect1, rtcOccluded1, quality MEDIUM, not robust) unless --peers says otherwise.
@@ -90,15 +90,15 @@ Options parse(int count, char** values) {
 }
 
 struct Competitor : RayCompetitor {
-  double bytes_a_triangle;                // with the mesh
-  std::shared_ptr<const Snapshot> scene;  // of ours
+  double bytes_a_triangle;                // including the mesh
+  std::shared_ptr<const Snapshot> scene;  // only for our competitors
 };
 
 double bytes_a_triangle(std::size_t bytes, const Mesh& mesh) {
   return static_cast<double>(bytes) / static_cast<double>(mesh.primitive_count());
 }
 
-// Our tree with each instruction set and way of tracing.
+// Traces our tree with each instruction set and strategy.
 void add_ours(std::vector<Competitor>& list, const Options& options, const std::shared_ptr<const Snapshot>& scene) {
   std::vector<std::string> isas = options.isas;
   if (isas.empty()) {

@@ -1,7 +1,8 @@
-// How long trees take: from a mesh in memory until rays can be cast, by every competitor in turn, the order rotating
-// from round to round; of ours also the binary tree alone. Cold, each build runs in a process of its own, which finds
-// no memory that others gave back, as in a program that has just begun; warm, all run in this one.
-// With one thread the time is the thread's own CPU time, otherwise that of the wall clock.
+// Measures how long builds take, from a mesh in memory until rays can be cast. Competitors take turns, and the order
+// rotates from round to round. For our trees the binary tree is also timed alone. Cold, each build runs in a new
+// process, which finds no memory that earlier builds freed, as in a program that has just started; warm, all run in
+// this process.
+// With one thread the time is the thread's own CPU time, otherwise wall-clock time.
 #pragma once
 
 #include <functional>
@@ -14,13 +15,14 @@
 
 namespace perfect_bvh::bench {
 
-// Of ours, as the engine's own report has them, by the wall clock.
+// Stages of our builds, as the engine's own report names them, in wall-clock time.
 inline constexpr const char* kStages[] = {"build", "optimize", "collapse", "top level"};
 
-// One engine's way to a tree.
+// One engine's way to build a tree.
 struct Builder {
   std::string name;
-  // One build: milliseconds until rays can be cast; then ours: of each of kStages; Embree: the bytes it holds then.
+  // Runs one build. Returns the milliseconds until rays can be cast, then for ours those of each of kStages, for Embree
+  // the bytes.
   std::function<std::vector<double>()> ready;
   std::function<std::vector<double>()> binary;  // ours: milliseconds to the binary tree alone
 
@@ -37,10 +39,10 @@ struct Builder {
 
 struct BuildRace {
   int rounds = 5;            // at least
-  double least_seconds = 0;  // rounds go on until so much time has gone: short builds differ from one to the next
-  double seconds = 60;       // no round starts after that many
+  double least_seconds = 0;  // rounds go on at least this long: the times of short builds vary
+  double seconds = 60;       // no round starts after this time
   bool is_cold = true;
-  std::function<void(double)> tell = [](double) {};  // called with the share that is done
+  std::function<void(double)> tell = [](double) {};  // called with the finished share
 };
 
 // Adds the times of each round to the builders.

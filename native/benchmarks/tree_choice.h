@@ -1,4 +1,4 @@
-// One of our trees as a command line names it: "binned, 4 bins:binned,bins=4".
+// One of our trees, as named on a command line: "binned, 4 bins:binned,bins=4".
 #pragma once
 
 #include <string>
@@ -14,8 +14,8 @@ struct TreeChoice {
   Usage usage = Usage::kStatic;
 };
 
-// "NAME:BUILDER[,SETTING=VALUE...]" with the settings of Python's BuildConfig, and usage=static, deforming or changing,
-// as meshes are added with. Throws std::runtime_error.
+// Parses "NAME:BUILDER[,SETTING=VALUE...]" with the settings of Python's BuildConfig, and usage=static, deforming or
+// changing, as in add_mesh. Throws std::runtime_error.
 [[nodiscard]] TreeChoice parse_tree(const std::string& text);
 
 }  // namespace perfect_bvh::bench

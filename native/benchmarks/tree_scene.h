@@ -1,4 +1,4 @@
-// A mesh or its wide tree as a scene of one instance in its own place.
+// A mesh or its wide tree as a scene of one instance without a transform.
 #pragma once
 
 #include <memory>
@@ -12,7 +12,7 @@ namespace perfect_bvh::bench {
 
 [[nodiscard]] std::shared_ptr<const Snapshot> snapshot_over(std::shared_ptr<const Mesh> mesh, WideBvh wide);
 
-// As a user would have it: added, and committed on one thread.
+// Adds and commits on one thread, as a user would.
 [[nodiscard]] std::shared_ptr<const Snapshot> committed(const Mesh& mesh, const BuildConfig& config,
                                                         Usage usage = Usage::kStatic);
 

@@ -25,14 +25,14 @@
 namespace perfect_bvh::bench {
 namespace {
 
-// A way of bringing the tree of the mesh at rest to the mesh of now, done.
+// The result of one method that updates the tree of the mesh at rest to the twisted mesh.
 struct Update {
   std::string method;
   bool is_ours = true;
   double ns_per_triangle = 0;
   std::optional<double> cost;
   RayCompetitor traced;
-  std::size_t rebuilt = 0;  // place of what it is compared with among all
+  std::size_t rebuilt = 0;  // index in all updates of the one it is compared with
 };
 
 class Twist {
@@ -40,7 +40,7 @@ class Twist {
   Twist(const Mesh& rest, std::shared_ptr<const Mesh> mesh, const RefitOptions& options)
       : rest_(rest), mesh_(std::move(mesh)), threads_(options.threads), pool_(options.threads) {}
 
-  // First the new tree.
+  // The new tree comes first.
   void add_ours() {
     const BuildConfig config = choose_builder({}, Usage::kDeforming);
     rebuilt_ = updates_.size();
@@ -97,7 +97,7 @@ class Twist {
   [[nodiscard]] const std::shared_ptr<const Snapshot>& scene() const noexcept { return first_; }
 
  private:
-  // make(wide, costs) finds a copy of `still` in `wide`.
+  // When make(wide, costs) is called, `wide` is a copy of `still`.
   void add(const std::string& method, const WideBvh& still, const std::function<void(WideBvh&, WideCosts&)>& make) {
     WideBvh wide;
     WideCosts costs;
@@ -114,7 +114,7 @@ class Twist {
     updates_.push_back({method, true, taken, cost, traced, rebuilt_});
   }
 
-  // update() returns seconds. It is done several times, of either side: the middle one counts.
+  // update() returns seconds. It is run several times, for both engines, and the median counts.
   [[nodiscard]] double ns_per_triangle(const std::function<double()>& update) const {
     const std::size_t repeats = mesh_->primitive_count() > 1'000'000 ? 1 : 3;
     std::vector<double> taken(repeats);
@@ -132,7 +132,7 @@ class Twist {
   std::shared_ptr<const Snapshot> first_;
 };
 
-// Of one update, over the kinds of rays.
+// Results of one update, over the kinds of rays.
 struct Traced {
   double seconds = 0;  // of all rays together
   std::vector<std::pair<std::string, double>> mrays_per_second;

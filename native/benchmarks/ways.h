@@ -1,4 +1,4 @@
-// The ways in which our kernels trace, by the names that the programs here take and print.
+// The strategies of our kernels, by the names that the programs here accept and print.
 #pragma once
 
 #include <stdexcept>

@@ -1,5 +1,5 @@
-// Casts the same rays with each instruction set and strategy, between two calls of getppid, at which a plugin
-// of the emulator (counter.c) prints how many instructions were executed. Ends with 1 if two answer differently.
+// Casts the same rays with each instruction set and strategy, between two calls of getppid. At these calls a plugin of
+// the emulator (counter.c) prints the number of executed instructions. Exits with 1 if two answers differ.
 #include <unistd.h>
 
 #include <cmath>
@@ -52,7 +52,7 @@ Mesh bumpy_sphere(int rows, int columns) {
   return make_mesh(std::span<const Vec3f>(positions), triangles, "bumpy_sphere");
 }
 
-// A tile of an image of 768 x 512, at the sphere's edge: some miss.
+// A tile of an image of 768 x 512 at the sphere's edge: some rays miss.
 std::vector<Ray> camera_rays() {
   std::vector<Ray> rays(kRays);
   for (std::size_t i = 0; i < kRays; ++i) {
@@ -64,7 +64,7 @@ std::vector<Ray> camera_rays() {
   return rays;
 }
 
-// From inside into all directions, and from all sides.
+// Rays from inside in all directions, and from all sides.
 std::vector<Ray> scattered_rays() {
   Random random;
   std::vector<Ray> rays(kRays);
@@ -118,7 +118,7 @@ Answers cast(const Snapshot& snapshot, const std::vector<Ray>& rays, bool any, S
   return answers;
 }
 
-// "cast SCENE RAYS QUERY STRATEGY ISA", then what the plugin prints.
+// Prints "cast SCENE RAYS QUERY STRATEGY ISA"; the plugin prints the rest.
 bool cast_with_all(const char* scene, const Snapshot& snapshot, const char* kind, const std::vector<Ray>& rays) {
   bool are_same = true;
   for (const bool any : {false, true}) {

@@ -1,5 +1,6 @@
-// A plugin for QEMU's user-mode emulators (plugin API 1): prints how many instructions the emulated process has executed,
-// each time that it calls getppid. The API is declared here as far as it is used: Debian has no package of its header.
+// A plugin for QEMU's user-mode emulators (plugin API 1): prints the number of instructions that the emulated process
+// has executed, each time that it calls getppid. The part of the API in use is declared here: Debian has no package of
+// its header.
 #include <inttypes.h>
 #include <stddef.h>
 #include <stdint.h>
