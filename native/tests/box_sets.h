@@ -1,4 +1,4 @@
-// Sets of boxes on which builders are tried, ordinary and hard; all from fixed seeds.
+// Sets of boxes to test builders on, ordinary and hard; all from fixed seeds.
 #pragma once
 
 #include <cmath>
@@ -20,7 +20,7 @@ inline std::vector<PrimRef> repeated(std::size_t count, Vec3f lower, Vec3f upper
   return refs;
 }
 
-// Small boxes at random in a cube.
+// Small boxes at random positions in a cube.
 inline std::vector<PrimRef> scattered(std::size_t count, std::uint32_t seed = 1, float scale = 1.0f,
                                       float offset = 0.0f) {
   std::mt19937 random(seed);
@@ -34,7 +34,7 @@ inline std::vector<PrimRef> scattered(std::size_t count, std::uint32_t seed = 1,
   return refs;
 }
 
-// The boxes of a bumpy sheet's triangles: what a mesh looks like to a builder.
+// The boxes of a bumpy sheet's triangles, as a builder gets them from a mesh.
 inline std::vector<PrimRef> sheet(std::size_t side) {
   const auto point = [side](std::size_t x, std::size_t y) {
     const float u = static_cast<float>(x) / static_cast<float>(side),
@@ -52,15 +52,15 @@ inline std::vector<PrimRef> sheet(std::size_t side) {
   return refs;
 }
 
-// A huge flat box under many small ones: greedy object splits are fooled.
+// A huge flat box under many small ones, which misleads greedy object splits.
 inline std::vector<PrimRef> ground_and_pebbles(std::size_t count) {
   auto refs = scattered(count);
   refs.push_back(make_ref({-1000.0f, -1000.0f, -0.01f}, {1000.0f, 1000.0f, 0.0f}, refs.size()));
   return refs;
 }
 
-// Boxes inside boxes. Concentric ones share one centroid; cornered ones shrink by halves towards the origin as long as
-// float has numbers for it, then start again: each plane peels off a few at most.
+// Boxes inside boxes. Concentric ones share one centroid. Cornered ones are halved towards the origin down to the
+// smallest float, then start again: each plane separates at most a few.
 inline std::vector<PrimRef> concentric(std::size_t count) {
   std::vector<PrimRef> refs;
   for (std::size_t i = 0; i < count; ++i) {
@@ -78,7 +78,7 @@ inline std::vector<PrimRef> cornered(std::size_t count, int step = 1) {
   return refs;
 }
 
-// Points on a line: no box but has no area, the root neither.
+// Points on a line: every box, even the root's, has zero area.
 inline std::vector<PrimRef> points_on_line(std::size_t count) {
   std::vector<PrimRef> refs;
   for (std::size_t i = 0; i < count; ++i) {
@@ -102,7 +102,7 @@ struct NamedSet {
   std::vector<PrimRef> refs;
 };
 
-// What every builder must digest in bounded time and memory, to a sound tree.
+// Input that every builder must turn into a sound tree, in bounded time and memory.
 inline std::vector<NamedSet> hard_sets() {
   const float huge = 3e38f;
   std::vector<NamedSet> sets;

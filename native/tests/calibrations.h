@@ -1,4 +1,4 @@
-// What work costs on a machine of round numbers, for decisions that are to be told in advance.
+// The costs of a machine with round numbers, for decisions that tests predict.
 #pragma once
 
 #include <optional>
@@ -16,7 +16,7 @@ inline Calibration machine() {
   return calibration;
 }
 
-// Of a commit on that machine, which is told how many rays will follow, or nothing.
+// Commit options on that machine, with the number of expected rays, or none.
 inline CommitOptions on_machine(std::optional<double> expected_rays, Policy policy = Policy::kGoverned) {
   CommitOptions options;
   options.policy = policy;

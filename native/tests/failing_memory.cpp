@@ -9,13 +9,13 @@ namespace {
 
 constexpr long kFar = 1L << 60;
 
-// How many allocations still succeed, of all threads; far from 0 unless a test counts.
+// The number of allocations, of all threads, that still succeed; far from 0 unless a test counts them.
 std::atomic<long> allocations_left{kFar};
-// Whether all fail after the first one that did, or that one alone.
+// Whether all allocations after the first failed one fail too, or only that one.
 std::atomic<bool> stays_exhausted{false};
-// Whose allocations neither count nor fail.
+// The thread whose allocations neither count nor fail.
 std::atomic<std::thread::id> spared{};
-// What is stopped instead of an allocation's failing.
+// If set, this token is stopped instead of failing an allocation.
 std::atomic<perfect_bvh::CancelToken*> stopped{nullptr};
 
 bool is_refused() noexcept {
@@ -38,7 +38,7 @@ void* allocate(std::size_t size, std::size_t alignment) {
 
 }  // namespace
 
-// Stand for those of the whole test program.
+// Replace the operators of the whole test program.
 void* operator new(std::size_t size) { return allocate(size == 0 ? 1 : size, alignof(std::max_align_t)); }
 void* operator new(std::size_t size, std::align_val_t alignment) {
   return allocate(size == 0 ? 1 : size, static_cast<std::size_t>(alignment));

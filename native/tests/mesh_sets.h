@@ -1,4 +1,4 @@
-// Meshes on which builders are tried, ordinary and hard; all from fixed seeds.
+// Meshes to test builders on, ordinary and hard; all from fixed seeds.
 #pragma once
 
 #include <cmath>
@@ -30,7 +30,7 @@ inline Mesh triangle_soup(std::size_t count, float size, std::uint32_t seed = 1,
   return mesh;
 }
 
-// A bumpy sheet, whose triangles share vertices as surfaces' do.
+// A bumpy sheet, whose triangles share vertices as in ordinary surfaces.
 inline Mesh bumpy_sheet(std::uint32_t side) {
   Mesh mesh;
   for (std::uint32_t y = 0; y <= side; ++y) {
@@ -69,7 +69,7 @@ inline Mesh repeated_triangle(std::size_t count) {
   return mesh;
 }
 
-// Triangle inside triangle, all about one point.
+// Nested triangles around one point.
 inline Mesh nested_triangles(std::size_t count) {
   Mesh mesh;
   for (std::size_t i = 1; i <= count; ++i) {
@@ -79,7 +79,7 @@ inline Mesh nested_triangles(std::size_t count) {
   return mesh;
 }
 
-// Each a little smaller than the last, towards the origin, for as long as float has numbers for it; then again.
+// Each is half as large as the last, towards the origin, 60 times; then they start again.
 inline Mesh shrinking_triangles(std::size_t count) {
   Mesh mesh;
   for (std::size_t i = 0; i < count; ++i) {
@@ -135,8 +135,8 @@ struct NamedMesh {
   Mesh mesh;
 };
 
-// What every builder must digest in bounded time and memory, to right hits. Small enough to be compared with every
-// triangle tried in turn.
+// Input that every builder must handle in bounded time and memory, with correct hits. Small enough to compare with
+// testing every triangle.
 inline std::vector<NamedMesh> hard_meshes() {
   std::vector<NamedMesh> list;
   for (std::size_t count : {0u, 1u, 2u, 3u, 4u, 9u}) {

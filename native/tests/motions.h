@@ -1,4 +1,4 @@
-// How meshes are moved when refits are tried, gently and not; the same for every run.
+// Motions of meshes to test refits, gentle and violent; the same in every run.
 #pragma once
 
 #include <cmath>
@@ -18,7 +18,7 @@ struct Motion {
   std::function<void(Positions&)> apply;
 };
 
-// Turned about the x axis, the more the farther along it.
+// Turns the mesh about the x axis by an angle that grows along it.
 inline void twist(Positions& positions, float angle) {
   Aabb box;
   for (const Vec3f& p : positions) box.grow(p);

@@ -1,5 +1,5 @@
-// The answer that every kernel must give, bit for bit: every primitive of every instance tried in turn, with the scalar
-// arithmetic of math/triangle.h, math/curve_joint.h and traverse/ray.h. No tree, so no tree can influence it.
+// The answer that every kernel must give, bit for bit: it tests every primitive of every instance, with the scalar
+// arithmetic of math/triangle.h, math/curve_joint.h and traverse/ray.h. It uses no tree, so no tree can influence it.
 #pragma once
 
 #include <algorithm>
@@ -20,7 +20,7 @@ struct ReferenceHit {
   Hit hit;
 };
 
-// An instance, and the ray as its tree sees it.
+// An instance, and the ray in the space of its tree.
 struct ReferenceInstance {
   const Instance& instance;
   const TreeExtent& extent;
@@ -54,7 +54,7 @@ inline void add_triangles(std::vector<ReferenceHit>& found, const ReferenceInsta
   }
 }
 
-// Both ends of the ray's way through each curve segment or point, where they are shown.
+// Adds the entry and the exit of the ray for each curve segment or point, where they are visible.
 inline void add_rounds(std::vector<ReferenceHit>& found, const ReferenceInstance& at, const Ray& ray, Cull cull) {
   const Mesh& mesh = at.instance.blas->mesh;
   const RoundList list{mesh.balls.data(), mesh.segments.data(), at.instance.blas->wide.scale};
@@ -76,7 +76,7 @@ inline void add_rounds(std::vector<ReferenceHit>& found, const ReferenceInstance
   }
 }
 
-// All that the ray meets, by (t, order, id, primitive); of one primitive its entry before its exit.
+// All hits of the ray, sorted by (t, order, id, primitive); for each primitive its entry before its exit.
 inline std::vector<ReferenceHit> reference_hits(const Snapshot& snapshot, const Ray& ray, Cull cull) {
   std::vector<ReferenceHit> found;
   if (!is_valid(ray)) return found;
@@ -116,7 +116,7 @@ inline Hit reference_closest(const Snapshot& snapshot, const Ray& ray, Cull cull
   return found.empty() ? Hit{} : found.front().hit;
 }
 
-// Half of them towards triangles, half of them anywhere.
+// Half of the rays aim at triangles, the other half go anywhere.
 inline std::vector<Ray> rays_at(const Mesh& mesh, std::size_t count) {
   Aabb box;
   for (const Vec3f& position : mesh.positions) box.grow(position);

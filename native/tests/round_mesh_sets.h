@@ -1,4 +1,4 @@
-// Meshes of curves and of points on which builders are tried, ordinary and hard; all from fixed seeds.
+// Meshes of curves and of points to test builders on, ordinary and hard; all from fixed seeds.
 #pragma once
 
 #include <cmath>
@@ -14,7 +14,7 @@ namespace perfect_bvh::test {
 struct RoundInput {
   std::vector<Vec3f> centres;
   std::vector<float> radii;
-  std::vector<std::int64_t> offsets{0};  // one more than there are curves; of points not read
+  std::vector<std::int64_t> offsets{0};  // one more than the number of curves; not used for points
 
   void end_curve() { offsets.push_back(static_cast<std::int64_t>(centres.size())); }
   [[nodiscard]] BallsGiven<float> balls() const { return {centres, radii}; }
@@ -22,7 +22,7 @@ struct RoundInput {
   [[nodiscard]] Mesh points() const { return make_points(balls(), "test"); }
 };
 
-// Strands that grow from a plate and bend, thinner towards their tips, which have no radius.
+// Strands that grow from a plate and bend, thinner towards their tips, whose radius is 0.
 inline RoundInput fur(std::size_t strands, std::size_t segments, float radius, float bend, std::uint32_t seed = 1) {
   std::mt19937 random(seed);
   std::uniform_real_distribution<float> place(-1.0f, 1.0f);
@@ -52,7 +52,7 @@ inline RoundInput cloud(std::size_t count, float least, float most, std::uint32_
   return input;
 }
 
-// Cones of any width, balls within balls, segments of no length: curves of two.
+// Cones of any width, spheres inside spheres, segments of zero length: curves of two points each.
 inline RoundInput odd_segments(std::size_t count, std::uint32_t seed = 3) {
   std::mt19937 random(seed);
   std::uniform_real_distribution<float> place(-1.0f, 1.0f);
@@ -104,7 +104,7 @@ inline std::vector<NamedRound> round_meshes() {
           {"huge", far_away(fur(50, 4, 0.01f, 0.3f), 0.0f, 1e16f).curves()}};
 }
 
-// Somewhere in a primitive, ends and surfaces more often than the inside; in double precision.
+// A point in a primitive, more often at its ends and surface than inside; in double precision.
 inline Vec3d point_inside(const Mesh& mesh, std::size_t primitive, std::mt19937& random) {
   const bool is_point = mesh.kind == PrimitiveKind::kPoints;
   const std::size_t first = is_point ? primitive : mesh.segments[primitive] & kSegmentBall;

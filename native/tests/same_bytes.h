@@ -1,4 +1,4 @@
-// Whether trees are the same, byte for byte.
+// Compares trees byte for byte.
 #pragma once
 
 #include <cstring>

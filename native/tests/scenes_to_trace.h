@@ -1,4 +1,4 @@
-// Meshes, placements and rays of every awkward kind, for whatever is compared with tests/reference_trace.h.
+// Meshes, placements and rays of every difficult kind, for comparisons with tests/reference_trace.h.
 #pragma once
 
 #include <gtest/gtest.h>
@@ -53,7 +53,7 @@ inline MeshData soup(std::size_t count, std::uint32_t seed) {
   return data;
 }
 
-// Needles along random lines, most of them far thinner than float can tell from nothing.
+// Needles along random lines, most of them so thin that float cannot represent their width.
 inline MeshData slivers(std::size_t count, std::uint32_t seed) {
   Random random(seed);
   MeshData data;
@@ -120,7 +120,7 @@ inline std::vector<Ray> random_rays(std::size_t count, std::uint32_t seed, doubl
   return rays;
 }
 
-// Rays at the vertices and edge points of a mesh, from inside it.
+// Rays from inside a mesh at its vertices and points of its edges.
 inline std::vector<Ray> aimed_rays(const MeshData& data, std::size_t count, std::uint32_t seed) {
   Random random(seed);
   std::vector<Ray> rays(count);
@@ -172,7 +172,7 @@ inline std::vector<Affine> many_places(std::size_t count, std::uint32_t seed) {
   return places;
 }
 
-// Triangles across all of the space that they share.
+// Triangles that each span all of the shared space.
 inline MeshData wide_soup(std::size_t count, std::uint32_t seed) {
   Random random(seed);
   MeshData data;
@@ -188,7 +188,7 @@ inline std::vector<std::string> kernel_names() {
   return names;
 }
 
-// Every test with all kernels.
+// Runs every test with all kernels.
 class KernelTest : public testing::TestWithParam<std::string> {
  public:
   static std::string name_of(const testing::TestParamInfo<std::string>& test) { return test.param; }

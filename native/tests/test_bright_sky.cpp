@@ -1,4 +1,4 @@
-// The world's image as a light: what of it is aimed at, how likely, and that nothing of its light is lost.
+// The world's image as a light: which part is sampled, with what density, and that no light is lost.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -14,7 +14,7 @@ namespace {
 
 constexpr double kPi = std::numbers::pi;
 
-// A grey sky, darker below, with what is bright in it.
+// A grey sky, darker below, with bright spots.
 struct Image {
   int width, height;
   std::vector<float> pixels;
@@ -36,7 +36,7 @@ struct Image {
 
 std::vector<Image> suns() {
   std::vector<Image> made;
-  Image& small = made.emplace_back(64, 32);  // at the seam, where the image meets itself
+  Image& small = made.emplace_back(64, 32);  // at the seam, where the image's left and right edges meet
   small.set(0, 20, {900, 800, 700});
   Image& windows = made.emplace_back(128, 64);
   for (int i = 0; i < 4; ++i) windows.set(30 + i, 30, {500, 400, 300}), windows.set(90, 40 + i, {100, 200, 90});
@@ -70,7 +70,7 @@ TEST(BrightSky, DensityIntegratesToOneAndIsNowhereMissing) {
     if (image.width > 128) continue;
     const BrightSky sky(image.texture(), 1);
     double sum = 0.0;
-    constexpr int kTimes = 8;  // places a pixel and axis
+    constexpr int kTimes = 8;  // sample points per pixel and axis
     const int wide = image.width * kTimes, high = image.height * kTimes;
     for (int row = 0; row < high; ++row) {
       const double latitude = kPi * ((row + 0.5) / high - 0.5);
@@ -90,7 +90,7 @@ TEST(BrightSky, DensityIntegratesToOneAndIsNowhereMissing) {
   }
 }
 
-// Aiming at the bright part and the mean of the other make the image's own mean.
+// The sampled bright part plus the mean of the rest gives the image's mean.
 TEST(BrightSky, NoLightIsLost) {
   for (const Image& image : suns()) {
     const BrightSky sky(image.texture(), 1);
@@ -110,7 +110,7 @@ TEST(BrightSky, NoLightIsLost) {
       }
     }
     const Vec3d sum = aimed + to_double(sky.mean_plain());
-    // Looked up bilinearly, a bright pixel at a pole spreads over a little more or less than its own solid angle.
+    // With bilinear interpolation, a bright pixel at a pole covers a little more or less than its own solid angle.
     const double tolerance = image.height < 32 ? 0.15 : 0.06;
     for (int axis = 0; axis < 3; ++axis) EXPECT_NEAR(sum[axis] / whole[axis], 1.0, tolerance) << image.width;
   }

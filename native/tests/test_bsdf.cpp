@@ -1,4 +1,4 @@
-// Surfaces that scatter, and lights: that the ways to sample them agree with what they sample, and with each other.
+// Surfaces that scatter, and lights: sampling agrees with evaluation, and the sampling strategies with each other.
 #include <gtest/gtest.h>
 
 #include <array>
@@ -33,7 +33,7 @@ Material plastic(float roughness) {
 Material glass(float roughness) {
   return {.color = {1, 1, 1}, .roughness = roughness, .reflectance = 0.04f, .transmission = 1.0f, .ior = 1.45f};
 }
-// Of every lobe something.
+// A material that has every lobe.
 Material mixture(float roughness) {
   return {.color = {0.8f, 0.6f, 0.4f},
           .roughness = roughness,
@@ -142,7 +142,7 @@ TEST(Bsdf, DirectionsThatAreSampledHaveTheDensityAndTheWeightThatEvaluationTells
   }
 }
 
-// What is found along directions from everywhere is what sampling finds: nothing is chosen too rarely or too often.
+// Directions spread evenly give the same result as sampling: no direction is chosen too rarely or too often.
 void expect_same_by_sampling_as_from_everywhere(const Bsdf& bsdf, const std::string& name) {
   constexpr std::uint32_t kCount = 1u << 17;
   Estimate everywhere, sampled;
@@ -150,7 +150,7 @@ void expect_same_by_sampling_as_from_everywhere(const Bsdf& bsdf, const std::str
     const Point2 at = random(i, 3);
     const float height = 2.0f * at.x - 1.0f, radius = std::sqrt(1.0f - height * height);
     const Vec3f to{radius * std::cos(2.0f * kPi * at.y), radius * std::sin(2.0f * kPi * at.y), height};
-    // A light that is brighter on one side, so that directions count.
+    // A light that is brighter on one side, so that directions matter.
     const float light = 1.0f + 0.5f * to.x;
     everywhere.add(static_cast<double>(bsdf.evaluate(to).share.y * std::abs(height) * 4.0f * light));
     const Bsdf::Sample way = bsdf.sample(pick(i), random(i, 5));
@@ -173,7 +173,7 @@ TEST(Bsdf, SamplingGivesWhatAllDirectionsGive) {
   }
 }
 
-// Its triangle lies so aslant that facets are spread around another normal than the diffuse light.
+// The triangle is tilted so much that facets are spread around another normal than the diffuse light.
 TEST(Bsdf, SamplingGivesWhatAllDirectionsGiveWhereFacetsAreBent) {
   const Vec3f triangle = normalized(Vec3f{0.7f, 0.3f, 0.6f});
   const Vec3f view = view_at(1.2f);
@@ -208,7 +208,7 @@ TEST(BentNormal, MirrorsWhatLiesAboveTheTriangleAndIsBentNoFurtherThanThat) {
   EXPECT_EQ(bent_normal(kUp, kUp, view_at(1.5f)), kUp);
 }
 
-// White surfaces in a white furnace give back all: what facets throw at each other is not lost.
+// In a white furnace, white surfaces reflect all light: light scattered between facets is not lost.
 TEST(Bsdf, WhiteFurnaceKeepsItsEnergy) {
   for (const float roughness : {0.0f, 0.05f, 0.15f, 0.3f, 0.45f, 0.6f, 0.9f}) {
     for (const float slant : {0.0f, 0.6f, 1.2f}) {
@@ -227,7 +227,7 @@ TEST(Bsdf, WhiteFurnaceKeepsItsEnergy) {
   }
 }
 
-// The density of all directions together is the share of samples that go anywhere: what is left looks below.
+// The density integrated over all directions is the share of valid samples: the rest point below the surface.
 TEST(Bsdf, DensityOfDirectionsIsThatOfSamples) {
   constexpr std::uint32_t kCount = 1u << 16;
   for (const Surface& surface : surfaces(0.6f)) {
@@ -251,7 +251,7 @@ TEST(Bsdf, DensityOfDirectionsIsThatOfSamples) {
   }
 }
 
-// Rough diffuse surfaces that are white lose nothing, and layers on top give back no more than they got.
+// Rough diffuse white surfaces lose no light, and layers on top return no more than they received.
 TEST(Bsdf, FinishesKeepTheirEnergy) {
   for (const float slant : {0.0f, 0.6f, 1.2f, 1.5f}) {
     for (const float roughness : {0.1f, 0.5f, 1.0f}) {
@@ -272,7 +272,7 @@ TEST(Bsdf, FinishesKeepTheirEnergy) {
   }
 }
 
-// Light goes both ways alike through what has no layers, which are cut off by the viewer's side alone, as in Cycles.
+// Surfaces without layers are reciprocal. Layers depend only on the viewer's side, as in Cycles, and are not tested.
 TEST(Bsdf, RoughAndBrushedSurfacesAreReciprocal) {
   for (const float roughness : {0.3f, 0.6f, 0.9f}) {
     Material rough{.color = {0.8f, 0.6f, 0.4f}};
@@ -302,7 +302,8 @@ TEST(Bsdf, SmoothSurfacesMirrorAndRefractByTheLaws) {
   EXPECT_EQ(refracted.kind, Scatter::kRefracted);
   EXPECT_NEAR(refracted.direction.x, -view.x / 1.45f, 1e-6f);  // Snell
   EXPECT_LT(refracted.direction.z, 0.0f);
-  EXPECT_EQ(bsdf_of(glass(0.0f), view_at(1.0f), true).sample(0.99f, {0.3f, 0.4f}).kind, Scatter::kGlossy);  // all of it
+  // Total reflection.
+  EXPECT_EQ(bsdf_of(glass(0.0f), view_at(1.0f), true).sample(0.99f, {0.3f, 0.4f}).kind, Scatter::kGlossy);
 }
 
 TEST(Bsdf, LimitsLeaveOutWhatTheyName) {
@@ -317,7 +318,7 @@ TEST(Lights, DirectionsThatAreChosenLeadToTheLightAndHaveItsDensity) {
   for (const Light& light : lights()) {
     for (std::uint32_t i = 0; i < 256; ++i) {
       const LightRay ray = look_at_light(light, {0, 0, 0}, kUp, random(i));
-      // The border itself may round to either side.
+      // Exactly on the border, rounding may choose either side.
       const Vec3f inward = normalized(ray.direction * 0.999f + normalized(Vec3f{-2.0f, 0.5f, 3.0f}) * 0.001f);
       const auto met = meet_light(light, {0, 0, 0}, inward);
       ASSERT_TRUE(met) << static_cast<int>(light.kind);
@@ -330,7 +331,7 @@ TEST(Lights, DirectionsThatAreChosenLeadToTheLightAndHaveItsDensity) {
   }
 }
 
-// Over all directions the density of a light is 1: the share of even directions that meet it, weighted.
+// The density of a light integrates to 1 over all directions: the share of even directions that hit it, weighted.
 TEST(Lights, DensityIntegratesToOne) {
   for (const Light& light : lights()) {
     Estimate estimate;
@@ -357,7 +358,7 @@ TEST(Lights, APointIsOnlyAimedAt) {
   }
 }
 
-// What a metal shows of a light: by aiming alone, by looking where it mirrors alone, and by both.
+// A light's reflection in metal: by sampling the light only, by sampling the surface only, and by both.
 TEST(Lights, BothWaysTogetherGiveWhatEachGivesAlone) {
   for (const Light& light : lights()) {
     for (const float roughness : kRoughnesses) {
@@ -381,7 +382,7 @@ TEST(Lights, BothWaysTogetherGiveWhatEachGivesAlone) {
           << static_cast<int>(light.kind) << ' ' << roughness;
       EXPECT_NEAR(both.mean(), met_alone.mean(), 5.0 * std::hypot(met_alone.error(), both.error()) + 0.01 * both.mean())
           << static_cast<int>(light.kind) << ' ' << roughness;
-      // Never much worse than the better of the two: by no more than theorem 9.2 of Veach's thesis (1997) allows.
+      // Never much worse than the better of the two: within the bound of theorem 9.2 of Veach's thesis (1997).
       const double better = std::min(aimed.error(), met_alone.error());
       EXPECT_LT(both.error(), 1.05 * std::hypot(better, both.mean() * std::sqrt(0.5 / both.count)));
     }

@@ -1,5 +1,5 @@
-// Every builder on every set of boxes: the tree is sound, its leaves are as small as asked, its bytes are the same for
-// any number of threads, and building can be stopped.
+// Every builder on every set of boxes: the tree is sound, its leaves are as small as requested, its bytes are the same
+// for any number of threads, and building can be stopped.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -174,12 +174,12 @@ TEST(BuildConfigTest, IsCheckedAndTheSettingNamed) {
 }
 
 TEST(Binned, SplitsOnlyWhereItPays) {
-  // Two clusters far apart: one split between them, and none inside, where all boxes are the same.
+  // Two distant clusters: one split between them, and none inside, where all boxes are equal.
   auto refs = repeated(4, {0, 0, 0}, {1, 1, 1});
   for (std::size_t i = 4; i < 8; ++i) refs.push_back(make_ref({9, 0, 0}, {10, 1, 1}, i));
   const Bvh2 tree = build(refs, config_of(BuilderKind::kBinned));
   EXPECT_EQ(measure_quality(tree).leaf_count, 2u);
-  // The same boxes all over each other: a split would cost a node and gain nothing.
+  // Equal boxes at one place: a split would cost a node and gain nothing.
   EXPECT_EQ(measure_quality(build(repeated(8, {0, 0, 0}, {1, 1, 1}), config_of(BuilderKind::kBinned))).leaf_count, 1u);
 }
 
@@ -194,7 +194,7 @@ TEST(Binned, CostsLessWithAllAxesAndMoreBins) {
   EXPECT_LE(sah(16, 3), sah(16, 1) * 1.02);
 }
 
-// The SAH of the best of all planes that separate sorted centroids, in double precision.
+// Returns the SAH of the best plane that separates sorted centroids, in double precision.
 double best_plane_cost(const std::vector<PrimRef>& refs) {
   double best = 1e300;
   for (int axis = 0; axis < 3; ++axis) {
@@ -227,7 +227,7 @@ TEST(Sweep, TakesTheBestPlaneOfAll) {
     for (const std::size_t child : {tree.nodes[0].first, tree.nodes[0].first + 1}) {
       cost += static_cast<double>(tree.nodes[child].box().half_area()) * static_cast<double>(count_below(tree, child));
     }
-    // Planes are compared on a grid of 16384 steps: the winner may be worse by a rounding of the boxes' sides.
+    // Planes are compared on a grid of 16384 steps: the chosen one may be worse by the rounding of the boxes' sides.
     EXPECT_NEAR(cost, best_plane_cost(refs), best_plane_cost(refs) * 5e-4) << seed;
   }
 }

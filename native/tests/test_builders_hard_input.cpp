@@ -1,5 +1,6 @@
-// Every builder, through the scene, on meshes on which methods fail: the trees are sound, every hit is the one found by
-// trying all triangles, the bytes are the same for any number of threads, and large ones take bounded time and memory.
+// Every builder, through the scene, on meshes that are hard for some methods: the trees are sound, every hit equals
+// that of testing all triangles, the bytes are the same for any number of threads, and large meshes take bounded time
+// and memory.
 #include <gtest/gtest.h>
 
 #include "blas/build_tree.h"
@@ -47,7 +48,7 @@ std::vector<Way> ways() {
 
 class HardInput : public testing::TestWithParam<Way> {
  protected:
-  // The wide tree that the scene would make; of the fast builder, that which it would make for settings of leaves.
+  // Builds the wide tree that the scene would build; for the fast builder the one without settings for leaves.
   static WideBvh build(const Mesh& mesh, const Way& way, int thread_count) {
     ThreadPool pool(thread_count);
     CancelToken cancel;
@@ -104,7 +105,7 @@ TEST_P(HardInput, GivesTheSameBytesForAnyThreadCount) {
 
 TEST_P(HardInput, IsBuiltInBoundedMemory) {
 #ifdef __SANITIZE_ADDRESS__
-  constexpr std::size_t kLarge = 25'000;  // it makes each ten times as slow
+  constexpr std::size_t kLarge = 25'000;  // AddressSanitizer makes each ten times as slow
 #else
   constexpr std::size_t kLarge = 100'000;
 #endif
@@ -129,8 +130,8 @@ TEST_P(HardInput, StopsWhenAsked) {
   }
 }
 
-// The fast builder's tree, asked for by name or chosen, and whatever the mesh is for; by a binary tree only for
-// settings that mean one.
+// The fast builder gives the same tree if it is named or chosen, and for every usage. It makes a binary tree first only
+// if a setting needs one.
 TEST(FastTree, IsTheSameForEveryUsage) {
   const Mesh mesh = bumpy_sheet(60);
   ThreadPool pool(1);
@@ -148,7 +149,7 @@ TEST(FastTree, IsTheSameForEveryUsage) {
   for (const Usage usage : {Usage::kStatic, Usage::kDeforming, Usage::kChanging}) {
     EXPECT_TRUE(same_bytes(expected, tree_of(config, usage))) << usage_name(usage);
   }
-  config.bins = 2, config.axes = 1;  // of other builders
+  config.bins = 2, config.axes = 1;  // these are settings of other builders
   EXPECT_TRUE(same_bytes(expected, tree_of(config, Usage::kStatic)));
   config.max_leaf_size = 2;
   EXPECT_FALSE(same_bytes(expected, tree_of(config, Usage::kChanging)));
@@ -180,7 +181,7 @@ TEST(WideValidator, FindsFaults) {
   EXPECT_NE(fault_after([](WideBvh& tree) { tree.point_leaves[0] = tree.point_leaves[1]; }), "");
 }
 
-// Equal to the sum over a tree walked by hand: one node over leaves.
+// The result must equal a sum computed by hand for a tree of one node over leaves.
 TEST(WideQuality, CountsVisitsAndTests) {
   Mesh mesh;
   for (const float x : {0.0f, 10.0f}) {

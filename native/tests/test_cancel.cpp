@@ -1,4 +1,4 @@
-// How much work lies between two questions whether to stop, where each ray is dear: counted, not timed.
+// Bounds the work between two polls for cancellation when rays are expensive, by counting instead of timing.
 #include <gtest/gtest.h>
 
 #include <chrono>
@@ -19,9 +19,9 @@ namespace {
 
 using std::chrono::milliseconds;
 
-// Triangles that are all the same one: a ray that meets one tests all of them.
+// All triangles are equal: a ray that hits one tests all of them.
 constexpr std::size_t kTriangles = 1024, kInstances = 2;
-constexpr std::size_t kLeafVisits = kInstances * kTriangles / kLeafSize;  // of a ray, at least
+constexpr std::size_t kLeafVisits = kInstances * kTriangles / kLeafSize;  // per ray, at least
 
 std::shared_ptr<const Snapshot> make_snapshot() {
   MeshData data;
@@ -41,7 +41,7 @@ std::shared_ptr<const Snapshot> make_snapshot() {
   return scene.snapshot();
 }
 
-// Rays from above and points, one a row, and room for whatever is asked about them.
+// Rays from above and points, one per row, and memory for all results.
 struct Query {
   explicit Query(std::size_t ray_count) : count(ray_count) {
     Random random(1);
@@ -72,9 +72,9 @@ class Cancelling : public KernelTest {
  protected:
   struct Run {
     std::function<void(const Snapshot&, Query&, ThreadPool&, CancelToken&)> query;
-    std::size_t rays_in_flight = 1;  // at most: a step is at most a leaf for each
+    std::size_t rays_in_flight = 1;  // at most: a step visits at most one leaf for each
 
-    // So many rays that at least `count` questions are asked while they are under way.
+    // The number of rays for which at least `count` polls happen while they are traced.
     [[nodiscard]] std::size_t rays_for(std::size_t count) const {
       return count * kStepsBetweenAsking * rays_in_flight / kLeafVisits;
     }
@@ -139,7 +139,7 @@ TEST_P(Cancelling, StopsAtTheQuestionThatSaysSo) {
   }
 }
 
-// In the middle of a kernel, whose memory they must not share.
+// The callback runs in the middle of a kernel, so the inner rays must not share the kernel's memory.
 TEST_P(Cancelling, LetsTheCallbackCastRaysOfItsOwn) {
   for (const Run& run : all_queries()) {
     const std::size_t ray_count = run.rays_for(2);
@@ -152,7 +152,7 @@ TEST_P(Cancelling, LetsTheCallbackCastRaysOfItsOwn) {
     std::size_t asked = 0;
     CancelToken cancel(
         [&](float) {
-          if (++asked != 2) return true;  // the first is asked before the kernel runs
+          if (++asked != 2) return true;  // the first poll comes before the kernel runs
           Query other(70);
           casting(Strategy::kAuto).query(*snapshot, other, pool, never);
           find_closest(*snapshot, other, pool, never);
@@ -184,7 +184,7 @@ TEST_P(Cancelling, TellsWhatTheCallbackThrew) {
 
 constexpr Mode kModes[] = {Mode::kPreview, Mode::kClay,     Mode::kMatcap,   Mode::kWireframe, Mode::kNormal, Mode::kUv,
                            Mode::kDepth,   Mode::kDistance, Mode::kInstance, Mode::kMaterial,  Mode::kCost};
-constexpr int kPixels = 64;  // a side; each looks at the triangles
+constexpr int kPixels = 64;  // a side; each pixel sees the triangles
 
 void render_mode(Mode mode, const Snapshot& snapshot, CancelToken& cancel) {
   constexpr std::int32_t kNoSlots[] = {0};
@@ -203,7 +203,7 @@ void render_mode(Mode mode, const Snapshot& snapshot, CancelToken& cancel) {
 
 TEST(CancellingRender, IsAskedEverySoManyLeafVisitsInEachMode) {
   const auto snapshot = make_snapshot();
-  constexpr std::size_t kVisits = kPixels * kPixels * kLeafVisits;  // of camera rays alone
+  constexpr std::size_t kVisits = kPixels * kPixels * kLeafVisits;  // of camera rays only
   for (const Mode mode : kModes) {
     std::size_t asked = 0;
     CancelToken cancel([&](float) { return ++asked != 0; }, milliseconds(0));

@@ -1,4 +1,4 @@
-// Trees put together: sound, and every ray meets what it met before.
+// Composed trees are sound, and every ray has the same hit as before.
 #include <gtest/gtest.h>
 
 #include <cstring>
@@ -51,7 +51,7 @@ std::vector<PrimRef> refs_of(const Mesh& mesh, std::size_t begin, std::size_t en
   return refs;
 }
 
-// Every ray against every triangle, and against the tree.
+// Tests every ray against every triangle, and against the tree.
 void expect_right_hits(const Mesh& mesh, const Bvh2& tree) {
   ThreadPool pool(1);
   CancelToken cancel;
@@ -92,7 +92,7 @@ void expect_right_hits(const Mesh& mesh, const Bvh2& tree) {
   EXPECT_GT(found, rays.size() / 4);
 }
 
-// The primitives below a node, in order.
+// Lists the primitives below a node, in order.
 void gather(const Bvh2& tree, std::size_t node, std::vector<std::uint32_t>& prims) {
   const Bvh2Node& now = tree.nodes[node];
   for (std::uint32_t i = 0; i < now.count; ++i) prims.push_back(tree.prim_indices[now.first + i]);

@@ -1,4 +1,4 @@
-// Threads and cancelling: loops, nesting, exceptions, and that no caller waits for another's work.
+// Threads and cancelling: loops, nesting, exceptions, and that no caller waits for another caller's work.
 #include <gtest/gtest.h>
 
 #include <array>
@@ -88,7 +88,7 @@ TEST_P(Pools, LetTasksAddTasksToTheirGroup) {
   group.run([&] { spawn(9); });
   group.wait();
   EXPECT_EQ(total, 1023);
-  group.run([&] { total = -1; });  // a group may be used again
+  group.run([&] { total = -1; });  // a group can be used again
   group.wait();
   EXPECT_EQ(total, -1);
 }
@@ -104,7 +104,7 @@ TEST_P(Pools, RethrowWhereTheWaitIs) {
   }
   EXPECT_THROW(group.wait(), std::runtime_error);
   EXPECT_EQ(ended, 19);
-  group.wait();  // thrown once only
+  group.wait();  // it throws only once
 }
 
 TEST_P(Pools, ReportTheCauseNotItsEcho) {
@@ -125,7 +125,7 @@ TEST_P(Pools, ReportTheCauseNotItsEcho) {
 }
 
 TEST_P(Pools, StartNoChunkAfterAnException) {
-  constexpr std::size_t kChunks = 1'000'000;  // so many that none of the others is through while the first one fails
+  constexpr std::size_t kChunks = 1'000'000;  // so many that no other thread finishes before the first one fails
   std::atomic<std::size_t> started{0};
   std::atomic<bool> fails{false};
   const auto body = [&](std::size_t begin, std::size_t) {
@@ -170,7 +170,7 @@ TEST_P(Pools, FinishTheTasksWhenIdleThrows) {
 TEST_P(Pools, CallIdleOnTheCallingThreadOnly) {
   const auto caller = std::this_thread::get_id();
   std::atomic<int> calls{0};
-  // Workers wait for the first call, so that they cannot take all the chunks before the caller has one.
+  // Workers wait for the first call, so that they cannot take all chunks before the caller has one.
   const auto last = std::chrono::steady_clock::now() + std::chrono::seconds(30);
   const auto work = [&](std::size_t, std::size_t) {
     while (std::this_thread::get_id() != caller && calls == 0 && std::chrono::steady_clock::now() < last) {
@@ -200,7 +200,7 @@ TEST_P(Pools, ServeSeveralCallersAtOnce) {
 }
 
 TEST(ThreadPoolTest, KeepsAShortJobFromGettingStuckBehindAnothersLongOne) {
-  ThreadPool pool(1);  // no worker: the waiting thread does the work
+  ThreadPool pool(1);  // no workers: the waiting thread does the work
   TaskGroup long_job(pool);
   bool long_ran = false;
   long_job.run([&] { long_ran = true; });
@@ -240,7 +240,7 @@ TEST(SharedPool, IsOneAndCanBeResized) {
   EXPECT_EQ(ThreadPool::shared().thread_count(), 3);
   EXPECT_EQ(&ThreadPool::shared(), &ThreadPool::shared());
   ThreadPool::shutdown_shared();
-  ThreadPool::shutdown_shared();  // twice is once
+  ThreadPool::shutdown_shared();  // a second call does nothing
   EXPECT_EQ(ThreadPool::shared().thread_count(), 3);
   ThreadPool::set_shared_thread_count(0);
   EXPECT_GE(ThreadPool::shared().thread_count(), 1);
@@ -253,7 +253,7 @@ TEST(SharedPool, IsReplacedUnderWork) {
   std::thread busy([&] {
     while (!enough) {
       ThreadPool& pool = ThreadPool::shared();
-      for (int i = 0; i < 5; ++i) {  // goes on after the pool was replaced
+      for (int i = 0; i < 5; ++i) {  // continues after the pool was replaced
         std::atomic<std::size_t> total{0};
         parallel_for(pool, 1000, 1, [&](std::size_t begin, std::size_t) { total += begin; });
         ++(total == 499500 ? right : wrong);

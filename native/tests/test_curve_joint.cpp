@@ -1,4 +1,4 @@
-// Which ends of segments' chords are a curve's surface: against the union of all chords, by sorting.
+// Which ends of segments' chords are on a curve's surface: compared with the union of all chords, found by sorting.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -24,14 +24,14 @@ class CurveJoint : public testing::Test {
     return normalized(Vec3d{normal(random_), normal(random_), normal(random_)});
   }
 
-  // One curve through `points`, whose last ball is its first one again if it is closed.
+  // Sets one curve through `points`. If it is closed, its last sphere is the first one again.
   void set_closed_curve(const std::vector<Vec3d>& points, const std::vector<double>& radii) {
     set_curve(points, radii);
     segments_.front() |= kSegmentBefore, segments_.back() |= kSegmentAfter;
     closed_ = {{0, static_cast<std::uint32_t>(segments_.size()) - 1}};
   }
 
-  // One curve through `points`.
+  // Sets one curve through `points`.
   void set_curve(const std::vector<Vec3d>& points, const std::vector<double>& radii) {
     balls_.clear(), segments_.clear(), closed_.clear();
     for (std::size_t i = 0; i < points.size(); ++i) {
@@ -60,7 +60,7 @@ class CurveJoint : public testing::Test {
     for (std::uint32_t i = 0; i < segments_.size(); ++i) chords.push_back(chord_of(ray, list(), i));
     return chords;
   }
-  // By t, an entry before an exit at the same.
+  // Returns the visible ends by t, an entry before an exit at the same t.
   [[nodiscard]] std::vector<End> shown(const RoundRay& ray) const {
     std::vector<End> ends;
     for (std::uint32_t i = 0; i < segments_.size(); ++i) {
@@ -92,7 +92,7 @@ class CurveJoint : public testing::Test {
     return ends;
   }
 
-  // Of a curve that nowhere comes near itself: what is shown is the union's, in and out by turns.
+  // For a curve that never comes near itself: its visible ends are those of the union, alternately in and out.
   void expect_union(int count) {
     int hits = 0;
     for (int i = 0; i < count; ++i) {
@@ -127,7 +127,7 @@ TEST_F(CurveJoint, AZigzagIsMetInAndOutByTurns) {
   }
 }
 
-// A ring whose end reaches over its begin, but for one segment's length.
+// An open ring: its end almost reaches its start.
 TEST_F(CurveJoint, ARingIsMetInAndOutByTurns) {
   std::vector<Vec3d> points;
   std::vector<double> radii;
@@ -153,7 +153,7 @@ TEST_F(CurveJoint, AClosedRingIsMetInAndOutByTurns) {
   }
 }
 
-// Each is a neighbour of all others: the union, whichever coincide, and one of equal ends.
+// Each segment is a neighbour of all others: the union's ends are visible, and of coinciding ends only one.
 TEST_F(CurveJoint, FewSegmentsThatCloseAreMetInAndOutByTurns) {
   const std::vector<std::vector<Vec3d>> shapes{{{0, 0, 0}, {1, 0, 0}},
                                                {{0, 0, 0}, {1, 0, 0}, {0.25, 1, 0}},
@@ -176,8 +176,8 @@ TEST_F(CurveJoint, AStraightCurveIsMetAsOneWhole) {
   }
 }
 
-// However it is bent, twisted and doubled up: the first entry and the last exit are shown, and wherever a ray begins
-// inside of a curve there is a surface ahead.
+// However the curve is bent, twisted and folded: the first entry and the last exit are visible, and from any point
+// inside a curve there is a surface ahead.
 TEST_F(CurveJoint, NoCurveLosesItsFirstOrLastSurface) {
   for (int curve = 0; curve < 300; ++curve) {
     std::vector<Vec3d> points{{0, 0, 0}};
@@ -197,7 +197,7 @@ TEST_F(CurveJoint, NoCurveLosesItsFirstOrLastSurface) {
       ASSERT_FALSE(found.front().is_exit);
       ASSERT_EQ(found.back().t, expected.back().t);
       ASSERT_TRUE(found.back().is_exit);
-      // Every end of the union is shown: what more there is lies inside of it.
+      // Every end of the union is visible; additional visible ends are inside of it.
       for (const End& end : expected) {
         ASSERT_TRUE(std::any_of(found.begin(), found.end(),
                                 [&](const End& other) { return other.t == end.t && other.is_exit == end.is_exit; }));
@@ -206,7 +206,7 @@ TEST_F(CurveJoint, NoCurveLosesItsFirstOrLastSurface) {
   }
 }
 
-// Twice the same segment, one after the other: all ends coincide, and the first one's are shown.
+// The same segment twice in sequence: all ends coincide, and those of the first one are visible.
 TEST_F(CurveJoint, OfEqualEndsTheFirstIsShown) {
   set_curve({{0, 0, 0}, {1, 0, 0}, {0, 0, 0}, {1, 0, 0}}, {0.25, 0.25, 0.25, 0.25});
   const double origin[3] = {0.5, 0.125, -2}, direction[3] = {0, 0, 1};

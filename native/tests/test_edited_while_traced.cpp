@@ -1,5 +1,5 @@
-// Two scenes that are edited, committed, stopped and made stale at random, while other threads trace whatever snapshots
-// they can get and keep some of them. For sanitizers, and to see that a snapshot never changes.
+// Two scenes are edited, committed, stopped and made stale at random, while other threads trace all snapshots that they
+// can get and keep some of them. For sanitizers, and to check that a snapshot never changes.
 #include <gtest/gtest.h>
 
 #include <atomic>
@@ -54,7 +54,7 @@ Affine placed(Random& random) {
   return {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}, {at.x, at.y, at.z}};
 }
 
-// A scene and what it should hold.
+// A scene and its expected content.
 class EditedScene {
  public:
   explicit EditedScene(std::uint32_t seed) : random_(seed) {
@@ -72,7 +72,7 @@ class EditedScene {
     }
   }
 
-  // Another scene with the same meshes and instances, which has seen no edit.
+  // Creates another scene with the same meshes and instances, which was never edited.
   [[nodiscard]] std::vector<Hit> trace_again(ThreadPool& pool, const std::vector<Ray>& rays) const {
     Scene fresh;
     for (const Part& part : parts_) {
@@ -139,7 +139,7 @@ class EditedScene {
   std::vector<Part> parts_;
 };
 
-// Traces what it can get until it is told to stop, keeps some of it, and traces that again. Counts what differs.
+// Traces the current snapshots until it is stopped, keeps some of them, and traces those again. Counts differences.
 int trace_until(const std::atomic<bool>& is_over, const EditedScene& edited, std::atomic<int>& traced_count) {
   const std::vector<Ray> rays = rays_around(200, 5);
   std::deque<std::pair<SnapshotPointer, std::vector<Hit>>> kept;
@@ -172,9 +172,9 @@ TEST(EditedWhileTraced, SnapshotsNeverChangeAndTheLastIsRight) {
   std::vector<std::thread> editors;
   for (EditedScene* edited : {&one, &other}) {
     editors.emplace_back([&, edited] {
-      for (int step = 0; step < 150 || traced_count == 0; ++step) {  // however late the others begin
+      for (int step = 0; step < 150 || traced_count == 0; ++step) {  // even if the other threads start late
         edited->edit_and_commit(pool);
-        std::this_thread::sleep_for(std::chrono::microseconds(200));  // so that others see what was committed
+        std::this_thread::sleep_for(std::chrono::microseconds(200));  // so that other threads see the committed scene
       }
     });
   }
@@ -206,7 +206,7 @@ TEST(EditedWhileTraced, AnErrorAmidACommitLeavesTheLastSnapshotWhole) {
 
   scene.replace_mesh(mesh, triangle_soup(200'000, 0.05f, 2));
   CancelToken failing([](float) -> bool { throw std::runtime_error("the panel is gone"); });
-  std::this_thread::sleep_for(std::chrono::milliseconds(60));  // so that the first poll calls back
+  std::this_thread::sleep_for(std::chrono::milliseconds(60));  // long enough that the first poll calls back
   EXPECT_THROW(static_cast<void>(scene.commit(pool, failing)), std::runtime_error);
   EXPECT_THROW(static_cast<void>(scene.snapshot()), StaleScene);
   EXPECT_EQ(count_differences(trace(*before, rays), expected), 0);

@@ -1,4 +1,5 @@
-// Elementary functions against those of the C library in long double, which has at least eleven bits more on Linux.
+// Elementary functions compared with those of the C library in long double, which has at least eleven bits more on
+// Linux.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -15,8 +16,8 @@ namespace {
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 constexpr int kTries = 200'000;
 
-// In units of a double's last place at `truth`, or at `scale` where that is larger: near a zero of a sine angles have
-// no more digits.
+// The error in units of a double's last place at `truth`, or at `scale` if that is larger: near a zero of the sine,
+// angles have no more digits.
 double error_of(double found, long double truth, double scale = 0.0) {
   const double size = std::max(std::abs(static_cast<double>(truth)), scale);
   const double unit = std::nextafter(size, kInfinity) - size;

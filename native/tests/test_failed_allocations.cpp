@@ -1,5 +1,5 @@
-// Memory runs out at every single place where a commit or a query allocates, on whichever thread: what was committed
-// stays as it was, the edits go on waiting, and the next attempt succeeds.
+// Memory runs out at every single allocation of a commit or a query, on any thread. The committed state stays
+// unchanged, the edits remain pending, and the next attempt succeeds.
 #include <gtest/gtest.h>
 
 #include <iterator>
@@ -40,7 +40,7 @@ struct EditedScene {
     return scene.commit(pool, cancel);
   }
 
-  // One of each kind: moved vertices, other triangles, a new mesh by every builder, a moved instance.
+  // Makes one edit of each kind: moved vertices, other triangles, a new mesh by every builder, a moved instance.
   void edit() {
     scene.update_mesh<float>(deforming, soup(120, 4).mesh().positions);
     scene.replace_mesh(changing, soup(70, 5).mesh());
@@ -88,7 +88,7 @@ TEST_P(Memory, RunsOutDuringACommit) {
       const CommitReport report = edited.commit();
       const bool ran_out = fault.end();
       EXPECT_EQ(report.meshes.size(), 1 + std::size(kBuilders));
-      if (ran_out) continue;  // where less memory is only slower
+      if (ran_out) continue;  // less memory may only make it slower
       break;
     } catch (const std::bad_alloc&) {
       fault.end();
@@ -140,7 +140,7 @@ std::int32_t add_large(Scene& scene, std::uint32_t seed) {
   return id;
 }
 
-// An exception in a worker of the pool, while the thread that commits has all it needs.
+// An exception in a worker of the pool, while the committing thread has enough memory.
 TEST(FailedWorkers, LeaveTheLastSnapshotWhole) {
   ThreadPool pool(3);
   EditedScene edited(pool);

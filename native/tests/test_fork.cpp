@@ -1,4 +1,4 @@
-// The shared pool in a forked child. Systems without fork have nothing of the kind.
+// The shared pool in a forked child. Not tested on systems without fork.
 #if defined(__unix__) || defined(__APPLE__)
 
 #include <gtest/gtest.h>
@@ -20,8 +20,8 @@ constexpr bool kForkIsTestable = false;  // the sanitizer refuses threads in a f
 constexpr bool kForkIsTestable = true;
 #endif
 
-// 0 if `body` is true in a forked child, 1 if not; -1 if it hangs, which a signal ends after a minute, -2 without a
-// child.
+// Returns 0 if `body` is true in a forked child, 1 if not; -1 if it hangs (a signal ends it after a minute), -2 if
+// there is no child.
 template <class Body>
 int run_in_child(const Body& body) {
   const pid_t child = fork();

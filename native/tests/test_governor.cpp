@@ -1,4 +1,4 @@
-// Decisions between refitting and rebuilding: pure functions of what they are told.
+// Decisions between refitting and rebuilding: pure functions of their input.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -21,7 +21,7 @@ UpdateQuestion question(double rays, double decay, UpdateHistory history = fresh
   asked.triangle_count = 65536;
   asked.rays = rays;
   asked.now = {10 * decay, 4 * decay};
-  asked.reference = asked.now;  // nothing to restructure: the leaves are at fault
+  asked.reference = asked.now;  // nothing to restructure: the leaves cause the cost
   asked.history = history;
   return asked;
 }
@@ -50,7 +50,7 @@ TEST(Governor, WorseTreesAreNeverRefittedWhereBetterOnesAreRebuilt) {
   EXPECT_TRUE(rebuilds);
 }
 
-// Excess grows by the same amount in each frame: the least mean cost a frame is at k = sqrt(2 rebuild / growth).
+// The excess grows by the same amount in each frame: the mean cost per frame is least at k = sqrt(2 rebuild / growth).
 TEST(Governor, RebuildsWhereTheMeanCostOfAFrameIsLeast) {
   const Calibration calibration = machine();
   const double rebuild = build_nanoseconds(65536, BuilderKind::kBinned, calibration);
@@ -94,20 +94,20 @@ TEST(Governor, WithoutExpectedRaysTheDecayDecides) {
   EXPECT_EQ(decide_by(1.00, 3.00), UpdateAction::kRebuild);
   UpdateQuestion asked = question(0, 1);
   asked.reference = {10, 4};
-  EXPECT_TRUE(is_restructured(asked, {100, 4}));  // with known rays it was weighed before
+  EXPECT_TRUE(is_restructured(asked, {100, 4}));  // with a known number of rays it was decided before
   asked.rays.reset();
   EXPECT_TRUE(is_restructured(asked, {12, 4}));
   EXPECT_FALSE(is_restructured(asked, {15, 4}));
 }
 
-// An animated mesh is restructured when it has become worse, and not because it did once.
+// An animated mesh is restructured when it gets worse again, not because it was restructured before.
 TEST(Governor, WithoutExpectedRaysWhatWasRestructuredIsRestructuredAgainOnlyAfterMoreDecay) {
   UpdateHistory history = fresh_history(10, 4);
   int restructured = 0, rebuilt = 0;
   for (int frame = 0; frame < 200; ++frame) {
     UpdateQuestion asked = question(0, 1, history);
     asked.rays.reset();
-    const double decay = 1.1 + 0.03 * std::sin(frame);  // rotations take a fifth of it away
+    const double decay = 1.1 + 0.03 * std::sin(frame);  // rotations remove a fifth of it
     asked.now = {10 * decay, 4 * decay}, asked.reference = {10, 4};
     const UpdateDecision decision = decide_update(asked, machine());
     history = decision.history;
@@ -124,12 +124,12 @@ TEST(Governor, WithoutExpectedRaysWhatWasRestructuredIsRestructuredAgainOnlyAfte
   asked.rays.reset();
   asked.now = {11.8, 4.7}, asked.reference = {10, 4};  // worse again
   EXPECT_EQ(decide(asked), UpdateAction::kRotate);
-  asked.now = {10, 12}, asked.reference = {10, 4};  // no restructuring helps, whatever was attained
+  asked.now = {10, 12}, asked.reference = {10, 4};  // no restructuring helps, even if it helped before
   asked.history.restructured = asked.now;
   EXPECT_EQ(decide(asked), UpdateAction::kRebuild);
 }
 
-// Where the nodes are at fault and not the leaves, restructuring does what a rebuild would, for less.
+// If the nodes cause the cost and not the leaves, restructuring gains as much as a rebuild, for less.
 TEST(Governor, RestructuresWhatRestructuringCanRestore) {
   UpdateAction last = UpdateAction::kRefit;
   for (double rays = 1; rays < 1e9; rays *= 1.2) {
@@ -143,7 +143,7 @@ TEST(Governor, RestructuresWhatRestructuringCanRestore) {
   EXPECT_EQ(last, UpdateAction::kRebuildParts);
 }
 
-// Where a small part is degraded, it is restructured for fewer rays.
+// If only a small part is degraded, it is restructured for fewer rays.
 TEST(Governor, PricesRestructuringByWhatItWouldBuild) {
   double last = 0;
   for (const double share : {0.0, 0.01, 0.3, 1.0}) {
@@ -161,7 +161,7 @@ TEST(Governor, PricesRestructuringByWhatItWouldBuild) {
   }
 }
 
-// What no decision needs is not measured; whatever changes the tree was allowed to.
+// Measurements that no decision needs are not made; every action that changes the tree was allowed before.
 TEST(Governor, LooksCloserOnlyWhereItMayMatter) {
   bool was = false;
   for (double rays = 1; rays < 1e9; rays *= 1.5) {
@@ -189,22 +189,22 @@ TEST(Governor, ATreeWithoutExtentIsRebuilt) {
   }
 }
 
-// A fresh tree is expected to cost what the last one did times sample^exponent; a rebuild tells the exponent.
+// A fresh tree is expected to cost as much as the last one times sample^exponent; a rebuild measures the exponent.
 TEST(Governor, LearnsWhatAFreshTreeWouldCost) {
   const Calibration calibration = machine();
   const UpdateHistory first = begin_history({}, {10, 4}, 2, calibration);
   EXPECT_FALSE(first.exponent);
   UpdateQuestion asked = question(1e6, 0.75, first);
-  asked.sample = 1;  // half of what it was: a fresh tree should cost half
+  asked.sample = 1;  // half the last sample: a fresh tree should cost half
   const double trace = *decide_update(asked, calibration).alternatives[3].trace_nanoseconds;
   EXPECT_DOUBLE_EQ(trace, 1e6 * 260 / 2);
   const double root = std::sqrt(0.5);
   const UpdateHistory second = begin_history(first, {10 * root, 4 * root}, 1, calibration);
   EXPECT_NEAR(*second.exponent, 0.5, 1e-12);
   EXPECT_EQ(second.since_build.commit_count, 0u);
-  EXPECT_EQ(begin_history(second, {20, 8}, 0.5, calibration).exponent, 0.5);  // dearer although the sample is not
+  EXPECT_EQ(begin_history(second, {20, 8}, 0.5, calibration).exponent, 0.5);  // dearer, though the sample is not
   EXPECT_EQ(begin_history(second, {1, 1}, 0.5, calibration).exponent, 2);     // far cheaper
-  EXPECT_EQ(begin_history(second, {1, 1}, 1.05, calibration).exponent, second.exponent);  // hardly a change
+  EXPECT_EQ(begin_history(second, {1, 1}, 1.05, calibration).exponent, second.exponent);  // hardly any change
   EXPECT_EQ(begin_history(second, {1, 1}, 0, calibration).exponent, second.exponent);
 }
 

@@ -1,4 +1,4 @@
-// The grid that builders choose their splits on: boxes snapped to it, and the choice among few boxes.
+// The grid on which builders choose their splits: boxes snapped to it, and the choice among few boxes.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -127,7 +127,7 @@ struct Costs {
   std::uint32_t max_leaf_size;
 };
 
-// The cost of the best of all trees over some boxes, by trying everything.
+// Returns the cost of the best of all trees over some boxes, by trying all of them.
 double best_tree(const std::vector<IntegerBox>& boxes, std::uint32_t members, const Costs& costs) {
   const auto count = static_cast<std::uint32_t>(__builtin_popcount(members));
   const double area = united(boxes, members).half_area();

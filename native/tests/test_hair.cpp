@@ -1,4 +1,4 @@
-// Light in hair: that none of it is lost, and that directions are chosen as often as they are said to be.
+// Light in hair: no light is lost, and directions are chosen with the reported density.
 #include <gtest/gtest.h>
 
 #include <array>
@@ -18,7 +18,8 @@ constexpr double kPi = std::numbers::pi;
 
 HairDirection direction_at(double slant, double around) { return {std::sin(slant), std::cos(slant), around}; }
 
-// Over the sphere, by the middles of a grid that is even in the sine and around.
+// Integrates over the sphere, at the cell centres of a grid that is even in the sine of the slant and in the angle
+// around.
 double integral(const std::function<double(const HairDirection&)>& value) {
   constexpr int kSteps = 720;
   double sum = 0.0;
@@ -31,7 +32,7 @@ double integral(const std::function<double(const HairDirection&)>& value) {
   return sum * 4.0 * kPi / (kSteps * kSteps);
 }
 
-// Functions whose means tell of a distribution where it lies and how wide it is.
+// Functions whose means describe the position and width of a distribution.
 const std::array<double (*)(const HairDirection&), 5> kProbes{
     [](const HairDirection&) { return 1.0; }, [](const HairDirection& at) { return at.sine; },
     [](const HairDirection& at) { return at.sine * at.sine; },
@@ -81,7 +82,7 @@ TEST(HairFiber, ShowsAnEvenSkyAsBrightAsItIs) {
   }
 }
 
-// A lobe that the scales turn keeps its numbers, though not the solid angles that they are of: it is off by that.
+// Tilted scales turn a lobe. Its values stay the same, but the solid angles do not: hence the larger tolerance.
 TEST(HairFiber, ChoosesDirectionsAsOftenAsItSays) {
   for (const float tilt : {0.0f, 0.035f}) {
     const HairFiber fiber(hair_of(0.25f, tilt), {0.1f, 0.3f, 1.0f}, direction_at(0.5, 0.0), -0.6, 0.0f);
@@ -99,7 +100,7 @@ TEST(HairFiber, IsNoNarrowerThanIsAsked) {
   EXPECT_GT(widened.evaluate(beside).density, 10.0 * narrow.evaluate(beside).density);
 }
 
-// A strand of both shares: what samples bring in the mean is what is seen of an even sky.
+// A strand of both shares: the mean of the samples is the brightness under an even sky.
 TEST(HairBsdf, WeighsItsSamplesByWhatIsSeen) {
   Hair hair = hair_of(0.3f);
   hair.surface = 0.2f, hair.fiber = 0.3f;

@@ -1,4 +1,4 @@
-// Placing instances and joining them into the top level: bounds, extreme sizes, the report, and stopping half way.
+// Placing instances and joining them into the top level: bounds, extreme sizes, the report, and stopping half-way.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -100,7 +100,7 @@ double sum_of_side_logs(const Aabb& box) {
   return sum;
 }
 
-// From the box around the mesh, closer from the table, and as close as can be from the vertices.
+// Bounds from the box around the mesh, tighter ones from the table, and the tightest from the vertices.
 TEST(InstanceBounds, HoldEveryVertexAndAreClose) {
   ThreadPool pool(1);
   CancelToken cancel;
@@ -129,7 +129,8 @@ TEST(InstanceBounds, HoldEveryVertexAndAreClose) {
   }
 }
 
-// The samples themselves: a mesh that is turned by right angles, mirrored or flattened is bounded as by its box.
+// At the sampled directions: bounds of a mesh that is turned by right angles, mirrored or flattened equal those of its
+// box.
 TEST(InstanceBounds, OfTheTableAreExactAlongTheAxes) {
   ThreadPool pool(1);
   CancelToken cancel;
@@ -154,7 +155,7 @@ TEST(InstanceBounds, OfTheTableAreExactAlongTheAxes) {
   }
 }
 
-// Mirrored, scaled and turned by right angles the box around the mesh is as close as any.
+// If a map mirrors, scales and turns by right angles, the box around the mesh gives bounds as tight as any.
 TEST(InstanceBounds, LookCloserOnlyWhereTheMeshIsTurned) {
   ThreadPool pool(1);
   CancelToken cancel;
@@ -177,7 +178,7 @@ TEST(InstanceBounds, LookCloserOnlyWhereTheMeshIsTurned) {
   }
 }
 
-// A vertex far away that no triangle has, and rows too short for float, leave what the box gives.
+// Far vertices of no triangle, and rows too short for float, do not make bounds looser than those from the box.
 TEST(InstanceBounds, OfVerticesAreNeverLooserThanTheBox) {
   std::mt19937 random(6);
   Mesh mesh = soup(300, 5);
@@ -223,7 +224,7 @@ TEST(InstanceBounds, OfThreeRowsAtOnceAreThoseOfEach) {
   }
 }
 
-// Products of positions and transforms reach 1e36, surfaces would not be numbers any more.
+// Products of positions and transforms reach 1e36; surface areas would overflow.
 TEST(Instances, MeetTheSameAtAnySize) {
   struct Size {
     double mesh, map;
@@ -264,7 +265,7 @@ TEST(Instances, HaveTheSameRowsForAnyThreadCount) {
   scene.add_instances(inputs);
   const auto alone = commit(scene);
   for (const int thread_count : thread_counts()) {
-    scene.set_masks(std::vector<std::int32_t>{0}, std::vector<std::uint32_t>{0xFFFFFFFFu});  // else it would be kept
+    scene.set_masks(std::vector<std::int32_t>{0}, std::vector<std::uint32_t>{0xFFFFFFFFu});  // else the tree is kept
     const auto other = commit(scene, thread_count);
     ASSERT_EQ(alone->top_level.nodes.size(), other->top_level.nodes.size());
     EXPECT_EQ(std::memcmp(alone->top_level.nodes.data(), other->top_level.nodes.data(),
@@ -288,7 +289,7 @@ TEST(Instances, AreBakedOnlyWhileTheyAreFlat) {
   const std::vector<std::int32_t> ids{scene.add_instances(inputs) + 1};
   ASSERT_TRUE(commit(scene)->instances[1].baked);
   scene.set_transforms(ids, upright);
-  EXPECT_FALSE(commit(scene)->instances[1].baked);  // nobody held the last snapshot: its rows are used again
+  EXPECT_FALSE(commit(scene)->instances[1].baked);  // no one held the last snapshot: its rows are used again
 }
 
 TEST(TopLevelReport, NamesWhatMadeTheTree) {
@@ -297,7 +298,7 @@ TEST(TopLevelReport, NamesWhatMadeTheTree) {
   commit(scene, 1, &report);
   EXPECT_EQ(report.top_level.builder, "");
   const std::int32_t mesh = scene.add_mesh(soup(10, 3), {}, Usage::kStatic);
-  scene.add_instances(random_instances(mesh, 2, 0.1, 3.0));  // there is but one tree over two
+  scene.add_instances(random_instances(mesh, 2, 0.1, 3.0));  // there is only one tree over two
   auto snapshot = commit(scene, 1, &report);
   EXPECT_EQ(report.top_level.builder, "binned");
   EXPECT_EQ(top_level_of(*snapshot).builder, "binned");
@@ -305,7 +306,7 @@ TEST(TopLevelReport, NamesWhatMadeTheTree) {
   EXPECT_GT(report.top_level.build_milliseconds, 0.0);
   EXPECT_GT(report.top_level.clustering_milliseconds, 0.0);
   EXPECT_GT(report.top_level.collapse_milliseconds, 0.0);
-  // A ground under pebbles, which planes through centroids cannot take apart.
+  // A ground under pebbles; planes through centroids cannot separate them.
   const std::vector<Vec3f> corners{{-1, -1, 0}, {1, -1, 0}, {0, 1, 0}};
   const std::int32_t flat =
       scene.add_mesh(make_mesh(corners, std::vector<Vec3<std::int32_t>>{{0, 1, 2}}, "test"), {}, Usage::kStatic);
@@ -322,7 +323,7 @@ TEST(TopLevelReport, NamesWhatMadeTheTree) {
   EXPECT_EQ(report.top_level.placing_milliseconds, 0.0);
 }
 
-// As Ctrl-C does: the callback of a commit that has nothing to do but place and join instances is heard.
+// As with Ctrl-C: the callback of a commit that only places and joins instances is called.
 TEST(TopLevelCommit, StopsWhenAsked) {
   Scene scene;
   const std::int32_t mesh = scene.add_mesh(soup(10, 3), {}, Usage::kStatic);
@@ -335,7 +336,7 @@ TEST(TopLevelCommit, StopsWhenAsked) {
       ++calls;
       return false;
     });
-    std::this_thread::sleep_for(std::chrono::milliseconds(60));  // the callback's turn has come
+    std::this_thread::sleep_for(std::chrono::milliseconds(60));  // long enough that the callback is due
     EXPECT_THROW(scene.commit(pool, cancel), Cancelled);
     EXPECT_EQ(calls, 1);
     EXPECT_FALSE(scene.is_current());

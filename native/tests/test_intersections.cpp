@@ -1,4 +1,5 @@
-// Counting and listing, with every kernel, give bit for bit what trying every triangle gives, each triangle once.
+// Counting and listing give, with every kernel and bit for bit, the result of testing every triangle, each triangle
+// once.
 #include <gtest/gtest.h>
 
 #include <cstring>
@@ -18,7 +19,7 @@ struct Listed {
 
 class Intersections : public KernelTest {
  protected:
-  // A ray at a time has its own range and mask, so all columns have one row a ray.
+  // Each ray has its own range and mask, so all columns have one row per ray.
   struct Columns {
     explicit Columns(const std::vector<Ray>& rays, Cull cull) {
       for (const Ray& ray : rays) {
@@ -92,7 +93,7 @@ TEST_P(Intersections, MatchTheReferenceOnRaysAtEdgesAndVertices) {
   expect_reference(*snapshot, rays);
 }
 
-// Down on a grid whose vertices are representable: an edge is met in two triangles, a vertex in up to six.
+// Down on a grid with representable vertices: a ray at an edge hits two triangles, a ray at a vertex up to six.
 TEST_P(Intersections, CountEveryTriangleAtAnEdge) {
   const auto snapshot = commit({{box_of_grids(4), {Affine{}}}});
   std::vector<Ray> rays;
@@ -115,7 +116,7 @@ TEST_P(Intersections, CountEveryTriangleAtAnEdge) {
   EXPECT_EQ(at(8, 9), 2 * 1);  // within
 }
 
-// A triangle that is cut into many references is reported once.
+// A triangle that is split into many references is reported once.
 TEST_P(Intersections, ReportEachTriangleOnceOfTreesWithSpatialSplits) {
   BuildConfig config;
   config.builder = BuilderKind::kSpatial;
@@ -142,7 +143,7 @@ TEST_P(Intersections, MatchTheReferenceAtExtremeScales) {
   }
 }
 
-// Far more hits than there is room for at first.
+// Far more hits than the initial memory can hold.
 TEST_P(Intersections, ManyHitsOnOneRay) {
   MeshData layers;
   for (int i = 0; i < 20000; ++i) {

@@ -1,5 +1,5 @@
-// Every kernel, with any number of rays under way, gives bit for bit what trying every triangle gives: on soups,
-// slivers, coincident and degenerate triangles, instances of every kind, extreme scales and directions.
+// Every kernel gives, with any number of rays in flight and bit for bit, the result of testing every triangle: on
+// soups, slivers, coincident and degenerate triangles, instances of every kind, extreme scales and directions.
 #include <gtest/gtest.h>
 
 #include <cfenv>
@@ -82,7 +82,7 @@ TEST_P(Kernels, MatchTheReferenceOnRaysAtEdgesAndVertices) {
   for (const Ray& ray : rays) EXPECT_TRUE(reference_closest(*snapshot, ray, Cull::kNone).found());
 }
 
-// Boxes that are clipped to parts of triangles must lose no hit and decide no tie.
+// Boxes that are clipped to parts of triangles must not lose a hit or decide a tie.
 TEST_P(Kernels, MatchTheReferenceOnTreesWithSpatialSplits) {
   BuildConfig config;
   config.builder = BuilderKind::kSpatial;
@@ -102,7 +102,7 @@ TEST_P(Kernels, MatchTheReferenceOnTreesWithSpatialSplits) {
     }
     expect_reference(*commit_split(slivers(300, seed)), aimed_rays(slivers(300, seed), 500, seed + 40));
   }
-  // Flat faces along the axes, rays at their edges and vertices; long edges between them, so that some are cut.
+  // Flat faces along the axes, rays at their edges and vertices; long edges between them, so that some are split.
   MeshData box = box_of_grids(4);
   const MeshData beams = slivers(200, 7);
   for (const Triangle& t : beams.triangles) {
@@ -120,7 +120,7 @@ TEST_P(Kernels, MatchTheReferenceThroughInstances) {
 }
 
 TEST_P(Kernels, BreakTiesByOrderAndPrimitive) {
-  // The same mesh in the same place, twelve times.
+  // The same mesh at the same position, twelve times.
   const auto snapshot = commit({{box_of_grids(2), std::vector<Affine>(12)}});
   expect_reference(*snapshot, random_rays(600, 5));
 }
@@ -145,8 +145,8 @@ TEST_P(Kernels, MatchTheReferenceForDirectionsOfAnyLength) {
   }
 }
 
-// A lone mesh that is not moved takes most rays as they are: not these, some of whose components are zeros of either
-// sign or very short, or that begin far away, or see nothing.
+// A single mesh without a transform traces most rays unchanged. These rays are exceptions: some components are zeros of
+// either sign or very short, they begin far away, or they cannot hit anything.
 TEST_P(Kernels, MatchTheReferenceForUnusualRaysAtALoneMesh) {
   constexpr double kComponents[] = {0.0, -0.0, 0x1p-21, -0x1p-20, 0x1p20, -0x1p21, 1.0};
   std::vector<Ray> rays = random_rays(7 * 7 * 7 * 3, 61);
@@ -163,8 +163,8 @@ TEST_P(Kernels, MatchTheReferenceForUnusualRaysAtALoneMesh) {
   expect_reference(*commit({{soup(300, 60), {Affine{}}}}), rays, Cull::kBack);
 }
 
-// Vector kernels start usual rays eight at a time: here each place among eight has one that only just is, or only just
-// is not.
+// Vector kernels start usual rays eight at a time: at each position among eight there is a ray that is barely usual, or
+// barely unusual.
 TEST_P(Kernels, MatchTheReferenceWhereOneRayOfEightIsUnusual) {
   for (const bool is_single : {true, false}) {
     const auto snapshot = commit({{soup(300, 62), is_single ? std::vector<Affine>(1) : many_places(10, 63)}});
@@ -217,13 +217,13 @@ TEST_P(Kernels, TakeBadRaysForMisses) {
   expect_reference(*snapshot, rays);
 }
 
-// Among rays that go the same way, some with a range that is infinitely far away or with a NaN: a packet keeps limits
-// for all of its rays, which these must not spoil.
+// Among rays of similar direction, some have a range that is infinitely far away, or a NaN. A packet keeps limits for
+// all of its rays, which these must not corrupt.
 TEST_P(Kernels, TakeNothingFromTheRaysBesideBadOnes) {
   const double nan = std::numeric_limits<double>::quiet_NaN();
   const auto spoil = [&](Ray& ray, unsigned kind) {
     const float far = kind % 2 == 0 ? kInfiniteDistance : 1e38f;
-    if (kind >= 6) ray.direction = ray.direction * 1e300;  // local t beyond every double
+    if (kind >= 6) ray.direction = ray.direction * 1e300;  // local t exceeds every double
     if (kind / 2 % 3 == 0) ray.t_min = ray.t_max = -far;
     if (kind / 2 % 3 == 1) ray.t_min = ray.t_max = far;
     if (kind / 2 % 3 == 2) ray.t_min = -kInfiniteDistance, ray.origin.y = far == kInfiniteDistance ? nan : 0.0;
@@ -272,7 +272,7 @@ TEST_P(Kernels, CountTheSameWork) {
   EXPECT_GT(tested, rays.size());
 }
 
-// Instances of several meshes among each other, baked ones and triangles that coincide across meshes among them.
+// Mixed instances of several meshes, including baked ones and triangles that coincide across meshes.
 TEST_P(Kernels, MatchTheReferenceWhereMeshesMix) {
   Scene scene;
   Random random(3);

@@ -1,4 +1,4 @@
-// Memory that starts on cache lines: arrays, and scratch memory of which many parts are taken.
+// Memory that starts on cache lines: arrays, and scratch memory that is divided into many parts.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -14,7 +14,7 @@ namespace perfect_bvh::test {
 namespace {
 
 TEST(Aligned, StartsOnACacheLineAndKeepsItsContents) {
-  for (const std::size_t count : {1u, 3u, 1000u, 300'000u, 1'048'576u}) {  // the last ones reach huge pages
+  for (const std::size_t count : {1u, 3u, 1000u, 300'000u, 1'048'576u}) {  // the last ones use huge pages
     AlignedVector<std::uint32_t> values(count);
     EXPECT_EQ(reinterpret_cast<std::uintptr_t>(values.data()) % kCacheLine, 0u);
     std::iota(values.begin(), values.end(), 0u);
@@ -34,7 +34,7 @@ TEST(Aligned, InitialisesWhatHasDefaults) {
 
 TEST(Aligned, RefusesImpossibleSizes) {
   AlignedVector<std::uint64_t> values;
-  volatile std::size_t too_many = values.max_size() + 1;  // volatile: the compiler would warn of it
+  volatile std::size_t too_many = values.max_size() + 1;  // volatile: otherwise the compiler warns
   EXPECT_THROW(values.resize(too_many), std::length_error);
 }
 
@@ -42,7 +42,7 @@ TEST(ScratchMemory, GivesPartsThatStandApart) {
   Scratch scratch;
   scratch.expect(1'000'000);
   std::vector<std::span<std::uint32_t>> parts;
-  for (const std::size_t count : {1u, 100u, 0u, 17u, 200'000u, 1'000'000u, 3u}) {  // more than expected, too
+  for (const std::size_t count : {1u, 100u, 0u, 17u, 200'000u, 1'000'000u, 3u}) {  // also more than expected
     parts.push_back(scratch.take<std::uint32_t>(count));
     ASSERT_EQ(parts.back().size(), count);
     EXPECT_EQ(reinterpret_cast<std::uintptr_t>(parts.back().data()) % kCacheLine, 0u);

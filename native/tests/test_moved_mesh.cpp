@@ -1,5 +1,5 @@
-// Vertices that move from commit to commit: triangles are shared, memory of positions is used again only when no reader
-// can see it, and neither shows in any tree or hit.
+// Vertices that move from commit to commit: triangles are shared, memory of positions is reused only when no reader can
+// see it, and neither affects any tree or hit.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -26,7 +26,7 @@ namespace {
 
 using SnapshotPointer = std::shared_ptr<const Snapshot>;
 
-// One deforming mesh, and what its positions are in each frame.
+// One deforming mesh, and its positions in each frame.
 struct MovingScene {
   explicit MovingScene(ThreadPool& the_pool, std::uint32_t side = 40) : pool(the_pool), mesh(bumpy_sheet(side)) {
     id = scene.add_mesh(mesh, {}, Usage::kDeforming);
@@ -69,7 +69,7 @@ TEST(MovedMesh, SharesTheTrianglesAndUsesMemoryAgain) {
   const TriangleIndices* const triangles = mesh_of(*moving.scene.snapshot()).triangles.data();
   EXPECT_EQ(triangles, moving.mesh.triangles.data());
   std::set<const Vec3f*> places;
-  std::vector<Positions> others;  // take what was let go
+  std::vector<Positions> others;  // take the memory that was released
   for (int frame = 0; frame < 12; ++frame) {
     const SnapshotPointer snapshot = moving.show(frame);
     EXPECT_EQ(mesh_of(*snapshot).triangles.data(), triangles);
@@ -108,7 +108,7 @@ TEST(MovedMesh, WhatASnapshotHoldsIsNeverOverwritten) {
     }
     held.emplace_back(frame, snapshot);
     while (held.size() > 1 && random() % 2 == 0) held.erase(held.begin() + random() % held.size());
-    // Who holds what changes no byte of any tree.
+    // Held snapshots do not change any byte of a tree.
     alone.show(frame);
     const WideBvh &tree = snapshot->blases.front()->wide, &other = alone.scene.snapshot()->blases.front()->wide;
     ASSERT_TRUE(same_bytes(tree.nodes, other.nodes)) << frame;
@@ -130,7 +130,7 @@ TEST(MovedMesh, OthersReadWhileItMoves) {
       try {
         kept = moving.scene.snapshot();
       } catch (const StaleScene&) {
-        if (!kept) continue;  // else looks at the old one once more, while the next is being made
+        if (!kept) continue;  // otherwise check the old one once more, while the next is being made
       }
       const bool is_whole =
           std::any_of(frames.begin(), frames.end(), [&](const Positions& frame) { return holds(*kept, frame); });
@@ -234,7 +234,7 @@ TEST(TriangleList, CopiesAreEditedApart) {
   EXPECT_EQ(none.begin(), none.end());
 }
 
-// Instances by their ids, however these come: against a plain list of what should be where.
+// Instances by their ids, in any order: compared with a plain list of the expected ones.
 TEST(MovedInstances, AreFoundByAnyListOfIds) {
   ThreadPool pool(2);
   std::mt19937 random(11);
@@ -254,7 +254,7 @@ TEST(MovedInstances, AreFoundByAnyListOfIds) {
         expected.erase(expected.begin() + static_cast<std::ptrdiff_t>(row));
       }
       if (random() % 4 == 0) add(random() % 5);
-      // A run of neighbours, or any, perhaps backwards, perhaps one twice.
+      // A run of neighbours, or any ids, perhaps backwards, perhaps one twice.
       std::vector<std::size_t> rows;
       const std::size_t begin = random() % expected.size();
       const std::size_t count = 1 + random() % (expected.size() - begin);
@@ -270,7 +270,7 @@ TEST(MovedInstances, AreFoundByAnyListOfIds) {
         expected[row].second = x;
       }
       scene.set_transforms(ids, maps);
-      ids.back() = expected.back().first + 1;  // of no mesh yet
+      ids.back() = expected.back().first + 1;  // no instance has this id yet
       for (Affine& map : maps) map.translation.x = -1;
       EXPECT_THROW(scene.set_transforms(ids, maps), InvalidArgument);
     }

@@ -1,4 +1,4 @@
-// Programs of shader nodes: what is no program is refused, and what is one gives finite memory whatever it is fed.
+// Programs of shader nodes: invalid programs are rejected, and valid ones give finite values for any input.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -34,7 +34,7 @@ class Given final : public NodeInputs {
   Rgba value_;
 };
 
-// An input of four channels, and then one instruction whose operands are all that input's first channels.
+// An input of four channels, then one instruction whose operands are all that input's first channels.
 NodeProgram program_of(NodeKind kind, int mode, const std::vector<float>& numbers) {
   std::vector<std::int32_t> codes{row_of(NodeKind::kInput), 2, 2};
   std::vector<float> all{0.0f, 0.0f};

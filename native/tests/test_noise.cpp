@@ -1,4 +1,4 @@
-// The Noise Texture: that it equals recorded values of Cycles, and what holds of its fractals.
+// The Noise Texture: it equals recorded values of Cycles, and its fractals have their properties.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -12,7 +12,7 @@
 namespace perfect_bvh {
 namespace {
 
-// Points, and w, of which tests/blender/texture_values.py gave Cycles' values.
+// Points and w at which tests/blender/texture_values.py recorded Cycles' values.
 constexpr std::array<Vec3f, 3> kPoints{{{0.3f, -1.7f, 2.4f}, {-12.31f, 7.77f, 31.5f}, {1234.56f, -987.65f, 432.1f}}};
 constexpr std::array kWs{0.9f, -3.2f, 55.5f};
 

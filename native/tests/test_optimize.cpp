@@ -28,7 +28,7 @@ OptimizeReport optimize(Bvh2& tree, std::uint32_t passes, int thread_count = 2) 
   return optimize_bvh2(tree, passes, pool, cancel);
 }
 
-// The leaves as sorted sets of primitives, in an order of their own.
+// Returns the leaves as sorted lists of primitives, in sorted order.
 std::vector<std::vector<std::uint32_t>> leaves(const Bvh2& tree) {
   std::vector<std::vector<std::uint32_t>> all;
   for (const Bvh2Node& node : tree.nodes) {
@@ -53,7 +53,7 @@ TEST(Optimize, KeepsTheLeavesAndNeverCostsMore) {
 }
 
 TEST(Optimize, RepairsABadTree) {
-  // A median split mixes the ground with the pebbles, and costs far more than it need.
+  // A median split mixes the ground with the pebbles, and costs far more than necessary.
   const auto refs = ground_and_pebbles(5000);
   Bvh2 tree = build(refs, BuilderKind::kMedian);
   const double before = measure_quality(tree).sah;

@@ -1,5 +1,5 @@
-// Checker, Brick, Gradient, Magic, Wave and White Noise textures: that they equal recorded values of Cycles, and their
-// periods and ranges.
+// Checker, Brick, Gradient, Magic, Wave and White Noise textures: they equal recorded values of Cycles, and have the
+// right periods and ranges.
 #include <gtest/gtest.h>
 
 #include <array>
@@ -11,7 +11,7 @@
 namespace perfect_bvh {
 namespace {
 
-// Points, and w, of which tests/blender/texture_values.py gave Cycles' values.
+// Points and w at which tests/blender/texture_values.py recorded Cycles' values.
 constexpr std::array<Vec3f, 3> kPoints{{{0.3f, -1.7f, 2.4f}, {-12.31f, 7.77f, 31.5f}, {1234.56f, -987.65f, 432.1f}}};
 constexpr std::array kWs{0.9f, -3.2f, 55.5f};
 
@@ -168,9 +168,9 @@ TEST(Patterns, BricksOfARowAreInTheirPlaces) {
   const BrickSettings settings{.scale = 1.0f, .mortar_size = 0.05f, .mortar_smooth = 0.0f};
   for (int brick = -4; brick < 4; ++brick) {
     const float begin = static_cast<float>(brick) * 0.5f;
-    EXPECT_EQ(brick_texture(settings, {begin + 0.01f, 0.375f, 0.0f}).mortar, 1.0f);  // rows of odd number
+    EXPECT_EQ(brick_texture(settings, {begin + 0.01f, 0.375f, 0.0f}).mortar, 1.0f);  // odd rows
     EXPECT_EQ(brick_texture(settings, {begin + 0.25f, 0.375f, 0.0f}).mortar, 0.0f);
-    EXPECT_EQ(brick_texture(settings, {begin + 0.26f, 0.125f, 0.0f}).mortar, 1.0f);  // half a brick aside
+    EXPECT_EQ(brick_texture(settings, {begin + 0.26f, 0.125f, 0.0f}).mortar, 1.0f);  // shifted by half a brick
     EXPECT_EQ(brick_texture(settings, {begin, 0.125f, 0.0f}).mortar, 0.0f);
     EXPECT_EQ(brick_texture(settings, {begin + 0.25f, 0.26f, 0.0f}).mortar, 1.0f);
   }

@@ -1,4 +1,4 @@
-// Images on boxes, and Gabor noise: what must hold whatever Cycles' values are.
+// Images on boxes, and Gabor noise: properties that hold independently of Cycles' values.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -11,7 +11,7 @@
 namespace perfect_bvh {
 namespace {
 
-// Left dark, right light.
+// Dark on the left, bright on the right.
 struct Halves {
   float pixels[8] = {0, 0, 0, 1, 1, 1, 1, 1};
   Texture texture;

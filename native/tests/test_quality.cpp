@@ -1,4 +1,4 @@
-// The figures that say how good a tree is, against hand-counted cases and slow, plain versions of themselves.
+// The measures of a tree's quality, compared with hand-counted cases and with slow, simple implementations.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -40,7 +40,7 @@ double variability(const Bvh2& tree, std::uint32_t line_count, int thread_count 
 }
 
 TEST(Epo, CountsWhatLiesInTheOthersBox) {
-  // Each triangle has an area of 2, and a quarter of it lies in the other's box.
+  // Each triangle has an area of 2, and a quarter of it is in the other's box.
   const std::vector<Vec3f> positions{{0, 0, 0}, {2, 0, 0}, {0, 2, 0}, {3, 2, 0}, {1, 2, 0}, {3, 0, 0}};
   const Triangles triangles{{0, 1, 2}, {3, 4, 5}};
   const Bvh2 tree = two_leaves({{0, 0, 0}, {2, 2, 0}}, {{1, 0, 0}, {3, 2, 0}});
@@ -87,7 +87,7 @@ bool is_below(const Bvh2& tree, std::size_t index, std::uint32_t prim) {
   return std::find(first, first + node.count, prim) != first + node.count;
 }
 
-// The share of a triangle inside a box, by many points spread evenly over it.
+// Returns the share of a triangle inside a box, from many points spread evenly over it.
 double share_inside(const Soup& soup, std::size_t triangle, const Aabb& box, int steps) {
   const auto t = soup.triangles[triangle];
   int inside = 0, all = 0;

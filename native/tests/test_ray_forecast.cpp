@@ -1,4 +1,4 @@
-// What commits make of the rays that were expected and of those that were cast: better trees, once each, and no others.
+// Commits build better trees for the expected and the cast rays: each once, and no others.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -39,7 +39,7 @@ TEST(RepayingRays, AreThoseFromWhichOnAnotherTreeIsLessWork) {
   EXPECT_EQ(repaying_rays({kBuilders, 5000, 0, 16.0, std::nullopt}, machine()), kEndless);
 }
 
-// A mesh whose rays gain by spatial splits.
+// A mesh whose rays are faster with spatial splits.
 class Forecast : public testing::Test {
  protected:
   static constexpr std::size_t kTriangles = 600;
@@ -72,7 +72,7 @@ class Forecast : public testing::Test {
   }
 
   const Mesh crossed_ = slivers(kTriangles, 1).mesh();
-  // Of the calibration: so many rays repay spatial splits where there is most to gain.
+  // From the calibration: this number of rays repays spatial splits where they gain most.
   const double repaying_ = 2.5 * kTriangles * 3000.0 / (200.0 - 180.0);
   Scene scene_;
   ThreadPool pool_{2};
@@ -107,7 +107,7 @@ TEST_F(Forecast, FewRaysBuyNothingUntilTheyAreMany) {
   add(crossed_);
   static_cast<void>(commit(1.0));
   EXPECT_EQ(builder(), "fast");
-  // What the tree has served counts as well as what is to come.
+  // Rays that the tree has already served count as well as expected ones.
   const double served = std::ceil(kTriangles * 600.0 / (220.0 - 200.0));
   for (int commits = 0; commits < 3; ++commits) EXPECT_TRUE(commit(1.0).meshes.empty());
   cast(static_cast<std::size_t>(served) / 2);
@@ -175,9 +175,9 @@ TEST_F(Forecast, TheLastNumberIsRememberedUnlessItWasNone) {
 }
 
 TEST_F(Forecast, NothingElseIsReplaced) {
-  add(bumpy_sheet(24));                                              // rays gain nothing there
-  add(crossed_, Usage::kStatic, {.builder = BuilderKind::kBinned});  // asked for
-  add(crossed_, Usage::kDeforming);                                  // could not be refitted
+  add(bumpy_sheet(24));                                              // spatial splits gain nothing there
+  add(crossed_, Usage::kStatic, {.builder = BuilderKind::kBinned});  // requested
+  add(crossed_, Usage::kDeforming);                                  // a better tree could not be refitted
   const std::int32_t deformed = add(crossed_);
   static_cast<void>(commit());
   Mesh moved = crossed_;
@@ -199,7 +199,7 @@ TEST_F(Forecast, AFixedPolicyReplacesNoTree) {
   EXPECT_EQ(commit(1e15).meshes.size(), 1u);
 }
 
-// Shares are kept while nothing is edited, and no longer.
+// Shares are kept only while nothing is edited.
 TEST_F(Forecast, AMeshExpectsItsShareOfTheRays) {
   add(crossed_);
   const std::int32_t far = add(scaled(bumpy_sheet(4), 0.001f));
@@ -227,7 +227,7 @@ TEST_F(Forecast, ABetterTreeThatWasStoppedIsBuiltByTheNextCommit) {
   EXPECT_EQ(commit().meshes.at(0).builder, std::string("spatial")) << "what was told counts";
 }
 
-// At whichever question: nothing was edited, so what is committed can be asked for all the time.
+// At any poll: nothing was edited, so the committed snapshot stays available all the time.
 TEST_F(Forecast, ACommitOfABetterTreeThatIsStoppedLeavesTheSnapshot) {
   add(crossed_);
   static_cast<void>(commit());

@@ -1,5 +1,5 @@
-// The order in which coherent rays are traced: where one is found, how compact packets are in it, and that no answer
-// depends on it.
+// The order in which coherent rays are traced: when an order is found, how compact packets are in it, and that no
+// answer depends on it.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -41,7 +41,7 @@ std::vector<Ray> camera_rays(std::size_t width, std::size_t height, Vec3d eye = 
 }
 
 struct Reordered {
-  std::vector<std::uint32_t> rows;  // empty: the rays were left as they come
+  std::vector<std::uint32_t> rows;  // empty: the rays keep their order
 
   explicit Reordered(std::span<const Ray> rays) {
     const auto space = std::make_unique<ReorderingSpace>();
@@ -96,7 +96,7 @@ TEST(RayReordering, LeavesOtherRaysAlone) {
   EXPECT_TRUE(Reordered(random_rays(5000, 1)).rows.empty());
   EXPECT_TRUE(Reordered(std::span(rays).first(kLeastReordered - 1)).rows.empty());
   EXPECT_TRUE(Reordered(std::vector<Ray>(2000, rays[0])).rows.empty());
-  // What it made is good enough.
+  // Its own result needs no reordering.
   const Reordered order(rays);
   std::vector<Ray> tiles;
   for (const std::uint32_t row : order.rows) tiles.push_back(rays[row]);
@@ -110,11 +110,11 @@ TEST(RayReordering, LeavesOtherRaysAlone) {
   EXPECT_TRUE(Reordered(panorama).rows.empty());
 }
 
-// Some of them are no rays at all. Mixed: others go elsewhere.
+// Some of them are invalid rays. Mixed: others go elsewhere.
 std::vector<Ray> hard_rays(Vec3d eye, bool mixed) {
   constexpr double kInfinity = std::numeric_limits<double>::infinity();
   const double length = std::sqrt(dot(eye, eye));
-  std::vector<Ray> rays = camera_rays(91, 23, eye, 2.0 / length);  // ragged: neither rows nor all are whole packets
+  std::vector<Ray> rays = camera_rays(91, 23, eye, 2.0 / length);  // neither rows nor the whole fill packets exactly
   Random random(3);
   for (Ray& ray : rays) {
     const auto kind = random() % 40;
@@ -162,7 +162,7 @@ TEST_P(ReorderedRays, HitTheSame) {
   }
 }
 
-// Kernels trace the rows that they are told, and touch no other.
+// Kernels trace the given rows, and touch no others.
 TEST_P(ReorderedRays, AreThoseOfTheOrderOnly) {
   const auto snapshot = commit({{soup(100, 1), {Affine{}}}});
   const KernelTable& kernels = active_kernels();
@@ -170,7 +170,7 @@ TEST_P(ReorderedRays, AreThoseOfTheOrderOnly) {
   std::vector<Hit> expected(rays.size());
   trace_closest(*snapshot, rays, expected, Cull::kNone, {}, Strategy::kSingle);
   std::vector<std::uint32_t> order;
-  for (std::uint32_t i = 0; i < 333; ++i) order.push_back((i * 7 + 3) % 800);  // all of them different
+  for (std::uint32_t i = 0; i < 333; ++i) order.push_back((i * 7 + 3) % 800);  // all different
   for (const bool in_packets : {false, true}) {
     if (in_packets && kernels.trace_packets_closest == nullptr) continue;
     std::vector<Hit> hits(rays.size());

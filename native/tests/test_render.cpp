@@ -14,7 +14,7 @@
 namespace perfect_bvh {
 namespace {
 
-// Whether 2^bits points fill every box of size 2^-across x 2^-(bits - across) exactly once, for all shapes of box.
+// Returns whether 2^bits points have exactly one in each box of size 2^-across x 2^-(bits - across), for all shapes.
 template <class PointAt>
 bool is_net(std::uint32_t bits, const PointAt& point_at) {
   for (std::uint32_t across = 0; across <= bits; ++across) {
@@ -122,7 +122,7 @@ TEST(Film, EvenColoursStayEvenAcrossTiles) {
       EXPECT_NEAR(seen.albedo.x, 0.5f, 1e-6f);
       EXPECT_NEAR(seen.albedo.z, 0.125f, 1e-6f);
       EXPECT_NEAR(seen.normal.z, -1.0f, 1e-6f);
-      EXPECT_EQ(seen.albedo.y > 0.0f && seen.albedo.y < 0.9999f, x == 39 || x == 40) << x;  // blended as colours are
+      EXPECT_EQ(seen.albedo.y > 0.0f && seen.albedo.y < 0.9999f, x == 39 || x == 40) << x;  // blended like colours
       EXPECT_NEAR(color.r, 0.25f, 1e-6f);
       EXPECT_NEAR(color.g, 1.0f, 1e-6f);
       EXPECT_NEAR(color.a, 0.5f, 1e-6f);

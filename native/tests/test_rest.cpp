@@ -1,4 +1,4 @@
-// Meshes that were deformed and then rest, in trees that their motion degraded.
+// Meshes that were deformed and then rest, with trees that their motion degraded.
 #include <gtest/gtest.h>
 
 #include "scene/scene.h"
@@ -25,7 +25,7 @@ RestQuestion question(std::optional<double> rays) {
 TEST(Rest, OnlyWhatMotionLoosenedIsDegraded) {
   EXPECT_TRUE(is_degraded(question(1).history, machine()));
   UpdateHistory history = question(1).history;
-  history.since_build.commit_count = 0;  // nothing happened since it was built
+  history.since_build.commit_count = 0;  // nothing has happened since the build
   EXPECT_FALSE(is_degraded(history, machine()));
   history = question(1).history;
   history.now = history.fresh;
@@ -77,7 +77,7 @@ class RestingMesh : public testing::Test {
     }
   }
 
-  // Twists the mesh, with no ray in sight: it is refitted.
+  // Twists the mesh without expected rays: it is refitted.
   void twist_unseen() {
     static_cast<void>(commit(0.0));
     scene_.update_mesh<float>(0, twisted_.positions);
@@ -89,7 +89,7 @@ class RestingMesh : public testing::Test {
     return scene_.commit(pool_, cancel, on_machine(rays, policy));
   }
 
-  // A commit in which the other mesh moves.
+  // Commits after the other mesh has moved.
   CommitReport commit_beside(std::optional<double> rays, Policy policy = Policy::kGoverned) {
     for (Vec3f& position : other_.positions) position = position * 1.01f;
     scene_.update_mesh<float>(1, other_.positions);
@@ -157,7 +157,7 @@ TEST_F(RestingMesh, IsLeftAloneByFixedPolicies) {
   }
 }
 
-// The rays of a commit in which nothing was edited count, too; its snapshot is another one.
+// The rays of a commit without edits count too; its snapshot is another one.
 TEST_F(RestingMesh, IsBuiltAnewAlthoughNothingIsEdited) {
   twist_unseen();
   const auto before = scene_.snapshot();
@@ -169,7 +169,7 @@ TEST_F(RestingMesh, IsBuiltAnewAlthoughNothingIsEdited) {
   EXPECT_EQ(commit(1e9).generation, report.generation);
 }
 
-// What was lost at rest is forgotten once the mesh moves.
+// The loss at rest is forgotten once the mesh moves.
 TEST_F(RestingMesh, StartsAnewAfterEachMove) {
   twist_unseen();
   for (int frame = 0; frame < 60; ++frame) {

@@ -1,4 +1,4 @@
-// Ribbons by hand: where lines meet one segment, and which of two they meet.
+// Ribbons computed by hand: where lines hit one segment, and which of two they hit.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -59,7 +59,7 @@ TEST(RibbonSegment, OneOfTwoIsShown) {
     EXPECT_LE(shown, 1);
     met += static_cast<std::size_t>(shown);
   }
-  // All but those that come nearest to the curve's own ends.
+  // All except those that come nearest to the curve's own ends.
   EXPECT_GT(met, 19000u);
 }
 

@@ -1,5 +1,5 @@
-// The nearest point of a curve's segment after a map, against many points of the hull; and queries, by every kernel,
-// against every segment tried in turn.
+// The nearest point of a curve's segment after a map, compared with many points of the hull; and queries, by every
+// kernel, compared with testing every segment.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -59,7 +59,7 @@ class RoundDistance : public testing::Test {
   }
   static Vec3d vector_of(const double (&v)[3]) { return {v[0], v[1], v[2]}; }
 
-  // How far a point is outside of the hull before the map, in the larger radius and the length.
+  // Returns the distance of a point from the hull before the map, relative to the larger radius and the length.
   static double outside(const RoundEnds& ends, Vec3d point) {
     const Vec3d first = vector_of(ends.first.centre), axis = vector_of(ends.last.centre) - first;
     double least = kInfinity;
@@ -77,9 +77,9 @@ class RoundDistance : public testing::Test {
     return least;
   }
 
-  // The point is one of the hull, and the plane across the way to it has the whole hull on its far side: so no point of
-  // a convex body is nearer.
-  // `slack`: the way to a near point of a squeezed body has fewer digits than its length.
+  // Checks that the found point is on the hull, and that the whole hull is behind the plane through it, at right angles
+  // to the direction of the query. Then no point of the convex body is nearer. `slack`: the direction to a near point
+  // of a squeezed body has fewer digits than its length.
   static void expect_nearest(const Affine& map, const RoundEnds& ends, Vec3d query, double slack = 1e-12) {
     const NearestOnRound found = nearest(map, ends, query);
     const Vec3d before = inverse(map).point(query);
@@ -122,7 +122,7 @@ TEST_F(RoundDistance, NearestAfterAnyMap) {
   }
 }
 
-// As matrices in float are: hardly to be told from a similarity, and not to be taken for one.
+// Similarities rounded to float: they are hardly distinguishable from exact ones, and must not be treated as such.
 TEST_F(RoundDistance, NearestAfterASimilarityInFloat) {
   for (int i = 0; i < 20000; ++i) {
     Affine map = any_similarity();

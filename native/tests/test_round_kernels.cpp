@@ -1,5 +1,5 @@
-// Every kernel, with any number of rays under way, gives for curves and points bit for bit what trying each of them
-// gives: closest hits, occlusion, and lists of all hits.
+// Every kernel gives for curves and points, with any number of rays in flight and bit for bit, the result of testing
+// each of them: closest hits, occlusion, and lists of all hits.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -38,7 +38,7 @@ std::shared_ptr<const Snapshot> commit_rounds(std::vector<PlacedMesh> parts, con
   return scene.snapshot();
 }
 
-// Blades side by side on a ground, bent and pointed.
+// Parallel blades on a ground, bent and pointed.
 RoundInput lawn(int rows) {
   Random random(7);
   RoundInput input;
@@ -78,7 +78,7 @@ RoundInput slanted_sticks(int count) {
   return input;
 }
 
-// Random walks with steps shorter than the radius, doubled up and standing still.
+// Random walks with steps shorter than the radius, some reversed and some of zero length.
 RoundInput knots(int count) {
   Random random(10);
   RoundInput input;
@@ -102,7 +102,7 @@ RoundInput balls_in_balls() {
   return input;
 }
 
-// Several balls, and several like each of them, at the same place.
+// Several spheres, and several copies of each, at the same place.
 RoundInput one_place() {
   RoundInput input;
   for (int i = 0; i < 200; ++i) {
@@ -111,7 +111,7 @@ RoundInput one_place() {
   return input;
 }
 
-// From all around and from inside, half of them at and beside balls.
+// From all around and from inside; half of the rays aim at spheres and close past them.
 std::vector<Ray> rays_around(const Mesh& mesh, std::size_t count, std::uint32_t seed) {
   Aabb box;
   for (std::size_t i = 0; i < mesh.primitive_count(); ++i) box.grow(mesh.primitive_box(i));
@@ -139,7 +139,7 @@ class RoundKernels : public testing::Test {
  protected:
   void TearDown() override { set_active_kernels(""); }
 
-  // With all kernels, and all ways to trace rays.
+  // With all kernels, and all strategies.
   static void expect_reference(const Snapshot& snapshot, const std::vector<Ray>& rays, Cull cull = Cull::kNone) {
     std::vector<Hit> expected(rays.size());
     std::vector<std::vector<ReferenceHit>> all(rays.size());
@@ -225,7 +225,7 @@ TEST_F(RoundKernels, MeshesAsTreesAreTriedOn) {
   }
 }
 
-// Rays side by side, which go in packets.
+// Parallel rays, which are traced in packets.
 TEST_F(RoundKernels, ImagesFromACamera) {
   const Mesh meshes[] = {lawn(30).curves(), knots(40).curves(), cloud(2000, 0.0f, 0.02f).points()};
   for (const Mesh& mesh : meshes) {
@@ -274,7 +274,7 @@ TEST_F(RoundKernels, TreesOfAnyBuilder) {
   }
 }
 
-// Turned, sheared, mirrored and flat: balls become ellipsoids. Triangles among them.
+// Turned, sheared, mirrored and flat: spheres become ellipsoids. Triangles are mixed in.
 TEST_F(RoundKernels, InstancesAmongTriangles) {
   const Mesh curves = knots(10).curves(), points = cloud(40, 0.01f, 0.2f).points();
   const std::vector<Ray> rays = random_rays(5000, 13);

@@ -1,4 +1,4 @@
-// Curves and points as meshes: what is taken and what is not, numbers, boxes and their slices.
+// Curves and points as meshes: accepted and rejected input, numbers, boxes and their slices.
 #include <gtest/gtest.h>
 
 #include <array>
@@ -37,7 +37,7 @@ TEST(RoundMesh, KnowsCurvesByTheirBalls) {
   ASSERT_EQ(mesh.primitive_count(), 4u);
   EXPECT_EQ(mesh.segments[0], 0u | kSegmentAfter);
   EXPECT_EQ(mesh.segments[1], 1u | kSegmentBefore);
-  EXPECT_EQ(mesh.segments[2], 4u);  // after two segments that are nothing
+  EXPECT_EQ(mesh.segments[2], 4u);  // after two segments that are dropped
   EXPECT_EQ(mesh.segments[3], 6u);
   EXPECT_EQ(left_out_count(mesh), 3u);
   EXPECT_EQ(given_ball_count(mesh), 9u);
@@ -49,7 +49,7 @@ TEST(RoundMesh, KnowsCurvesByTheirBalls) {
   }
 }
 
-// Of a chain whose first or last segment is left out, and of one that is a single segment, nothing is closed.
+// A chain whose first or last segment is dropped, or that has a single segment, is not closed.
 TEST(RoundMesh, ClosesCyclicCurves) {
   RoundInput input;
   input.centres.resize(15);
@@ -146,7 +146,7 @@ TEST(RoundMesh, BoxesHoldTheirBalls) {
   }
 }
 
-// Every point of a primitive is in the slice, or both, that its coordinate says.
+// Every point of a primitive is in the slice, or the two slices, of its coordinate.
 TEST(RoundMesh, SlicesHoldAllPoints) {
   std::mt19937 random(5);
   for (const NamedRound& input : round_meshes()) {
@@ -173,7 +173,7 @@ TEST(RoundMesh, SlicesHoldAllPoints) {
   }
 }
 
-// A slanted hair in sixteen slices: not a twentieth more than the boxes of the parts of an endless cylinder.
+// A slanted hair in sixteen slices: at most a twentieth more than the boxes of the parts of an endless cylinder.
 TEST(RoundMesh, SlicesAreTight) {
   const Ball first{{0, 0, 0}, 0.01f}, last{{1, 1, 1}, 0.01f};
   std::vector<float> planes;
@@ -210,7 +210,7 @@ TEST(RoundMesh, MovesWithTheSamePrimitives) {
     }
     EXPECT_EQ(kept.mesh->primitive_count(), expected.primitive_count());
     EXPECT_EQ(left_out_count(*kept.mesh), left_out_count(before));
-    // A curve's segments stay as long as one end has a radius.
+    // A curve's segment is kept if one of its ends has a radius.
     for (const auto& [row, radius, keeps_segments] : {std::tuple{7u, 1.0f, true}, std::tuple{8u, 0.0f, false},
                                                       std::tuple{100u, 0.0f, true}, std::tuple{501u, 1.0f, false}}) {
       RoundInput changed = input;

@@ -1,6 +1,6 @@
-// The chord of a line in a segment against the segment's distance function in long double: min over s of
-// |p - c(s)| - r(s), another formula, which is convex along any line. What is found must lie on the true surface, at
-// either side of where the line is deepest inside, and be found wherever the line is inside by more than rounding.
+// The chord of a line in a segment, compared with the segment's distance function in long double: min over s of |p -
+// c(s)| - r(s), a different formula, which is convex along any line. The ends found must lie on the true surface, on
+// both sides of the deepest point, and must be found if the line is inside by more than rounding.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -31,7 +31,7 @@ struct Segment {
   [[nodiscard]] Real radius() const { return std::max(first.radius, last.radius); }
 };
 
-// How far a point is outside; negative inside.
+// Returns the distance of a point from the segment; negative inside.
 Real distance(const Segment& segment, RealVec point) {
   const RealVec axis = real(segment.last.centre) - real(segment.first.centre);
   const RealVec from = point - real(segment.first.centre);
@@ -49,7 +49,7 @@ Real distance(const Segment& segment, RealVec point) {
 
 RealVec point_at(const RoundRay& ray, Real t) { return real(ray.origin) + real(ray.direction) * t; }
 
-// Where along the ray it is deepest inside (or nearest): the distance is convex.
+// Returns where the ray is deepest inside (or nearest): the distance is convex along it.
 Real deepest(const Segment& segment, const RoundRay& ray) {
   const Real middle = Real(nearest_to_centre(ray, segment.first).t);
   const RealVec axis = real(segment.last.centre) - real(segment.first.centre);
@@ -76,8 +76,8 @@ class RoundSegment : public testing::Test {
     Vec3d v{normal(random_), normal(random_), normal(random_)};
     return normalized(v);
   }
-  // Floats, as meshes have them. Out of line: where GCC 12 vectorizes it with its callers, some of them see numbers
-  // that were not narrowed.
+  // Spheres in float, as meshes have them. Out of line: if GCC 12 vectorizes it with its callers, some of them use
+  // numbers that were not narrowed.
   static __attribute__((noinline)) RoundBall ball(Vec3d centre, double radius) {
     return round_ball({to_float(centre), static_cast<float>(radius)}, 1.0f);
   }
@@ -92,13 +92,13 @@ class RoundSegment : public testing::Test {
     const Vec3d from{uniform(-1, 1), uniform(-1, 1), uniform(-1, 1)};
     return {ball(from, first_radius), ball(from + any_direction() * uniform(0.5, 2), last_radius)};
   }
-  // In or near the segment, within `beyond` radii of its axis.
+  // A target in or near the segment, within `beyond` radii of its axis.
   Vec3d target_in(const Segment& segment, double beyond, double s) {
     const double radius = segment.first.radius + s * (segment.last.radius - segment.first.radius);
     return centre_of(segment.first) * (1 - s) + centre_of(segment.last) * s +
            any_direction() * (radius * uniform(0, beyond));
   }
-  // Through the middle of each other, past the ends and from inside.
+  // Rays through the middle, past the ends and from inside.
   RoundRay any_ray(const Segment& segment, double away = 3.0, double beyond = 1.3) {
     const Vec3d target = target_in(segment, beyond, uniform(-0.1, 1.1));
     const Vec3d direction = any_direction();
@@ -109,7 +109,7 @@ class RoundSegment : public testing::Test {
     return ray_to(target + any_direction() * away, target);
   }
 
-  // `units`: how many u (D + R) the surface may be off; a tip's cone may be by `tip` R besides.
+  // `units`: the surface may be off by this many u (D + R); a tip's cone by another `tip` R.
   void expect_exact(const Make& make, double units = 16, double tip = 0, int count = 5000) {
     Real worst = 0, worst_in_radii = 0;
     int hits = 0;
@@ -147,7 +147,7 @@ class RoundSegment : public testing::Test {
                 testing::UnitTest::GetInstance()->current_test_info()->name(), hits, worst, worst_in_radii);
   }
 
-  // A step outward along the normal leads away from the segment by as much.
+  // A step outward along the normal must lead away from the segment by the same distance.
   static void expect_normals(const Segment& segment, const RoundRay& ray, const Chord& chord, Real slack) {
     for (const double t : {chord.entry, chord.exit}) {
       const RoundSurface surface = surface_at(ray, segment.first, segment.last, t);
@@ -218,7 +218,7 @@ TEST_F(RoundSegment, WithATip) {
       16, 1e-7);
 }
 
-// Towards the tip itself, where the cone is thinner than rounding.
+// Rays at the tip itself, where the cone is thinner than rounding.
 TEST_F(RoundSegment, NearATip) {
   expect_exact(
       [&] {
@@ -239,7 +239,7 @@ TEST_F(RoundSegment, WhereOneBallHoldsTheOther) {
   });
 }
 
-// The inner one touches the outer one from inside, up to the rounding of float: H is about 0, of either sign.
+// The inner sphere touches the outer one from inside, up to the rounding of float: H is about 0, of either sign.
 TEST_F(RoundSegment, WhereOneBallHardlyHoldsTheOther) {
   expect_exact(
       [&] {
@@ -264,7 +264,7 @@ TEST_F(RoundSegment, OfTheSameBallTwice) {
   });
 }
 
-// Along the axis, beside it and all but along it.
+// Along the axis, parallel to it, and almost along it.
 TEST_F(RoundSegment, LengthwiseRays) {
   expect_exact([&] {
     const double size = std::pow(10.0, uniform(-6, 0));
@@ -278,7 +278,7 @@ TEST_F(RoundSegment, LengthwiseRays) {
   });
 }
 
-// Exactly along the axis and an axis of coordinates, in numbers that are not rounded.
+// Exactly along the axis and a coordinate axis, with numbers that are not rounded.
 TEST_F(RoundSegment, ExactChordsAlongTheAxis) {
   const auto chord_from = [](RoundBall first, RoundBall last, Vec3d origin, Vec3d direction) {
     return chord_of_segment(ray_along(origin, direction), first, last);
@@ -296,7 +296,7 @@ TEST_F(RoundSegment, ExactChordsAlongTheAxis) {
   expect_chord(chord_from(thick, thin, {-1, 0, 0}, {1, 0, 0}), 0.5, 5.25);
   expect_chord(chord_from(thick, tip, {-1, 0, 0}, {1, 0, 0}), 0.5, 5);
   expect_chord(chord_from(inner, thick, {0, 2, 0}, {0, -1, 0}), 1.5, 2.5);
-  expect_chord(chord_from(tip, tip, {0, 0, 0}, {1, 0, 0}), 4, 4);  // a ball of radius 0, through its centre
+  expect_chord(chord_from(tip, tip, {0, 0, 0}, {1, 0, 0}), 4, 4);  // a sphere of radius 0, through its centre
 }
 
 TEST_F(RoundSegment, EndsAndWhereConesAndBallsTouch) {
@@ -312,7 +312,7 @@ TEST_F(RoundSegment, EndsAndWhereConesAndBallsTouch) {
   });
 }
 
-// The hull's surface is touched, at 1e-15 to 1e-3 of the radius inside or outside of it.
+// The ray touches the hull's surface, at 1e-15 to 1e-3 of the radius inside or outside of it.
 TEST_F(RoundSegment, TangentRays) {
   expect_exact([&] {
     const Segment segment = any_segment(uniform(0.05, 0.5), uniform(0.05, 0.5));
@@ -329,7 +329,7 @@ TEST_F(RoundSegment, TangentRays) {
   });
 }
 
-// A zigzag's joints: rays through the shared ball are inside of both segments, as computed.
+// A zigzag's joints: rays through the shared sphere are inside both segments, as computed.
 TEST_F(RoundSegment, NeighboursAgreeAboutTheBallTheyShare) {
   int hits = 0;
   for (int i = 0; i < 100000; ++i) {
@@ -351,7 +351,7 @@ TEST_F(RoundSegment, NeighboursAgreeAboutTheBallTheyShare) {
   EXPECT_GT(hits, 10000);
 }
 
-// The same line, however long its direction is, from either side.
+// The same line from both sides, for any length of its direction.
 TEST_F(RoundSegment, TurnedAndScaledRays) {
   for (int i = 0; i < 20000; ++i) {
     const Segment segment = any_segment(uniform(0, 1), uniform(0, 1));

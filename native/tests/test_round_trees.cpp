@@ -1,4 +1,4 @@
-// Trees over curves and points: by every builder, refitted, cut, turned, and in a scene.
+// Trees over curves and points: from every builder, refitted, split, rotated, and in a scene.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -42,7 +42,7 @@ TEST_P(RoundTrees, AreSound) {
   }
 }
 
-// Whatever was cut: each point of a primitive is in a leaf that holds the primitive.
+// After any splits, each point of a primitive is in a leaf that holds the primitive.
 TEST_P(RoundTrees, HoldEveryPoint) {
   std::mt19937 random(6);
   for (const NamedRound& input : round_meshes()) {
@@ -82,7 +82,7 @@ TEST(RoundWideTrees, AreSoundStraightFromTheCurve) {
   }
 }
 
-// Hair is cut where it is slanted: its tree is then the better one.
+// Hair is split where it is slanted; the resulting tree is better.
 TEST(RoundWideTrees, AreCutWhereThatPays) {
   ThreadPool pool(2);
   CancelToken cancel;
@@ -124,7 +124,7 @@ TEST(RoundRefit, FollowsEveryMotion) {
           mesh.balls[i] = {centres[i], mesh.balls[i].radius * (i % 3 == 0 ? 1.5f : 1.0f)};
         }
         const std::string name = input.name + ", " + motion.name;
-        if (!(tree_extent(triangle_bounds(mesh), 1.0f).reach < 1e19f)) continue;  // no scene takes those
+        if (!(tree_extent(triangle_bounds(mesh), 1.0f).reach < 1e19f)) continue;  // a scene rejects those
         const WideBvh moved = refitted(tree, mesh, 2);
         EXPECT_EQ(find_wide_fault(moved, mesh, true), "") << name;
         expect_tight(moved, mesh, name);
@@ -140,7 +140,7 @@ Affine random_map(std::mt19937& random) {
   return {vector(), vector(), vector(), vector()};
 }
 
-// A ball reaches its radius times the length of the map's row beyond its centre.
+// A sphere reaches its radius times the length of the map's row beyond its centre.
 Aabb world_box(const Mesh& mesh, const Affine& map) {
   Aabb box;
   for (const Ball& ball : mesh.balls) {
@@ -210,7 +210,7 @@ TEST_F(RoundScene, RefitsWhatMovesAndSaysSo) {
       EXPECT_EQ(report.meshes[0].action, MeshAction::kRefitted) << report.meshes[0].reason;
       expect_sound("refitted");
     }
-    input.radii.assign(input.radii.size(), 0.02f);  // tips have a radius now, which no segment lacked
+    input.radii.assign(input.radii.size(), 0.02f);  // now tips have a radius, and no segment is dropped
     scene_.update_balls<float>(mesh_id, PrimitiveKind::kCurves, input.balls());
     EXPECT_NE(commit().meshes[0].action, MeshAction::kBuilt);
     input.radii.assign(input.radii.size(), 0.0f);

@@ -1,4 +1,4 @@
-// The scene under threads, cancellation and injected failures: what Python tests cannot drive under sanitizers.
+// The scene under threads, cancellation and injected failures: cases that Python tests cannot run under sanitizers.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -90,7 +90,7 @@ TEST(Scene, AMarkDuringACommitIsNotLost) {
     scene.mark_stale("changed meanwhile");
     return true;
   });
-  std::this_thread::sleep_for(std::chrono::milliseconds(60));  // so that the first poll calls back
+  std::this_thread::sleep_for(std::chrono::milliseconds(60));  // long enough that the first poll calls back
   static_cast<void>(scene.commit(pool, cancel));
   EXPECT_THROW(static_cast<void>(scene.snapshot()), StaleScene);
   commit(scene, pool);
@@ -129,8 +129,8 @@ TEST(RayBatch, EqualsOneByOneForAnyThreadCount) {
   }
 }
 
-// A task is whole blocks, so that blocks begin where they begin on one thread; and each thread gets two, if there are
-// as many blocks.
+// A task has whole blocks, so that blocks begin at the same rays as on one thread; and each thread gets two tasks, if
+// there are enough blocks.
 TEST(RayBatch, IsSharedOutFairly) {
   for (const std::size_t block : {kBlockRays, std::size_t{6208}, kReorderedRays}) {
     for (const std::size_t count : {1, 1000, 1025, 5000, 16'384, 100'000, 1'000'000}) {

@@ -1,5 +1,5 @@
-// Spatial splits: every point of every triangle stays in the box of a leaf that holds it, whatever is cut; the budget
-// holds; the bytes are the same for any number of threads; hard input ends.
+// Spatial splits: every point of every triangle stays in the box of a leaf that holds it, wherever it is split; the
+// budget holds; the bytes are the same for any number of threads; hard input terminates.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -27,7 +27,7 @@ BuildConfig spatial(float budget = 0.3f) {
   return config;
 }
 
-BuildConfig greedy(float budget) {  // cuts as often as it may
+BuildConfig greedy(float budget) {  // splits as often as it may
   BuildConfig config = spatial(budget);
   config.traversal_cost = 0.01f;
   return config;
@@ -45,7 +45,7 @@ Bvh2 build(const Mesh& mesh, const BuildConfig& config, int thread_count = 1) {
   return build_tree(mesh, config, pool, cancel);
 }
 
-// The first thing wrong with a tree of spatial splits, as far as boxes alone can tell.
+// Returns the first fault of a tree of spatial splits that boxes alone can show.
 std::string fault_of(const Bvh2& tree, std::size_t count, const BuildConfig& config) {
   const std::string fault = find_fault(tree, count);
   if (!fault.empty()) return fault;
@@ -67,8 +67,8 @@ std::string fault_of(const Bvh2& tree, std::size_t count, const BuildConfig& con
 
 // Meshes ------------------------------------------------------------------------------------------------------------
 
-// Coordinates are multiples of 2^-20 of at most 2^3 times `scale`, a power of two: weighted means with weights of a
-// few bits are exact in double.
+// Coordinates are multiples of 2^-20 of at most 2^3 times `scale`, a power of two: weighted means with weights of a few
+// bits are exact in double.
 class MeshMaker {
  public:
   explicit MeshMaker(std::uint32_t seed, float scale = 1.0f) : random_(seed), scale_(scale) {}
@@ -157,7 +157,7 @@ bool holds(const Box4& box, Vec3d p) {
   return holds({lower[0], lower[1], lower[2]}, {upper[0], upper[1], upper[2]}, p);
 }
 
-// The first triangle with a point that no leaf's box holds, or -1.
+// Returns the first triangle with a point that no leaf's box holds, or -1.
 std::int64_t find_uncovered(const Bvh2& tree, const Mesh& mesh) {
   std::vector<std::vector<const Bvh2Node*>> leaves(mesh.primitive_count());
   for (const Bvh2Node& node : tree.nodes) {
@@ -186,7 +186,7 @@ TEST(SliceTriangle, CoversItsPoints) {
       const Vec3f corners[3] = {(at + maker.point(size)) * scale, (at + maker.point(1.0f)) * scale,
                                 (at + maker.point(size)) * scale};
       const int axis = trial % 3;
-      // Planes through corners too, where both slices must have the corner.
+      // Planes through corners too, where both slices must contain the corner.
       std::array<float, 4> planes{corners[0][axis], corners[1][axis], maker.number(1.0f) * scale, at[axis] * scale};
       std::sort(planes.begin(), planes.end());
       const auto count = static_cast<std::size_t>(std::unique(planes.begin(), planes.end()) - planes.begin());
@@ -240,13 +240,13 @@ TEST(Spatial, CoversEveryTriangle) {
       EXPECT_EQ(find_uncovered(tree, mesh), -1) << "budget " << budget;
       Aabb box;
       for (const Vec3f p : mesh.positions) box.grow(p);
-      EXPECT_EQ(tree.bounds().lower, box.lower);  // what t's error bounds are made of must not depend on the builder
+      EXPECT_EQ(tree.bounds().lower, box.lower);  // t's error bounds depend on it, and must not depend on the builder
       EXPECT_EQ(tree.bounds().upper, box.upper);
     }
   }
 }
 
-// So many that planes are chosen by a sample of them.
+// Enough triangles that planes are chosen from a sample of them.
 TEST(Spatial, CoversEveryTriangleOfManyToo) {
   for (const Mesh& mesh : {soup(9000, 0.25f, 7), slivers(6000, 8)}) {
     const BuildConfig config = greedy(1.0f);
@@ -257,7 +257,7 @@ TEST(Spatial, CoversEveryTriangleOfManyToo) {
   }
 }
 
-// Long diagonals side by side: their boxes are nearly all of space, their slices are not.
+// Long parallel diagonals: their boxes fill nearly all of space, their slices do not.
 Mesh sticks(std::size_t count) {
   MeshMaker maker(1);
   for (std::size_t i = 0; i < count; ++i) {
@@ -315,7 +315,7 @@ TEST(Spatial, DigestsHardInput) {
   coarse.bins = 2;
   for (const BuildConfig& config : {spatial(), greedy(1.0f), single, coarse}) {
     for (const NamedSet& set : hard_sets()) {
-      if (config.bins != spatial().bins && set.refs.size() > 10000) continue;  // slow, and no different
+      if (config.bins != spatial().bins && set.refs.size() > 10000) continue;  // slow, and tests nothing more
       EXPECT_EQ(fault_of(build(set.refs, config), set.refs.size(), config), "") << set.name;
     }
   }

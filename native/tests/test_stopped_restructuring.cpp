@@ -1,6 +1,6 @@
-// A commit that is interrupted while it restructures a refitted tree, or builds another in its place, at every single
-// place where it can be: its memory, whatever state it is in, is used again by the next commit, whose tree must equal
-// that of an uninterrupted scene.
+// A commit that restructures a refitted tree, or builds another in its place, is interrupted at every single place
+// where this is possible. The next commit reuses its memory, in any state, and its tree must equal that of an
+// uninterrupted scene.
 #include <gtest/gtest.h>
 
 #include <new>
@@ -30,16 +30,16 @@ class StoppedRestructuring : public testing::TestWithParam<Case> {
  protected:
   StoppedRestructuring() : still_(bumpy_sheet(24)), mesh_(moved(still_, {"", [](Positions& p) { twist(p, 25.0f); }})) {}
 
-  // A scene that has seen the mesh move; `mesh_id` of it is 0.
+  // Prepares a scene in which mesh 0 has moved.
   void begin(Scene& scene) {
     static_cast<void>(scene.add_mesh(Mesh(still_), {}, Usage::kDeforming));
     scene.add_instances(std::vector<InstanceInput>{{0, Affine{}, 1, {}}});
     static_cast<void>(commit(scene, Policy::kRefit));
-    scene.update_mesh<float>(0, still_.positions);  // from the first refit on memory is handed on
+    scene.update_mesh<float>(0, still_.positions);  // from the first refit on, memory is passed on
     static_cast<void>(commit(scene, Policy::kRefit));
   }
 
-  // What the commit is for that is interrupted: another shape or, which no tree can follow that was refitted, a motion.
+  // The edit before the interrupted commit: another shape or a motion, which no refitted tree can follow.
   void deform(Scene& scene) {
     if (GetParam().action != MeshAction::kRebuilt) return scene.update_mesh<float>(0, mesh_.positions);
     Positions steps = mesh_.positions;
@@ -55,7 +55,7 @@ class StoppedRestructuring : public testing::TestWithParam<Case> {
   CommitReport commit(Scene& scene, Policy policy, CancelToken& cancel) {
     CommitOptions options;
     options.policy = policy;
-    if (policy == Policy::kGoverned) options.expected_rays = 1e12;  // that repay a new tree
+    if (policy == Policy::kGoverned) options.expected_rays = 1e12;  // enough to repay a new tree
     return scene.commit(pool_, cancel, options);
   }
 
@@ -107,7 +107,7 @@ TEST_P(StoppedRestructuring, LeavesNothingBehind) {
     deform(scene);
     const Attempt tried = attempt(scene, after);
     if (!tried.is_disturbed) break;
-    if (tried.is_done) continue;  // a stop that came after the last question, memory that was only a wish
+    if (tried.is_done) continue;  // a stop after the last poll, or a failed allocation that was optional
     ++interruptions;
     scene.update_mesh<float>(0, mesh_.positions);
     ASSERT_EQ(commit(scene, Policy::kRefit).meshes[0].action, MeshAction::kRefitted);

@@ -1,5 +1,5 @@
-// Chains of balls in curves' stead: within the stated distance, as Blender evaluates the curves, and the same on any
-// number of threads.
+// Chains of spheres instead of curves: within the stated distance, equal to Blender's evaluation of the curves, and the
+// same on any number of threads.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -69,7 +69,7 @@ void expect_ball(const Chain& chain, std::size_t row, Vec3d centre, double radiu
   EXPECT_NEAR(chain.radii[row], radius, 1e-6) << row;
 }
 
-// What bpy 5.0.1's node Curve to Mesh makes of the same control points at a resolution of 4: rows of it.
+// Rows of the result of bpy 5.0.1's node Curve to Mesh for the same control points at a resolution of 4.
 TEST(SubdivideCurve, RunsAsBlenderEvaluatesCurves) {
   const Curves open = one_curve(CurveKind::kCatmullRom, false), closed = one_curve(CurveKind::kCatmullRom, true);
   Chain chain = written(open, subdivide_evenly(open.view(), 4, "test"));
@@ -116,7 +116,7 @@ INSTANTIATE_TEST_SUITE_P(All, Kinds,
                          testing::Values(CurveKind::kPoly, CurveKind::kCatmullRom, CurveKind::kBezier,
                                          CurveKind::kBSpline));
 
-// Against chains that are so fine that they are the curve.
+// Compared with chains that are fine enough to represent the curve.
 TEST_P(Kinds, StayWithinTheTolerance) {
   const Curves curves = random_curves(GetParam(), 100, 5);
   constexpr std::uint32_t kFine = 256;
@@ -142,7 +142,7 @@ TEST_P(Kinds, StayWithinTheTolerance) {
     }
     EXPECT_LE(most, tolerance + 1e-14);
     if (GetParam() != CurveKind::kPoly && tolerance == 1e-3) {
-      EXPECT_GT(most, 0.2 * tolerance);  // and no finer than asked
+      EXPECT_GT(most, 0.2 * tolerance);  // and no finer than requested
     }
   }
   for (const double radius : curve.radii) ASSERT_GE(radius, 0.0);

@@ -1,5 +1,6 @@
-// Rays at times of their own: each is answered, bit for bit, as by a scene of the vertices where they are then, whose
-// trees are its own; and as by instances that were placed where they are then, up to the rounding of their maps.
+// Rays with individual times. Each has, bit for bit, the answer of a scene whose vertices are at their positions at
+// that time, with the trees of that scene; and that of instances placed for that time, up to the rounding of their
+// maps.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -15,7 +16,7 @@ namespace {
 
 constexpr StepTimes kTwoSteps{0.0f, 1.0f, 1};
 
-// Where every vertex goes, by so much at most.
+// Moves every vertex by at most `by`.
 std::vector<Vec3f> shaken(const MeshData& data, float by, std::uint32_t seed) {
   Random random(seed);
   std::vector<Vec3f> positions = data.positions;
@@ -131,7 +132,7 @@ TEST_P(Times, ATurningInstanceIsWhereItIsAtTheMoment) {
   }
 }
 
-// Rays of a camera, so that they go in packets, each at a time of its own; some are none.
+// Rays of a camera, so that they are traced in packets, each with its own time; some are invalid.
 std::vector<Ray> camera_rays(std::size_t side) {
   Random random(4);
   std::vector<Ray> rays;
@@ -209,7 +210,7 @@ Affine narrowed(const Affine& map) {
   return narrow;
 }
 
-// Rays taken back, beside the inverse of where the instance is.
+// Compares rays mapped back with the inverse of the instance's map.
 void expect_back(const Turns& turns, double tolerance) {
   for (const float time : {0.0f, 0.125f, 0.3f, 0.5f, 0.77f, 1.0f}) {
     const Moment moment = moment_at(turns.times, time);
@@ -245,7 +246,7 @@ TEST(Turns, AreTakenBackAsTheyAreTaken) {
       if (angle == 0.0) {
         EXPECT_EQ(noisy.backs[0].grows, 0);
       } else if (angle > 1e-6) {
-        EXPECT_NE(noisy.backs[0].grows, 0);  // by the rounding of its matrices
+        EXPECT_NE(noisy.backs[0].grows, 0);  // because its matrices are rounded
       }
       expect_back(turns, 1e-13);
       expect_back(noisy, 1e-12);
@@ -260,7 +261,7 @@ TEST(Turns, ThatStretchAreNotMadeReady) {
   ASSERT_TRUE(turns.add(Affine{}) && turns.add(larger));
   turns.finish();
   EXPECT_EQ(turns.backs[0].is_ready, 0);
-  EXPECT_EQ(turns.backs[1].is_ready, 1);  // it stays as it is from then on
+  EXPECT_EQ(turns.backs[1].is_ready, 1);  // it does not change after that
 }
 
 TEST(Turns, GoEvenlyFromEachStepToTheNext) {

@@ -1,4 +1,4 @@
-// The top level: clustering against the plain O(N^3) version of it, hard input, and the choice between the trees.
+// The top level: clustering compared with its plain O(N^3) version, hard input, and the choice between the trees.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -94,7 +94,7 @@ double plain_clustering_area(const std::vector<PrimRef>& refs) {
   return sum;
 }
 
-// Boxes with whole-numbered corners: many pairs cost exactly the same.
+// Boxes with integer corners: many pairs have exactly the same cost.
 std::vector<PrimRef> whole_numbered(std::size_t count, unsigned seed, int side) {
   std::mt19937 random(seed);
   std::uniform_int_distribution<int> place(0, side), size(0, 2);
@@ -107,7 +107,7 @@ std::vector<PrimRef> whole_numbered(std::size_t count, unsigned seed, int side) 
   return refs;
 }
 
-// Boxes of all sizes, some around others.
+// Boxes of all sizes, some of them around others.
 std::vector<PrimRef> mixed_sizes(std::size_t count, unsigned seed) {
   std::mt19937 random(seed);
   std::uniform_real_distribution<float> place(-1.0f, 1.0f), exponent(-8.0f, 0.0f);
@@ -149,7 +149,7 @@ TEST(Agglomerative, CostsWhatTryingAllPairsCosts) {
   }
 }
 
-// Whatever tree it is searched in, the best match is the same: only the order of joining differs.
+// The best match is the same for every search tree: only the order of joining differs.
 TEST(Agglomerative, DoesNotDependOnTheGuide) {
   for (const auto& refs : {scattered(3000), whole_numbered(3000, 1, 12), mixed_sizes(3000, 1)}) {
     const double area = inner_area(cluster(refs));
@@ -168,7 +168,7 @@ TEST(Agglomerative, MakesSoundTreesOfHardInput) {
 }
 
 TEST(Agglomerative, BoundsChainsInDepth) {
-  const auto refs = concentric(5000);  // each box is nearest to the next larger one: a chain of 5000
+  const auto refs = concentric(5000);  // the nearest neighbour of each box is the next larger one: a chain of 5000
   const Bvh2 tree = cluster(refs);
   EXPECT_EQ(tree.depth, kMaxTreeDepth);
   CancelToken cancel;
@@ -242,7 +242,7 @@ TEST(TopLevel, IsBuiltForTheRaysToCome) {
   for (const double rays : {0.0, 1e9}) EXPECT_EQ(find_fault(built_for(nested, rays).tree, nested.size()), "") << rays;
 }
 
-// Where one is much larger than the others and rays are many enough, or rays are very many.
+// If one is much larger than the others and there are enough rays, or if there are very many rays.
 TEST(TopLevel, TriesClusteringWhereItMayPay) {
   EXPECT_FALSE(built_for(scattered(5000), 1e6).tried_clustering);
   EXPECT_TRUE(built_for(scattered(5000), 1e9).tried_clustering);
@@ -250,7 +250,7 @@ TEST(TopLevel, TriesClusteringWhereItMayPay) {
   EXPECT_TRUE(built_for(ground_and_pebbles(5000), 1e7).tried_clustering);
 }
 
-// The huge box is taken apart from the small ones, however many there are: planes through centroids cannot do that.
+// The huge box is separated from any number of small ones: planes through centroids cannot do that.
 TEST(TopLevel, KeepsAHugeInstanceAway) {
   for (const std::size_t count : {500u, 20000u}) {
     const auto refs = ground_and_pebbles(count);

@@ -1,4 +1,4 @@
-// The top level over instances that move: refitted or rebuilt, its hits are those of a scene that was made afresh.
+// The top level over instances that move: refitted or rebuilt, its hits are those of a newly built scene.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -13,7 +13,7 @@
 namespace perfect_bvh::test {
 namespace {
 
-// Two triangles that cross: hits on their edges and corners are as likely as may be.
+// Two triangles that cross: hits on their edges and corners are as likely as possible.
 Mesh cross() {
   const std::vector<Vec3f> positions{{-1, -1, 0}, {1, -1, 0}, {0, 1, 0}, {0, -1, -1}, {0, -1, 1}};
   return make_mesh(positions, std::vector<Vec3<std::int32_t>>{{0, 1, 2}, {3, 4, 2}}, "test");
@@ -21,7 +21,7 @@ Mesh cross() {
 
 using Maps = std::vector<Affine>;
 
-// Turned and sheared at random, at places of a grid that is `spacing` wide.
+// Turned and sheared at random, at points of a grid with this `spacing`.
 Maps grid_of(std::size_t count, double spacing, unsigned seed) {
   std::mt19937 random(seed);
   std::uniform_real_distribution<double> entry(-1.0, 1.0);
@@ -127,7 +127,7 @@ TEST(TopLevelRefit, HitsAreThoseOfAFreshSceneAndOfEveryTriangle) {
   }
 }
 
-// Every instance stands where another one does: whichever comes first wins, whatever the tree.
+// Every instance coincides with another: in every tree the first one wins.
 TEST(TopLevelRefit, BreaksTiesAsAFreshTree) {
   const Maps apart = grid_of(400, 3.0, 1);
   Maps together = apart;
@@ -159,7 +159,7 @@ TEST(TopLevelRefit, IsRejectedWhereTheyAreShuffled) {
   EXPECT_TRUE(same_trees(*field.snapshot(), *Field(maps).snapshot()));
 }
 
-// What a worse tree loses depends on how many rays are about to meet it.
+// The cost of a worse tree depends on the number of rays to come.
 TEST(TopLevelRefit, IsDecidedByTheRaysToCome) {
   const Maps maps = grid_of(4000, 3.0, 1), next = grid_of(4000, 3.0, 2);
   for (const double rays : {0.0, 1e9}) {
@@ -169,7 +169,7 @@ TEST(TopLevelRefit, IsDecidedByTheRaysToCome) {
   }
 }
 
-// Built while all stand at one place, a tree knows nothing of what is near what.
+// A tree that was built while all instances were at one point has no information about which are near each other.
 TEST(TopLevelRefit, IsRejectedAfterInstancesStoodAtOnePlace) {
   const Maps maps = grid_of(4000, 3.0, 1);
   Field field(times(maps, 0.0));
@@ -187,11 +187,11 @@ TEST(TopLevelRefit, MakesTheSameBytesForAnyThreadCount) {
   EXPECT_TRUE(alone.move(next).is_refitted);
   EXPECT_TRUE(others.move(next).is_refitted);
   EXPECT_TRUE(same_trees(*alone.snapshot(), *others.snapshot()));
-  EXPECT_TRUE(alone.move(maps).is_refitted);  // and back again: nothing of the way there is left
+  EXPECT_TRUE(alone.move(maps).is_refitted);  // back at the start, the motion has left no trace
   EXPECT_TRUE(same_trees(*alone.snapshot(), *Field(maps).snapshot()));
 }
 
-// So that boxes of any size are multiplied by another power of two than those that the tree was built over.
+// With this motion, box sizes are scaled by another power of two than when the tree was built.
 TEST(TopLevelRefit, FollowsTheScaleOfTheScene) {
   const Maps maps = grid_of(300, 3.0, 1);
   Field field(maps);
@@ -208,7 +208,7 @@ TEST(TopLevelRefit, FollowsTheScaleOfTheScene) {
 TEST(TopLevelRefit, GivesWayWhereInstancesComeAndGoOrAreFlattened) {
   Maps maps = grid_of(300, 3.0, 1);
   Field field(maps);
-  maps[7].x = {0, 0, 0};  // has no inverse any more
+  maps[7].x = {0, 0, 0};  // no longer has an inverse
   field.move(maps);
   const auto rays = rays_through(maps, 1000);
   expect_same_hits(hits_of(*field.snapshot(), rays), hits_of(*Field(maps).snapshot(), rays));
@@ -222,7 +222,7 @@ TEST(TopLevelRefit, GivesWayWhereInstancesComeAndGoOrAreFlattened) {
   EXPECT_FALSE(hits_of(*field.snapshot(), rays)[0].found());
 }
 
-// The arrays of the last snapshot are used again only if no owner holds it.
+// The arrays of the last snapshot are reused only if no owner holds it.
 TEST(TopLevelRefit, LeavesASnapshotThatIsHeldAlone) {
   const Maps maps = grid_of(2000, 3.0, 1);
   Field field(maps);

@@ -1,4 +1,4 @@
-// What a fresh tree costs, foretold from a few of its triangles.
+// Predicts the cost of a fresh tree from a few of its triangles.
 #include <gtest/gtest.h>
 
 #include <cmath>

@@ -19,7 +19,7 @@ Bvh2 build(const std::vector<PrimRef>& refs) {
   return build_bvh2(refs, {}, pool, cancel);
 }
 
-// Boxes of a node by looking at every primitive below it.
+// Computes the boxes of a node from every primitive below it.
 Aabb fresh_box(const Bvh2& tree, std::size_t index, const std::vector<Aabb>& boxes) {
   const Bvh2Node& node = tree.nodes[index];
   Aabb box;
@@ -119,7 +119,7 @@ TEST(Refit, RefusesClippedTrees) {
 }
 
 TEST(Quality, MatchesAHandCountedTree) {
-  // Two unit cubes side by side, one primitive each: root 2x1x1 (half area 5), leaves 3 each.
+  // Two adjacent unit cubes, one primitive each: root 2x1x1 (half area 5), leaves 3 each.
   Bvh2 tree;
   tree.nodes = {{{0, 0, 0}, 2, {2, 1, 1}, 0}, {}, {{0, 0, 0}, 0, {1, 1, 1}, 1}, {{1, 0, 0}, 1, {2, 1, 1}, 1}};
   tree.prim_indices = {0, 1};
@@ -140,7 +140,7 @@ TEST(Quality, IsFiniteWithoutArea) {
   EXPECT_TRUE(std::isfinite(quality.sah));
 }
 
-// Each damage must be found: a validator that passes everything is worth nothing.
+// The validator must find each kind of damage.
 class Validator : public testing::Test {
  protected:
   Bvh2 tree = build(scattered(100));

@@ -1,4 +1,4 @@
-// The order in which rays visit a node's children, against sorting them one by one.
+// The order in which rays visit a node's children, compared with sorting them one by one.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -27,7 +27,7 @@ WideNode random_node(std::uint32_t count, bool has_equals, std::mt19937& random)
   return node;
 }
 
-// Along the diagonal that rays of an octant run; 1, 2 and 4 are down one axis.
+// The distance along the diagonal of the octant's rays; 1, 2 and 4 point down one axis.
 float distance(const WideNode& node, std::uint32_t lane, std::uint32_t octant) {
   const auto centre = [&](int axis) {
     const float value = node.planes[2 * axis][lane] * 0.5f + node.planes[2 * axis + 1][lane] * 0.5f;

@@ -1,4 +1,4 @@
-// The Voronoi Texture: that it equals recorded values of Cycles, and what holds of its features.
+// The Voronoi Texture: it equals recorded values of Cycles, and its features have their properties.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -16,7 +16,7 @@ struct Recorded {
   int dimensions;
   VoronoiFeature feature;
   VoronoiMetric metric;
-  VoronoiTexture values;  // of Cycles, by tests/blender/texture_values.py
+  VoronoiTexture values;  // of Cycles, from tests/blender/texture_values.py
 };
 const std::vector<Recorded> kRecorded{
     {1,

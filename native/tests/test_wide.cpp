@@ -1,4 +1,4 @@
-// The collapsed tree holds what the binary one held: every triangle, inside every box above it, whatever the input.
+// The collapsed tree has the content of the binary one, for any input: every triangle, inside every box above it.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -20,7 +20,7 @@
 namespace perfect_bvh::test {
 namespace {
 
-// Boxes inside boxes: as deep as a builder lets it become.
+// Boxes inside boxes: as deep as a builder lets the tree become.
 Mesh nested(std::uint32_t count) {
   Mesh mesh;
   for (std::uint32_t i = 0; i < count; ++i) {
@@ -92,7 +92,7 @@ class Checker {
   std::multiset<std::uint32_t> seen_triangles;
 
  private:
-  // All places named once, and the taken ones from far to near.
+  // All slots are named once, and the occupied ones from far to near.
   static void check_order(const WideNode& node) {
     const auto count = static_cast<std::uint32_t>(8 - std::count(node.child, node.child + 8, kNoChild));
     for (std::uint32_t octant = 0; octant < 8; ++octant) {
@@ -233,7 +233,7 @@ TEST(WideBvh, IsTheSameForAnyNumberOfThreads) {
   }
 }
 
-// A commit shows how far it is: for each triangle one piece of work for a binary tree, and as much for a wide one.
+// A commit reports progress: for each triangle one unit of work for a binary tree, and one for a wide tree.
 TEST(WideBvh, CountsItsWork) {
   const Mesh mesh = bumpy_sheet(200);
   const Bvh2 tree = build(mesh, 2);

@@ -1,4 +1,4 @@
-// Refits of the wide tree: sound, tight and right after any motion, the same bytes for any number of threads.
+// Refits of the wide tree: sound, tight and correct after any motion, the same bytes for any number of threads.
 #include <gtest/gtest.h>
 
 #include "blas/build_tree.h"
@@ -30,7 +30,7 @@ TEST_P(WideRefit, GivesSoundTightTreesAfterAnyMotion) {
       const WideBvh after = refitted(tree, mesh);
       EXPECT_EQ(find_wide_fault(after, mesh, true), "") << name;
       expect_tight(after, mesh, name);
-      // There and back again, from whatever scale it had there.
+      // There and back, with any scale at the far end.
       EXPECT_TRUE(same_bytes(refitted(after, input.mesh), refitted(tree, input.mesh))) << name;
     }
   }
@@ -40,7 +40,7 @@ TEST_P(WideRefit, OfWhatDidNotMoveChangesNoByte) {
   for (const Mesh& mesh : {bumpy_sheet(60), triangle_soup(3000, 0.05f), scaled(bumpy_sheet(20), 1e15f)}) {
     const WideBvh tree = build(mesh, GetParam()), after = refitted(tree, mesh);
     EXPECT_TRUE(same_bytes(after, refitted(after, mesh)));
-    // Leaves of these builders' binary trees were halved, with the boxes that they had.
+    // These builders' leaves were halved after their binary tree was built, and kept their boxes.
     const BuilderKind builder = GetParam().config.builder;
     if (builder != BuilderKind::kMedian && builder != BuilderKind::kFast) {
       EXPECT_TRUE(same_bytes(tree, after));
@@ -66,8 +66,8 @@ TEST_P(WideRefit, GivesTheSameBytesForAnyThreadCountAndWhateverWasInTheMemory) {
   }
 }
 
-// Through the scene, whatever it then decides: the hits are those of every triangle tried in turn, and bit for bit
-// those of a scene that was never anything else.
+// Through the scene, with any decision it makes: the hits are those of testing every triangle, and bit for bit those of
+// a scene that was built in this state.
 TEST_P(WideRefit, GivesTheHitsOfAFreshTree) {
   ThreadPool pool(2);
   CancelToken cancel;
@@ -80,7 +80,7 @@ TEST_P(WideRefit, GivesTheHitsOfAFreshTree) {
     static_cast<void>(scene.commit(pool, cancel));
     for (const Motion& motion : motions()) {
       const Mesh mesh = moved(input.mesh, motion);
-      if (!(tree_extent(triangle_bounds(mesh), 1.0f).reach < 1e18f)) continue;  // no scene takes those
+      if (!(tree_extent(triangle_bounds(mesh), 1.0f).reach < 1e18f)) continue;  // a scene rejects those
       scene.update_mesh<float>(mesh_id, mesh.positions);
       const CommitReport report = scene.commit(pool, cancel);
       const std::string name = input.name + ", " + motion.name + ", " + report.meshes[0].reason;

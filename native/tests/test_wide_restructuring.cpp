@@ -1,4 +1,4 @@
-// Rotations and rebuilt parts: sound, tight and never worse, right to the bit, whatever motion came before.
+// Rotations and rebuilt parts: sound, tight and never worse, correct to the bit, after any motion.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -17,7 +17,7 @@
 namespace perfect_bvh::test {
 namespace {
 
-// A tree after a motion, with what it costs and cost when it was built.
+// A tree after a motion, with its cost now and when it was built.
 struct Moved {
   Mesh mesh;
   WideBvh tree;
@@ -111,7 +111,7 @@ TEST_P(WideRestructuring, GivesTheSameBytesForAnyThreadCount) {
   }
 }
 
-// One limb of several moves: what is far from it is not rebuilt.
+// One limb of several moves: parts far from it are not rebuilt.
 TEST(WideRestructuring, RebuildsOnlyWhatIsDegraded) {
   ThreadPool pool(1);
   CancelToken cancel;
@@ -139,7 +139,7 @@ TEST(WideRestructuring, RebuildsOnlyWhatIsDegraded) {
   EXPECT_EQ(find_wide_fault(tree, mesh, true), "");
 }
 
-// The scene's own choice, over a chain of frames that bend the mesh further and further.
+// The scene's own choice, over a sequence of frames that bend the mesh further and further.
 TEST(WideRestructuring, AScenesHitsAreRightWhateverItDoes) {
   ThreadPool pool(2);
   CancelToken cancel;

@@ -1,4 +1,4 @@
-// The numbers of threads that an answer must not depend on, beside one.
+// Numbers of threads, in addition to one, that an answer must not depend on.
 #pragma once
 
 #include <vector>
@@ -7,9 +7,9 @@ namespace perfect_bvh::test {
 
 inline std::vector<int> thread_counts() {
 #if defined(__SANITIZE_THREAD__)
-  return {4};  // what two threads might do wrong, four do, and it makes each twenty times as slow
+  return {4};  // four show all errors of two; ThreadSanitizer is twenty times slower
 #elif defined(__SANITIZE_ADDRESS__)
-  return {2};  // the other is ThreadSanitizer's
+  return {2};  // ThreadSanitizer tests the other
 #else
   return {2, 4};
 #endif

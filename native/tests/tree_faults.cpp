@@ -169,7 +169,7 @@ class WideValidator {
     return {box.lower * tree_.scale, box.upper * tree_.scale};
   }
 
-  // Of a leaf of curves: both balls lie in those of the capsule's ends.
+  // A leaf of curves: both spheres must be inside those of the capsule's ends.
   [[nodiscard]] bool is_within_capsule(const CurveLeaf& leaf, std::uint32_t lane) const {
     if (lane > 0 && (leaf.lanes >> lane & 1) != 0 && leaf.primitives[lane] == leaf.primitives[lane - 1]) return false;
     const Ball* const balls = &mesh_.balls[mesh_.segments[leaf.primitives[lane]] & kSegmentBall];
@@ -188,7 +188,7 @@ class WideValidator {
     return is_within(balls[0], leaf.first[lane]) && is_within(balls[1], leaf.last[lane]);
   }
 
-  // A clipped box holds a part of the triangle only: then some of the corners lie outside.
+  // A clipped box holds only a part of the triangle, so some corners may be outside.
   [[nodiscard]] bool holds_corners(std::uint32_t leaf, std::uint32_t lane, const Aabb& box) {
     const TriangleIndices corners = mesh_.triangles[primitives_of(tree_, leaf)[lane]];
     const std::uint32_t vertices[3] = {corners.x, corners.y, corners.z};

@@ -1,4 +1,4 @@
-// Wide trees of every kind that can be refitted, and what is to be true of them.
+// Wide trees of every kind that can be refitted, and the properties that they must have.
 #pragma once
 
 #include <gtest/gtest.h>
@@ -70,7 +70,7 @@ inline Aabb triangle_bounds(const Mesh& mesh) {
   return box;
 }
 
-// No box is larger than what is in it; scale and extent are those of a new tree.
+// Checks that no box is larger than its content; scale and extent are those of a new tree.
 inline void expect_tight(const WideBvh& tree, const Mesh& mesh, const std::string& name) {
   if (tree.is_empty) return;
   const Aabb bounds = triangle_bounds(mesh);

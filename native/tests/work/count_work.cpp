@@ -1,4 +1,4 @@
-// Must itself be compiled without reports.
+// This file itself must be compiled without reports.
 #include "tests/work/count_work.h"
 
 #include <unistd.h>
@@ -15,16 +15,16 @@
 #include <thread>
 
 extern "C" {
-extern const char __executable_start, etext;  // the linker's
-void __sanitizer_cov_trace_pc();              // what the compiler has blocks call
+extern const char __executable_start, etext;  // from the linker
+void __sanitizer_cov_trace_pc();              // called by the compiler in each block
 }
 
 namespace perfect_bvh::test {
 namespace {
 
 struct BlockCount {
-  std::uint32_t stretch;  // between two questions, in which it ran last ...
-  std::uint32_t runs;     // ... and how often
+  std::uint32_t stretch;  // the interval between two polls in which it ran last
+  std::uint32_t runs;     // the number of runs in that interval
   std::uint32_t most_runs;
 };
 
@@ -34,7 +34,7 @@ std::thread::id owner;
 
 std::size_t code_size() noexcept { return static_cast<std::size_t>(&etext - &__executable_start); }
 
-// One a thread and place.
+// One for each thread and code address.
 std::span<BlockCount> counts() {
   thread_local const std::unique_ptr<BlockCount[]> all = std::make_unique<BlockCount[]>(code_size());
   return {all.get(), code_size()};
@@ -62,7 +62,7 @@ void count(std::size_t place) {
   }
 }
 
-// The innermost function's file and line, then the function that it was inlined into.
+// Returns the innermost function's file and line, then the function that it was inlined into.
 std::string describe(std::size_t place) {
   char command[128];
   std::snprintf(command, sizeof(command), "addr2line -Cfpi -e /proc/%d/exe 0x%zx", getpid(), place - 1);

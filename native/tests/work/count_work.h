@@ -1,7 +1,7 @@
-// Work between two questions whether to stop, counted by the compiler: each piece of code without a branch (a basic
-// block) reports when it runs. In: the engine compiled so, see cmake/CountedWork.cmake. Out: the blocks that ran more
-// often than they may before the next question. A loop over all items that asks nothing shows as a block that ran once
-// an item, whatever else it does; deterministic, unlike a clock.
+// Counts work between two polls for cancellation, with the compiler's help: each piece of code without a branch (a
+// basic block) reports when it runs. In: the engine compiled this way, see cmake/CountedWork.cmake. Out: the blocks
+// that ran more often than allowed before the next poll. A loop over all items without a poll shows as a block that ran
+// once per item. Unlike a clock, this is deterministic.
 #pragma once
 
 #include <cstdint>
@@ -10,14 +10,14 @@
 
 namespace perfect_bvh::test {
 
-// From now on work is counted. `most`: how often a block may run between two questions. Threads other than this one
-// wait for the next question then, for half a minute at most.
+// Starts counting. `most`: how often a block may run between two polls. A thread other than this one that reaches the
+// limit waits for the next poll, for half a minute at most.
 void begin_counting(std::uint32_t most);
-// A question is asked: counts begin again.
+// Restarts the counts, at a poll.
 void count_from_here() noexcept;
-// A line for each block that ran too often on the thread that began, with its place in the source, and one if another
-// thread waited in vain. What vectors do with memory (constructing, filling, moving) is left out. To be called where
-// counting began. Wants binutils' addr2line.
+// Ends counting. Returns a line for each block that ran too often on the thread that began, with its position in the
+// source, and a line if another thread waited in vain. Memory operations of vectors (constructing, filling, moving) are
+// left out. Must be called on the thread that began. Requires binutils' addr2line.
 [[nodiscard]] std::vector<std::string> end_counting();
 
 }  // namespace perfect_bvh::test

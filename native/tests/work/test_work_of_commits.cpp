@@ -1,4 +1,4 @@
-// However large a scene, a commit's work between two questions whether to stop is bounded: builders, refits,
+// In a scene of any size, the work of a commit between two polls for cancellation is bounded: builders, refits,
 // restructuring, collapse, instances. Counted, not timed (count_work.h).
 #include <gtest/gtest.h>
 
@@ -17,11 +17,11 @@
 namespace perfect_bvh::test {
 namespace {
 
-// Runs of a block: of 16,384 items some ten levels deep, or of so many items in whatever is not built.
+// Allowed runs of a block: for 16,384 items some ten levels deep, or for this many items outside of builds.
 constexpr std::uint32_t kMostRuns = 1u << 18;
 // A subtree of 16,384 references in three orders, and slices of as many by 64 planes.
 constexpr std::uint32_t kMostRunsOfSlowBuilders = 1u << 20;
-// Of so many triangles each loop is noticed: leaves of the wide tree are a sixth as many, its nodes a twentieth, of 8
+// Enough triangles to notice each loop: the wide tree has a sixth as many leaves, and a twentieth as many nodes, with 8
 // children each.
 constexpr std::size_t kMany = 1'200'000;
 constexpr std::size_t kEnough = 300'000;  // for loops over triangles and over the binary tree
@@ -77,7 +77,7 @@ class WorkBetweenQuestions : public testing::TestWithParam<int> {
     EXPECT_GT(asked_, 5u) << what;
   }
 
-  // Every way in which a tree follows its triangles.
+  // Every method by which a tree follows its triangles.
   void move_and_commit(std::int32_t mesh, MeshData data) {
     const std::vector<std::pair<Policy, MeshAction>> ways{{Policy::kRefit, MeshAction::kRefitted},
                                                           {Policy::kRotate, MeshAction::kRotated},
@@ -141,7 +141,7 @@ TEST_P(WorkBetweenQuestions, IsBoundedInEveryBuilder) {
   }
 }
 
-// Where nothing can be told apart, trees are made by halving.
+// If all triangles are equal, builders halve them.
 TEST_P(WorkBetweenQuestions, IsBoundedWhereAllTrianglesAreTheSame) {
   for (const NamedConfig& each : builders()) {
     scene_.emplace();
@@ -171,7 +171,7 @@ TEST_P(WorkBetweenQuestions, IsBoundedForInstances) {
   const std::int32_t first = scene_->add_instances(inputs);
   CommitOptions options;
   options.expected_rays = 1e6;
-  // Of 16,384 nodes three axes of seven lanes each.
+  // For 16,384 nodes, three axes of seven lanes each.
   constexpr std::uint32_t kMostRunsOfTopLevels = 2 * kMostRuns;
   EXPECT_FALSE(commit(options, kMostRunsOfTopLevels).top_level.is_refitted);
   expect_bounded("build");
@@ -193,7 +193,7 @@ TEST_P(WorkBetweenQuestions, IsBoundedForBakedMeshes) {
   expect_bounded("baked");
 }
 
-// With other threads, those wait in turn until the caller has asked: whether it works or waits for them, it must.
+// With more threads, the others wait in turn until the caller has polled: it must poll whether it works or waits.
 INSTANTIATE_TEST_SUITE_P(Threads, WorkBetweenQuestions, testing::Values(1, 3));
 
 }  // namespace
