@@ -1,4 +1,4 @@
-"""Small things to put into a Blender scene, and ways to look at what came out of it."""
+"""Small objects for test scenes, and helpers that inspect the result."""
 
 from __future__ import annotations
 
@@ -139,7 +139,7 @@ class _ProbeEngine(bpy.types.RenderEngine):
 
 
 def in_render(visit: Callable[[Any], Any]) -> Any:
-    """What visit returns for the depsgraph of a final render."""
+    """Return the result of `visit` for the depsgraph of a final render."""
     if bpy.context.scene.camera is None:
         camera_object("probe camera")
     bpy.utils.register_class(_ProbeEngine)

@@ -1,4 +1,4 @@
-"""A view of a sphere in the mode "clay", for what refines and traces views without Blender's scenes."""
+"""A view of a sphere in the mode "clay", for tests that refine and trace views without Blender's scenes."""
 
 from __future__ import annotations
 

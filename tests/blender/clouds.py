@@ -1,4 +1,4 @@
-"""Meshes so large that their trees take a while; also for the tests in windows, whose Blender knows no pytest."""
+"""Meshes whose trees take a while to build; tests in windows, whose Blender has no pytest, use them too."""
 
 from __future__ import annotations
 

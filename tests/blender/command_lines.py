@@ -1,4 +1,4 @@
-"""What tests of the command line share: calls of it in this process, and a small file for it."""
+"""Shared helpers of the command line's tests: calls of it in this process, and a small file for it."""
 
 from __future__ import annotations
 

@@ -13,7 +13,7 @@ bpy: Any = pytest.importorskip("bpy")
 
 @pytest.fixture(autouse=True, scope="module")
 def factory_settings() -> None:
-    """Files of tests share a process in any order: none finds what another has left in Blender."""
+    """Reset Blender, because test files share a process in any order and must not find another file's leftovers."""
     import perfect_bvh_addon
 
     perfect_bvh_addon.unregister()
@@ -22,7 +22,7 @@ def factory_settings() -> None:
 
 @pytest.fixture
 def registered() -> Iterator[None]:
-    """The add-on is registered meanwhile."""
+    """Register the add-on during the test."""
     import perfect_bvh_addon
 
     perfect_bvh_addon.register()
@@ -32,7 +32,7 @@ def registered() -> Iterator[None]:
 
 @pytest.fixture
 def keeps_syncs(scene: Any) -> Iterator[None]:
-    """Of the add-on the cache of syncs alone is registered meanwhile, empty at first."""
+    """Register only the add-on's cache of syncs during the test; the cache is empty at first."""
     from perfect_bvh_addon.live import sync_cache
 
     sync_cache.clear_syncs()
@@ -52,7 +52,7 @@ def without_windows(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
 
 @pytest.fixture
 def scene() -> Any:
-    """An empty scene in a file of its own, with a small render size."""
+    """An empty scene in a new file, with a small render size."""
     bpy.ops.wm.read_factory_settings(use_empty=True)
     scene = bpy.context.scene
     scene.render.resolution_x, scene.render.resolution_y = 32, 18
@@ -87,7 +87,7 @@ def cube(scene: Any) -> Any:
     camera.location = (0.0, 0.0, 8.0)
     scene.collection.objects.link(camera)
     scene.camera = camera
-    scene.world = bpy.data.worlds.new("World")  # what nothing shines on is black
+    scene.world = bpy.data.worlds.new("World")  # surfaces without light are black
     scene.perfect_bvh.samples = 4
     bpy.context.view_layer.update()
     return made

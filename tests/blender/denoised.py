@@ -1,4 +1,4 @@
-"""What tests of denoising, noise thresholds and samples share: a scene, and renders of it."""
+"""Shared helpers for tests of denoising, noise thresholds and samples: a scene, and renders of it."""
 
 from __future__ import annotations
 
@@ -51,14 +51,14 @@ def combined(scene: bpy.types.Scene, **settings: object) -> np.ndarray:
 
 
 def ask_for_data(scene: bpy.types.Scene) -> None:
-    """Have compositors get what a denoiser of their own needs."""
+    """Enable the passes that a denoiser in the compositor needs."""
     scene.view_layers[0].cycles.denoising_store_passes = True
 
 
 def expect(
     images: Mapping[str, np.ndarray], noise: Mapping[str, np.ndarray] | None, quality: DenoiseQuality = "fast"
 ) -> np.ndarray:
-    """What is to come of a traced image."""
+    """Compute the expected result for a traced image."""
     color, *guides = (images[name] for name in GUIDES)
     prefilter: Prefilter = "fast" if quality == "fast" else "none"
     clean = denoise(color, *guides, quality=quality, prefilter=prefilter)

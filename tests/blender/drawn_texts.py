@@ -1,4 +1,4 @@
-"""What panels write, without a window: they draw into a layout that checks and keeps their texts."""
+"""The texts of panels, without a window: panels draw into a layout that checks and keeps their texts."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from perfect_bvh_addon.statistics import update_list
 
 
 class RecordingLayout:
-    """Takes what `UILayout` takes, knows no names but those of the add-on and of Blender, and keeps the texts."""
+    """Accepts the arguments of `UILayout`, rejects names unknown to the add-on and Blender, and keeps the texts."""
 
     def __init__(self, texts: list[str] | None = None) -> None:
         self.texts: list[str] = [] if texts is None else texts
@@ -74,7 +74,7 @@ class RecordingLayout:
 
 
 def render_a_cube() -> None:
-    """A scene of its own, rendered, with one of each data-block that panels are about."""
+    """Render a new scene that has one data-block of each kind that panels show."""
     bpy.ops.wm.read_factory_settings(use_empty=True)
     scene = bpy.context.scene
     bpy.ops.mesh.primitive_cube_add()
@@ -117,7 +117,7 @@ def drawn(panel: type) -> list[str]:
 
     stand = SimpleNamespace(layout=RecordingLayout())
     assert panel.poll(Context)
-    if panel is panels.reports.PERFECT_BVH_PT_updates:  # what it shows is listed once it was asked for
+    if panel is panels.reports.PERFECT_BVH_PT_updates:  # its rows are listed only after a first request
         panel.draw(SimpleNamespace(layout=RecordingLayout()), Context)
         update_list.fill()
     if "draw_header" in vars(panel):

@@ -1,7 +1,7 @@
 """Kills processes of runs with workers, at any time, until enough have died.
 
-A run that ends, or whose own process was killed, is begun again with --resume until it is complete. Then its folder
-must hold what an undisturbed run without workers has left, byte by byte, and nothing else:
+A run that ends, or whose own process was killed, is started again with --resume until it is complete. Its folder must
+then be equal, byte by byte, to that of an undisturbed run without workers:
 
     PYTHONPATH=tests python tests/blender/farm_killer.py --kills 100 --seed 1
 """
@@ -23,7 +23,7 @@ from blender.farm_runs import JOBS, RUN_MAIN, command, run_job, save_scene
 from blender.sensor_flight import contents
 
 EXIT_FAILED_PIECES, EXIT_ERROR = 3, 2
-KINDS = (*["Blender"] * 6, *["worker"] * 4, "tracker", "run")  # as often as each stands there
+KINDS = (*["Blender"] * 6, *["worker"] * 4, "tracker", "run")  # each kind is drawn in proportion to its entries
 OWN_TRACE = re.compile(r'File ".*(addon|distributed)')  # Python's own tracker of resources complains if it is killed
 
 

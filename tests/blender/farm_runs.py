@@ -1,4 +1,4 @@
-"""What tests of workers share: a small scene with a sensor, `perfect-bvh` as a process, and what it leaves behind."""
+"""Shared helpers for tests of workers: a small scene with a sensor, `perfect-bvh` as a process, and its output."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ JOBS = {
 
 
 def save_scene(folder: Path) -> Path:
-    """A file with a cube that moves, a sheet that bends and an empty that flies past; beside it a sensor."""
+    """Save a file with a moving cube, a bending sheet and an empty that flies past, and a sensor file next to it."""
     return save_flight(folder, SENSOR + BEAM, last_frame=13)
 
 
@@ -42,7 +42,7 @@ def command(name: str, out: Path, *more: object, frames: str = "1-12") -> list[s
 
 
 def run_job(folder: Path, name: str, out: Path, *more: object, frames: str = "1-12") -> tuple[int, str]:
-    """The exit status, and what was said on standard error."""
+    """Run a job; return its exit status and its standard error."""
     done = subprocess.run(
         command(name, out, *more, frames=frames), cwd=folder, capture_output=True, text=True, timeout=TIMEOUT
     )

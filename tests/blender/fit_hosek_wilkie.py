@@ -66,7 +66,7 @@ def observe(sky: Any, turbidity: float, albedo: float, random: np.random.Generat
         sky.sun_direction = sun
         rgb = render_image(bpy.context.scene, "CYCLES", "Combined", "RGB").reshape(-1, 3)
         angle = np.arctan2(np.linalg.norm(np.cross(ways, sun), axis=-1), ways @ sun).ravel()
-        # More near the sun and near the horizon; a channel that Cycles clipped tells nothing.
+        # Sample more near the sun and the horizon. A channel that Cycles clipped carries no information.
         share = (flat * (1.0 + 30.0 * np.exp(-angle.reshape(flat.shape) * 8.0))).ravel()
         share *= (1.0 + 3.0 * np.exp(-np.abs(latitude.ravel()) * 10.0)) * (rgb > 1e-6).all(axis=1)
         chosen = random.choice(share.size, SAMPLES, replace=False, p=share / share.sum())
@@ -94,7 +94,7 @@ def basis(place: np.ndarray) -> np.ndarray:
     return np.stack([math.comb(5, i) * place**i * (1.0 - place) ** (5 - i) for i in range(6)], axis=-1)
 
 
-# What is observed, the share of the points that are sought in those that it was made with, and the rest of them.
+# The observations, a channel, the weight of the sought points in the observations, and the part of the known points.
 Block = tuple[np.ndarray, int, float, np.ndarray | float]
 
 
@@ -177,7 +177,7 @@ def fit_alone(seen: dict[tuple[float, float], np.ndarray], random: np.random.Gen
 
 
 def fit_between(table: np.ndarray, seen: dict[tuple[float, float], np.ndarray]) -> None:
-    """Each in turn, beside its neighbours: what lies half way counts as well."""
+    """Fit each entry in turn together with its neighbours: observations half way between entries count as well."""
     for turn in range(8):
         worst = 0.0
         for turbidity, albedo, channel in product(range(10), range(2), range(3)):

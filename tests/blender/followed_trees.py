@@ -1,4 +1,4 @@
-"""What tests of the tree overlay share: scenes in step with Blender, and lines that are kept in place of drawn."""
+"""Shared helpers for tests of the tree overlay: scenes in step with Blender, and lines that are kept, not drawn."""
 
 from __future__ import annotations
 

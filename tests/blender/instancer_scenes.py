@@ -1,4 +1,4 @@
-"""Scenes with instances made by geometry nodes, alone and among what their geometry cannot tell."""
+"""Scenes with instances from geometry nodes: alone, and mixed with instances that their geometry does not describe."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
-"""Pixels of a synced scene before the double-precision judge: what the engine hits there is right, ambiguous, or wrong.
+"""Judges the engine's hits at pixels of a synced scene in double precision: right, ambiguous, or wrong.
 
-Where two triangles meet, or lie upon one another, a renderer's rounding decides which one a pixel shows, and a renderer
-with kernels for several processors rounds on each in another way. So a pixel that differs says nothing by itself.
+Where two triangles meet, or lie upon one another, a renderer's rounding decides which one a pixel shows. A renderer
+with kernels for several processors rounds differently on each. So a pixel that differs proves nothing by itself.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ def rays_through(sync: SceneSync, pixels: npt.ArrayLike) -> tuple[npt.NDArray[np
 
 
 def cast_through(sync: SceneSync, pixels: npt.ArrayLike, audit: float = 0.0) -> Hits:
-    """What the engine hits through the centres of pixels: (N, 2), x and y. audit: as in `Scene.cast_rays`."""
+    """Cast rays through the centres of pixels: (N, 2), x and y. audit: as in `Scene.cast_rays`."""
     return sync.scene.cast_rays(*rays_through(sync, pixels), **_limits(sync), audit=audit)
 
 

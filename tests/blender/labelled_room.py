@@ -1,4 +1,4 @@
-"""A small scene whose objects, data, instancers and materials have labels, each in a place of its own."""
+"""A small scene whose objects, data, instancers and materials have labels, each at a separate position."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import Any
 import bpy
 from blender.builders import SQUARE, camera_object, collection, collection_instance, mesh_data
 
-# What a ray straight down at each x meets, by the label `part`, and who says so.
+# Label `part` of the surface that a ray straight down hits at each x. The value names the label's source.
 PARTS = {
     0.0: "own",  # the object, before its data and material
     3.0: "of data",

@@ -1,4 +1,4 @@
-"""What tests of a sensor's light share: upright plates before a head that looks along +Y, and their materials."""
+"""Shared helpers for tests of a sensor's light: upright plates before a mount that looks along +Y, and materials."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def empty_scene() -> Any:
 
 
 def add_plate(y: float, material: Any = None, size: float = 10.0, x: float = 0.0, turn: float = 0.0) -> Any:
-    """A square that faces the head, or is turned about the vertical axis by so many radians."""
+    """A square that faces the mount, turned about the vertical axis by `turn` radians."""
     bpy.ops.mesh.primitive_plane_add(size=size, location=(x, y, 0.0), rotation=(math.pi / 2, 0.0, turn))
     made = bpy.context.object
     if material is not None:

@@ -1,4 +1,4 @@
-"""What tests of long builds share: commits that last as long as a test wants, and operators without windows."""
+"""Shared helpers for tests of long builds: commits that last as long as a test wants, and operators without windows."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ import pytest
 from perfect_bvh_addon.support import background_work
 
 HALF = 0.5
-# Seconds after which a test says that something hangs; however slow the machine, nothing takes so long.
+# Timeout in seconds after which a test reports that something hangs; even on a slow machine nothing takes as long.
 PATIENCE = 120.0
 TIMER, ESCAPE, MOUSE = (SimpleNamespace(type=kind) for kind in ("TIMER", "ESC", "MOUSEMOVE"))
 
@@ -53,7 +53,7 @@ class Gate:
         monkeypatch.setattr(perfect_bvh.Scene, "commit", hold)
 
     def wait_until_held(self, count: int = 1) -> None:
-        """Until so many commits have said how far they are, and wait."""
+        """Wait until `count` commits have reported their progress and are held."""
         wait_until(lambda: self.held >= count, "no commit was held")
 
     def open(self) -> None:
@@ -85,7 +85,7 @@ def building_threads() -> int:
 
 
 class FakeOperator:
-    """An operator's methods without Blender's half: `reports` is what the user would read."""
+    """Stands in for Blender's part of an operator; `reports` holds the messages that the user would read."""
 
     def __init__(self, operator: type) -> None:
         self._operator = operator

@@ -1,4 +1,4 @@
-"""Scenes in which everything moves evenly, and what they are compared with: scenes that stand still."""
+"""Scenes in which everything moves evenly, and the scenes at rest that they are compared with."""
 
 from __future__ import annotations
 
@@ -154,7 +154,7 @@ def make(name: str) -> None:
 
 
 def rays(count: int = 3000, seed: int = 0) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
-    """From a sphere around what scenes show, through where it is."""
+    """Rays that start on a sphere around the shown geometry and pass through it."""
     random = np.random.default_rng(seed)
     origins = random.normal(size=(count, 3))
     origins *= 12.0 / np.linalg.norm(origins, axis=1, keepdims=True)
@@ -162,7 +162,7 @@ def rays(count: int = 3000, seed: int = 0) -> tuple[npt.NDArray[np.float64], npt
 
 
 class Told:
-    """What rays meet, in words that another sync would use as well."""
+    """Hits of rays, in terms that can be compared between syncs."""
 
     def __init__(self, sync: SceneSync, snapshot: Snapshot, times: Any = 0.0, *, seed: int = 0) -> None:
         origins, directions = rays(seed=seed)
@@ -173,7 +173,7 @@ class Told:
         self.is_hit = hits.is_hit
 
     def differs(self, other: Told, ulps: int = 0) -> npt.NDArray[np.bool_]:
-        """(R,) bool: something else is met, or elsewhere by more than so many units in the last place of t."""
+        """(R,) bool: another surface is hit, or t differs by more than `ulps` units in the last place."""
         with np.errstate(invalid="ignore"):  # where both miss
             same = (self.t == other.t) | (np.abs(self.t - other.t) <= ulps * np.spacing(other.t))
         same &= self.primitives == other.primitives
@@ -181,10 +181,10 @@ class Told:
         return ~(same & (self.ids == other.ids).all(axis=1))
 
     def is_not_at_moment(self, other: Told) -> npt.NDArray[np.bool_]:
-        """(R,) bool, for what the other tells of a scene that stands still.
+        """(R,) bool: the hit differs from that of `other`, a scene at rest, by more than rounding.
 
-        t is that of the triangle's plane to two units in the last place, which of them may depend on how far a mesh
-        reaches, and one that deforms reaches as far as it does at any moment.
+        t is that of the triangle's plane to two units in the last place. The last digits may depend on the extent of a
+        mesh. The extent of a mesh that deforms covers all moments.
         """
         return self.differs(other, 2)
 
@@ -198,7 +198,7 @@ class Told:
 
 
 def at_frame(offset: float) -> SceneSync:
-    """A fresh sync of the scene as it is so many frames from FRAME, where it stays."""
+    """Sync the scene at FRAME + offset with a new sync. The scene stays at that frame."""
     scene, at = bpy.context.scene, FRAME + offset
     scene.frame_set(int(np.floor(at)), subframe=float(at - np.floor(at)))
     sync = SceneSync()
@@ -207,7 +207,7 @@ def at_frame(offset: float) -> SceneSync:
 
 
 def frozen(offset: float, *, seed: int = 0) -> Told:
-    """What the same rays meet there; the scene is back at FRAME then."""
+    """Cast the same rays at FRAME + offset. Afterwards the scene is at FRAME again."""
     sync = at_frame(offset)
     told = Told(sync, sync.scene.snapshot(), seed=seed)
     sync.close()

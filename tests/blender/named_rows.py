@@ -1,4 +1,4 @@
-"""What tests of what is not shown share: a cube with a material, and what is named of its scene."""
+"""Shared helpers for tests of unsupported features: a cube with a material, and the features named in its scene."""
 
 from __future__ import annotations
 
@@ -26,12 +26,12 @@ def material_of_a_cube() -> Any:
 
 
 def rows(**options: Any) -> list[NotShown]:
-    """What is named of the scene in a mode that shows materials. options: of `read_scene`."""
+    """Return the unsupported features of the scene in a mode that shows materials. options: of `read_scene`."""
     return list(read_scene(evaluated(), SHADING, **options).not_shown)
 
 
 def sentences(**options: Any) -> list[str]:
-    """The same as it is told."""
+    """Return the same rows as the sentences that users read."""
     return list(map(str, rows(**options)))
 
 

@@ -154,7 +154,7 @@ def grouped(material: Any) -> None:
 
 
 def muted(material: Any) -> None:
-    """What a muted node would do to the colour is not done."""
+    """A muted node does not change the colour."""
     tree = material.node_tree
     color = add(tree, "RGB")
     color.outputs[0].default_value = (0.1, 0.2, 0.9, 1.0)
@@ -188,7 +188,7 @@ def painted_plainly(material: Any) -> None:
 
 
 def paint(mesh: Any, domain: str = "CORNER", kind: str = "FLOAT_COLOR") -> Any:
-    """A colour attribute of which each element has a colour of its own."""
+    """A colour attribute whose elements have different colours."""
     attribute = mesh.color_attributes.new("Paint", kind, domain)
     for index, item in enumerate(attribute.data):
         item.color = (index % 3 / 2, index % 5 / 4, index % 4 / 3, 1.0)

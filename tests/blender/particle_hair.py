@@ -73,7 +73,7 @@ def kind_settings(children: str) -> dict[str, Any]:
 def asked_of_blender(
     shown: Any, accessor: str, number: int, count: int, modifier: Any = None
 ) -> npt.NDArray[np.float64]:
-    """What the emitter has at the root of each strand; accessor: "uv_on_emitter", "mcol_on_emitter"."""
+    """Read the emitter's value at the root of each strand; accessor: "uv_on_emitter", "mcol_on_emitter"."""
     system, modifier = shown.particle_systems[0], modifier or shown.modifiers[0]
     first = 0 if count == len(system.particles) else len(system.particles)
     layer = "uv_no" if accessor == "uv_on_emitter" else "vcol_no"

@@ -1,4 +1,4 @@
-"""What tests of scans share: a room with a camera and a lidar's head in it, and the points of a scan."""
+"""Shared helpers for tests of scans: a room with a camera and a lidar's mount, and the points of a scan."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What tests of scans that become files share: a small scene with a sensor that flies past it, and what came of it."""
+"""Shared helpers for tests of scans that write files: a small scene with a sensor that flies past it, and the files."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ SENSOR = 'kind = "spinning"\nelevations = { first = -30, last = 30, count = 9 }\
 
 
 def save_flight(folder: Path, sensor: str = SENSOR, last_frame: int = 9) -> Path:
-    """`small.blend` with an empty, Head, that flies past from frame 1 to the last; beside it `sensor.toml`.
+    """Save `small.blend` with an empty, Head, that flies past from frame 1 to the last, and `sensor.toml` next to it.
 
     The file is open afterwards.
     """
@@ -29,5 +29,5 @@ def save_flight(folder: Path, sensor: str = SENSOR, last_frame: int = 9) -> Path
 
 
 def contents(folder: Path) -> dict[str, bytes]:
-    """Of all files of a folder, whatever their names are, by these in their order."""
+    """Read all files of a folder: their bytes by name, in the order of the names."""
     return {path.name: path.read_bytes() for path in sorted(folder.iterdir())}

@@ -1,4 +1,4 @@
-"""A viewport in Rendered shading without a window: what it draws is kept, and compared with images made afresh."""
+"""A viewport in Rendered shading without a window: its drawn images are kept and compared with new renders."""
 
 from __future__ import annotations
 
@@ -28,9 +28,9 @@ SIZE = (32, 18)
 
 @contextmanager
 def registered_without_windows(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
-    """The add-on is registered meanwhile; textures are the images themselves, and each view is looked at from above.
+    """Register the add-on inside the context. Textures are the images themselves, and each view looks from above.
 
-    In the end nothing is at work any more.
+    At the end no work is running any more.
     """
     matrix = np.eye(4)
     matrix[2, 3] = 8.0
@@ -49,13 +49,13 @@ def registered_without_windows(monkeypatch: pytest.MonkeyPatch) -> Iterator[None
 def cube_to_show(scene: bpy.types.Scene) -> bpy.types.Object:
     """A cube under a plain world, in few samples."""
     bpy.ops.mesh.primitive_cube_add()
-    scene.world = bpy.data.worlds.new("World")  # what nothing shines on is black
+    scene.world = bpy.data.worlds.new("World")  # surfaces without light are black
     scene.perfect_bvh.samples = 2
     return bpy.context.object
 
 
 def whole_of(image: screen_image.ScreenImage) -> np.ndarray:
-    """What patches show together, coarse pixels as large as they are."""
+    """Compose the image of all patches, with coarse pixels enlarged to their size on screen."""
     width, height = image.size
     shown = np.full((height, width, 4), np.nan, np.float32)
     for place, patch in image.patches.items():
@@ -66,7 +66,7 @@ def whole_of(image: screen_image.ScreenImage) -> np.ndarray:
 
 
 class Shown:
-    """A region in Rendered shading. screen: what was drawn, in order."""
+    """A region in Rendered shading. screen: the drawn images, in order."""
 
     def __init__(self) -> None:
         self.viewport = viewport.Viewport()
@@ -93,7 +93,7 @@ class Shown:
         self.viewport.update(self.context, bpy.context.evaluated_depsgraph_get())
 
     def redraw(self) -> bool:
-        """As Blender does; whether it is to be redrawn again."""
+        """Redraw as Blender does; return whether another redraw is needed."""
         return self.viewport.draw(self.screen, self.context, bpy.context.evaluated_depsgraph_get())
 
     def finish(self) -> np.ndarray:
@@ -105,7 +105,7 @@ class Shown:
 
 
 def fresh() -> np.ndarray:
-    """The finished image of the scene as it is, by trees of its own."""
+    """Render the finished image of the current scene with new trees."""
     sync = perfect_bvh_addon.SceneSync(watch=False)
     depsgraph = bpy.context.evaluated_depsgraph_get()
     plan = plan_view(read_settings(depsgraph.scene), SIZE)

@@ -44,7 +44,7 @@ from perfect_bvh_addon.sync.records import AttributeRequest, ObjectRecord, Scene
 from perfect_bvh_addon.sync.state import SceneState
 
 ALL_ATTRIBUTES = AttributeRequest(corner_normals=True, corner_uvs=True, shading=True)
-# What the scene holds: objects alone; and instances that can be read from their geometry; and any others.
+# Content of the scene: only objects; also instances that can be read from their geometry; also any other instances.
 Kind = Literal["objects", "geometry", "mixed"]
 KINDS: tuple[Kind, ...] = ("objects", "geometry", "mixed")
 FIELDS = ("t_hit", "instance_ids", "mesh_ids", "primitive_ids", "primitive_uvs", "geometric_normals")
@@ -57,9 +57,9 @@ class DifferenceError(AssertionError):
 class Soak:
     """One scene, one sync of its viewport and one of its renders.
 
-    watches: whether Blender's handlers tell what was evaluated; without them everything is read at every update.
+    watches: whether Blender's handlers log the evaluated data; without them each update reads everything.
     halves: the share of the steps in which a third sync is updated in two halves, with edits between them.
-    The add-on must not be registered: with handlers it is until `close()`, otherwise while it renders.
+    The add-on must not be registered. A soak with handlers registers it until `close()`, others only while rendering.
     """
 
     def __init__(self, seed: int, *, watches: bool, kind: Kind = "mixed", halves: float = 0.15) -> None:
@@ -103,7 +103,7 @@ class Soak:
         if self._random.random() < 0.04:
             self.counts["render"] += 1
             in_render(lambda made: self._check(self.render_sync, made))
-            self._halves.note_edit()  # at the end Blender evaluates the frame again: what was keyed is as keyed
+            self._halves.note_edit()  # after a render Blender evaluates the frame again, which restores keyed values
         if self._random.random() < 0.02:
             self.counts["render of the engine"] += 1
             self._render()
@@ -142,10 +142,10 @@ class Soak:
         self._raise_if(self.find_differences(sync, depsgraph))
 
     def find_differences(self, sync: SceneSync, depsgraph: Any) -> list[str]:
-        """Where what a sync holds, or answers, is not what Blender shows."""
+        """List where the data or the answers of a sync differ from Blender's."""
         certain = read_scene(depsgraph, ALL_ATTRIBUTES, reader=ArrayReader(use_views=False))
         found = find_mismatches(sync.record, certain)
-        if any(mesh.rounding for mesh in certain.meshes):  # strands, which Blender tells as rounded world coordinates
+        if any(mesh.rounding for mesh in certain.meshes):  # strands: Blender gives them as rounded world coordinates
             self.counts["strands"] += 1
             certain = read_scene(depsgraph, ALL_ATTRIBUTES)
             found += find_mismatches(sync.record, certain)
@@ -156,13 +156,13 @@ class Soak:
             raise DifferenceError(f"seed {self.seed}, after {len(self.done)} edits: {found}; last: {self.done[-8:]}")
 
     def _count_ways_of_reading(self, depsgraph: Any) -> None:
-        """How many instances do without Blender's list now, and how many objects beside them do not."""
+        """Count the instances that are read without Blender's list, and the objects that still need it."""
         for _, found in instancer_survey.survey(depsgraph) or ():
             if isinstance(found, instancer_survey.Instancer) and found.points is not None:
                 self.counts["instances read from geometry"] += len(found.points.points)
             self.counts["objects looked up in the list"] += found is instancer_survey.LISTED
 
-    # What edits choose among ------------------------------------------------------------------------------------------
+    # Candidates for edits ---------------------------------------------------------------------------------------------
 
     def number(self, low: float = -3.0, high: float = 3.0) -> float:
         return float(self._random.uniform(low, high))
@@ -232,7 +232,7 @@ def _rays(random: np.random.Generator, count: int = 1200) -> tuple[np.ndarray, n
 
 
 def _different_answers(sync: SceneSync, certain: SceneRecord, rays: tuple[np.ndarray, np.ndarray]) -> list[str]:
-    """Which answers differ from those of a scene that knows nothing but the certain record."""
+    """Name the answers that differ from those of a new scene filled only from the certain record."""
     fresh = SceneState(perfect_bvh.Scene)
     fresh.update(certain)
     lookup = SceneLookup(certain, fresh.instance_ids, fresh.mesh_ids, fresh.scene.scene_id, fresh.mesh_generations)

@@ -1,4 +1,4 @@
-"""What a scene may be put through: one function an edit, each on things that are picked at random."""
+"""Random edits of a scene: one function for each edit, applied to randomly chosen objects."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from blender.soak import Soak
 
 MOST_OBJECTS = 14
-ADDITIONS = {  # Blender lists text, curves of old and what nodes make beside a mesh among instances
+ADDITIONS = {  # Blender's instance list includes text, legacy curves, and the parts that nodes add to a mesh
     "objects": ("mesh", "linked", "member", "hair", "cloud"),
     "geometry": ("mesh", "linked", "member", "field", "herd", "hair", "cloud"),
     "mixed": ("mesh", "linked", "member", "field", "herd", "text", "curve", "tree", "hair", "cloud", "fur"),
@@ -71,7 +71,7 @@ OTHERS = {"text": _some_text, **ROUND_ADDITIONS}
 
 
 def _instanced(soak: Soak) -> str:
-    """Of other objects than meshes only Blender's list tells."""
+    """Pick the type of object to instance. Only Blender's list describes instances of other types than meshes."""
     return str(soak.pick(("MESH", *ROUND_TYPES))) if soak.kind == "mixed" else "MESH"
 
 
@@ -84,7 +84,7 @@ def delete(soak: Soak) -> None:
     if len(bpy.data.objects) < 6:
         raise NothingToEditError
     obj = soak.an_object()
-    # Blender does not evaluate nodes again when their object is deleted, and crashes over what they still show.
+    # Blender does not evaluate nodes again when their object is deleted, and crashes if they still show it.
     for group in bpy.data.node_groups:
         for node in group.nodes:
             if node.bl_idname == "GeometryNodeObjectInfo" and node.inputs["Object"].default_value == obj:

@@ -1,7 +1,7 @@
-"""Updates in two halves amid random edits: builds that are held, stopped, joined, failing or over before anybody looks.
+"""Updates in two halves amid random edits. Builds are held, stopped, joined, failing, or over before anybody looks.
 
-Two users share one sync as a viewport and the overlay do. Whatever happens between a reading and its trees, each gets
-the answers of a scene that was never anything else, or none.
+Two users share one sync, as a viewport and the overlay do. Anything may happen between reading a scene and building its
+trees. Each user gets the answers of a scene that was never anything else, or none.
 """
 
 from __future__ import annotations
@@ -21,17 +21,17 @@ if TYPE_CHECKING:
     from blender.soak import Soak
 
 MOST_SECONDS = 30.0
-HALVES = "halves: "  # what is counted of them begins so
+HALVES = "halves: "  # prefix of the names of its counts
 HOLDS = ("before", "before", "after", "failing", "")
 LONG_ENOUGH = 0.003  # for such a build to end, mostly
 
 
 class WorkerError(MemoryError):
-    """What a build fails with."""
+    """The error of a build that fails on purpose."""
 
 
 class _HeldScene(perfect_bvh.Scene):
-    """Its commits wait where they are told to: before their work, or after it, when no stop helps any more."""
+    """A scene whose commits wait on request: before their work, or after it, when stopping has no effect any more."""
 
     __slots__ = ("gate",)
 
@@ -50,7 +50,7 @@ class _HeldScene(perfect_bvh.Scene):
 
 
 class _Gate:
-    """hold: what becomes of the builds that begin now; one of `HOLDS`."""
+    """hold: the fate of builds that begin now; one of `HOLDS`."""
 
     def __init__(self) -> None:
         self.hold = ""
@@ -77,7 +77,7 @@ class _Gate:
 
 
 class _User:
-    """What draws the trees' content: told of each edit, it reads the scene again before the next image."""
+    """A user that draws the trees' content. After each edit it reads the scene again before the next image."""
 
     def __init__(self) -> None:
         self.trees = PendingCommit()
@@ -86,7 +86,7 @@ class _User:
 
 
 class Halves:
-    """Plays with the updates of one sync beside a `Soak`, with random numbers of its own.
+    """Plays with the updates of one sync alongside a `Soak`, with separate random numbers.
 
     share: of the edits and steps that it plays at.
     """
@@ -124,7 +124,7 @@ class Halves:
         if self._random.random() >= 0.7 * self._share:
             return
         if self._random.random() < 0.5:
-            self._linger()  # what is held meets the edits
+            self._linger()  # the held builds meet the edits
         self._gate.open()
         for user in self._users:
             for _ in range(4):
@@ -133,7 +133,7 @@ class Halves:
             else:
                 self._soak._raise_if([HALVES + "a user waits for ever"])
 
-    # What may happen -------------------------------------------------------------------------------------------------
+    # Possible events -------------------------------------------------------------------------------------------------
 
     def _hold(self) -> None:
         self._gate.open()
@@ -194,7 +194,7 @@ class Halves:
     # Proof -----------------------------------------------------------------------------------------------------------
 
     def _check(self, what: str, user: _User | None = None) -> None:
-        """The answers that there are now are those of the scene as it is now."""
+        """Check that the current answers are those of the current scene."""
         found = self._soak.find_differences(self.sync, bpy.context.evaluated_depsgraph_get())
         if user is not None:
             image = self.sync.scene.cast_rays(*self._soak.rays).t_hit.tobytes()

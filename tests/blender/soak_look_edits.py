@@ -1,4 +1,4 @@
-"""What changes how a scene of the soak looks and leaves its geometry as it is."""
+"""Edits that change the look of a soak's scene but not its geometry."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ def show_corners(soak: Soak) -> None:
 
 
 def show_instances(soak: Soak) -> None:
-    """A material begins to show what each instance has, or ends to, and loses light between facets or keeps it."""
+    """Let a material show a value of each instance or stop it, and let it lose the light between facets or keep it."""
     tree = bpy.data.materials["red"].node_tree
     shader = next((node for node in tree.nodes if node.type == "BSDF_PRINCIPLED"), None) if tree else None
     if shader is None:
@@ -116,7 +116,7 @@ def change_dye(soak: Soak) -> None:
 
 
 def give_values(soak: Soak) -> None:
-    """What materials may show of an object: its colour, a property."""
+    """Set the values of an object that materials may show: its colour, a property."""
     obj = soak.an_object()
     obj.color = (*np.abs(soak.vector(0, 1)), abs(soak.number(0, 1)))
     obj["weight"] = abs(soak.number(0, 1))

@@ -1,4 +1,4 @@
-"""What a scene of the soak goes through in its particle hair: systems that come and go, settings, children, combing."""
+"""Edits of the particle hair in a soak's scene: systems that come and go, settings, children, combing."""
 
 from __future__ import annotations
 
@@ -47,13 +47,13 @@ def shave(soak: Soak) -> None:
 
 
 def share_settings(soak: Soak) -> None:
-    """Two systems with the same settings; or one with a copy of its own."""
+    """Let two systems share the same settings, or give one system a copy."""
     settings = _some_settings(soak)
     _a_system(soak).settings = soak.pick((settings, settings.copy()))
 
 
 def comb_particles(soak: Soak) -> None:
-    """What bends strands: each is evaluated anew."""
+    """Change a setting that bends strands, so that each strand is evaluated again."""
     settings = _some_settings(soak)
     name = soak.pick(
         ("brownian_factor", "normal_factor", "hair_length", "clump_factor", "kink_amplitude", "roughness_1")

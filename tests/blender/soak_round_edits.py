@@ -1,4 +1,4 @@
-"""What a scene of the soak goes through in its hair curves and point clouds, and in curves that nodes make."""
+"""Edits of the hair curves and point clouds in a soak's scene, and of curves that nodes make."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def some_points(soak: Soak, name: str) -> Any:
 
 
 def fur_of_nodes(name: str, *, hides: str = "") -> Any:
-    """Hair from whose points nodes grow curves and points; or all but what it hides, by one of these names."""
+    """Hair from whose points nodes grow curves and points. hides: which of the two is made but not shown."""
     group = NodeGroup(name)
     line = group.node("GeometryNodeCurvePrimitiveLine", Start=(0.0, 0.0, 0.0), End=(0.2, 0.0, 1.5))
     on_points = group.node("GeometryNodeInstanceOnPoints")
@@ -105,7 +105,7 @@ def straighten(soak: Soak) -> None:
 
 
 def replace_round(soak: Soak) -> None:
-    """Other data, mostly of another size; the old one goes when nobody has it."""
+    """Replace the data, mostly by data of another size; remove the old data if it has no users left."""
     obj = _a_round_object(soak)
     old, make = obj.data, some_hair if obj.type == "CURVES" else some_points
     obj.data = make(soak, soak.name("round data"))
@@ -114,7 +114,7 @@ def replace_round(soak: Soak) -> None:
 
 
 def share_round(soak: Soak) -> None:
-    """The data of another object of its kind, or a copy of its own."""
+    """Use the data of another object of the same type, or a copy of the present data."""
     obj = _a_round_object(soak)
     obj.data = soak.pick((soak.an_object(obj.type).data, obj.data.copy()))
 
@@ -128,7 +128,7 @@ def paint_round(soak: Soak) -> None:
 
 
 def change_fur(soak: Soak) -> None:
-    """How long and thick what nodes make is."""
+    """Change the length or the thickness of the geometry that nodes make."""
     node = soak.pick(
         node
         for group in bpy.data.node_groups
@@ -154,7 +154,7 @@ def _add_fur(soak: Soak, name: str) -> Any:
     return fur_of_nodes(name, hides=soak.pick(("", "curves", "points")))
 
 
-# What makes an object of each kind.
+# The functions that add an object of each kind.
 ROUND_ADDITIONS = {"hair": _add_hair, "cloud": _add_cloud, "fur": _add_fur}
 ROUND_EDITS: tuple[Any, ...] = (
     sway,

@@ -1,10 +1,10 @@
-"""The long run of random edits: as many scenes as asked for, in several processes, to be stopped and gone on with.
+"""The long run of random edits, with a given number of steps in several processes; it can be stopped and resumed.
 
     python tests/blender/soak_run.py --steps 20000 --processes 2 --json tests/benchmarks/results/soak.json
 
-Each seed is a scene of its own that takes the same steps wherever and whenever they are made. Every seed that is done
-is written to OUT.json.seeds at once, a line each: called again, the run goes on with the seeds that are missing, unless
-the commit is another one by now. A process that dies counts as a difference of the seed that it was at.
+Each seed is a separate scene, and its steps are the same on every machine and in every run. Each finished seed is
+written to OUT.json.seeds at once, one line for each. A later call runs only the missing seeds, unless the commit has
+changed. A process that dies counts as a difference of its current seed.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from benchmarks.machine import describe
 from benchmarks.rows import write_rows
 
 STEPS_A_SEED = 250
-SEEDS_A_PROCESS = 8  # what one leaves behind must not pile up: memory is told after each
+SEEDS_A_PROCESS = 8  # leftovers of a process must not pile up: its memory is reported after each seed
 
 
 # One process ---------------------------------------------------------------------------------------------------------
@@ -62,7 +62,7 @@ def run_seed(seed: int, steps: int) -> dict[str, Any]:
 
 
 def _resident_megabytes() -> float | None:
-    """Of this process; None where the system does not tell it as Linux does."""
+    """Return the resident memory of this process; None where the system does not report it as Linux does."""
     table = Path("/proc/self/status")
     if not table.is_file():
         return None
@@ -86,7 +86,7 @@ def _tell(message: dict[str, Any]) -> None:
 
 
 class Run:
-    """Shares seeds out among processes and keeps what they report."""
+    """Distributes seeds among processes and keeps their reports."""
 
     def __init__(self, seeds: list[int], steps: int, path: Path, until: float) -> None:
         self._steps = steps
@@ -124,7 +124,7 @@ class Run:
                 complaints = reader.submit(process.stderr.read)
                 for line in process.stdout:
                     if not line.startswith('{"'):
-                        continue  # what Blender says
+                        continue  # Blender's own output
                     message = json.loads(line)
                     if "begins" in message:
                         started = message["begins"]
@@ -156,7 +156,7 @@ class Run:
 
 
 def _kept(path: Path, commit: str | None, seeds: set[int]) -> dict[int, dict[str, Any]]:
-    """What an earlier run of the same commit has done."""
+    """Read the results of an earlier run of the same commit."""
     if not path.is_file():
         return {}
     rows = [json.loads(line) for line in path.read_text(encoding="utf-8").splitlines()]
@@ -164,7 +164,7 @@ def _kept(path: Path, commit: str | None, seeds: set[int]) -> dict[int, dict[str
 
 
 def summarise(results: dict[int, dict[str, Any]], wanted: int, wall_seconds: float) -> dict[str, Any]:
-    """What is written: sums over the seeds, every difference, and how much memory the processes had."""
+    """Summarise the results: sums over the seeds, every difference, and the memory of the processes."""
     from blender.soak_halves import HALVES  # at the end: it brings Blender along
 
     counts: Counter[str] = Counter()
@@ -224,7 +224,7 @@ def main() -> int:
     run = Run(seeds, min(STEPS_A_SEED, options.steps), lines, started + 60 * options.minutes)
     try:
         run.go(options.processes)
-    finally:  # also when interrupted: what there is is written
+    finally:  # write the results even after an interruption
         result = summarise(run.results, options.steps, time.monotonic() - started)
         write_rows(options.json, result)
     sys.stdout.write(f"{options.json}: {result['steps']} steps, {len(result['differences'])} differences\n")

@@ -8,7 +8,7 @@ import bpy
 
 
 def add_uv_sphere(**options: Any) -> None:
-    """Do as `bpy.ops.mesh.primitive_uv_sphere_add`, whose faces and edges stand in another order in every process."""
+    """Add a UV sphere whose faces and edges have a fixed order; that of `primitive_uv_sphere_add` varies by process."""
     bpy.ops.mesh.primitive_uv_sphere_add(**options)
     mesh = bpy.context.object.data
     uvs = {

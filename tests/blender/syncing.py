@@ -1,4 +1,4 @@
-"""What tests of `SceneSync` have in common: one ray down and what it says, edits, and reports of them."""
+"""Shared helpers for tests of `SceneSync`: one ray down and its answer, edits, and reports of edits."""
 
 from __future__ import annotations
 

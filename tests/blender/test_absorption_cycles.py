@@ -1,4 +1,4 @@
-"""Glass that absorbs light inside, by volume shaders: converged patches beside those of Cycles."""
+"""Glass that absorbs light inside by volume shaders: converged patches compared with those of Cycles."""
 
 from __future__ import annotations
 

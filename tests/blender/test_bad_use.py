@@ -1,4 +1,4 @@
-"""What users do by mistake, and what can fail around Blender: a clear sentence, nothing lost, nothing half written."""
+"""Mistakes of users and failures around Blender: the error is clear, nothing is lost, and no file is half written."""
 
 from __future__ import annotations
 

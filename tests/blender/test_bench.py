@@ -1,4 +1,4 @@
-"""Measuring the user's scene: what is written, what stopping leaves, the table, and charts with matplotlib."""
+"""Measuring the user's scene: the written figures, stopping early, the table, and charts with matplotlib."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ def moving_ball() -> bpy.types.Scene:
 
 
 def measured(scene: bpy.types.Scene, seconds: float = 4.0) -> dict[str, Any]:
-    """By a clock that goes on by a millisecond whenever it is looked at: what is measured depends on no machine."""
+    """Measure with a clock that advances by a millisecond at each reading: the results do not depend on the machine."""
     bench = SceneBench(subject_of(scene), seconds, count(0.0, 1e-3).__next__)
     shares = [share for share, _ in bench.steps()]
     assert shares == sorted(shares) and shares[0] == 0.0 and shares[-1] < 1.0
@@ -149,7 +149,7 @@ def test_the_table_can_be_read() -> None:
 
 
 def frame_of(frame: int, action: str, refit: float, rebuild: float = 20.0) -> dict[str, Any]:
-    """Of a measurement whose governor does so, with what rays visit; rebuild: in new trees, and in the governor's."""
+    """Figures of a frame. action: the governor's. refit: visits in refitted trees; rebuild: in rebuilt and governed."""
     done = {"refit": ["refitted"], "rebuild": ["rebuilt"], "governed": [action]}
     visits = {"refit": refit, "rebuild": rebuild, "governed": rebuild}
     row = {"update_ms": 1.0, "trace_ms": 1.0, "moved": 0}
@@ -187,7 +187,7 @@ def test_stopping_keeps_what_there_is(moving_ball: bpy.types.Scene, tmp_path: Pa
 
 
 def begin(steps: Iterator[tuple[float, str]], part: str) -> None:
-    """Go on until this part is the next; what takes long has several steps."""
+    """Go on until `part` is the next one; long parts have several steps."""
     assert any(what == part for _, what in steps)
 
 

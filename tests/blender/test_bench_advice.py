@@ -1,4 +1,4 @@
-"""What the bench advises: nothing that a few rounds of a busy machine could have made up."""
+"""The bench's advice: it never rests on differences that a few rounds on a busy machine could produce."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
-"""Normals that nodes have bent away from the mesh's, under suns at all heights, beside Cycles.
+"""Normals that nodes have bent away from the mesh's, under suns at all heights, compared with Cycles.
 
-Light that only one of the two normals faces is not seen, and of diffuse light less the lower it comes over the mesh.
+Light that only one of the two normals faces is not seen. Diffuse light gets weaker the lower it comes over the mesh.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from perfect_bvh_addon.live.sync_cache import clear_syncs  # noqa: E402
 
 SIZE = 8
 SAMPLES = 4
-BENT = [0.5, 20, 45, 75]  # degrees; the last is left out of what is translucent, where Cycles bends it back
+BENT = [0.5, 20, 45, 75]  # degrees; the last is not tested on translucent surfaces, where Cycles bends the normal back
 HEIGHTS = [70, 25, 6, -15]  # degrees of the sun over the plane, on the side that the normal leans to
 KINDS = ["BsdfDiffuse", "BsdfTranslucent", "BsdfSheen", "BsdfGlossy"]
 

@@ -1,4 +1,4 @@
-"""What the tree overlay tells in words and numbers: of a tree, of a box, and what its colours mean."""
+"""The words and numbers of the tree overlay: for a tree, for a box, and for the meaning of its colours."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The command line's arguments: what they mean, and which are refused before any work."""
+"""The command line's arguments: their meaning, and the errors that refuse them before any work."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Images that the command line writes: of every mode, of a border, as PNG and OpenEXR, wherever they are to be."""
+"""Images that the command line writes: in every mode, of a border, as PNG and OpenEXR, to any path."""
 
 from __future__ import annotations
 

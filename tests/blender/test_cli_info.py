@@ -1,4 +1,4 @@
-"""The command `info`, and files and arguments of which every command explains what is wrong."""
+"""The command `info`, and the errors that every command gives for bad files and arguments."""
 
 from __future__ import annotations
 

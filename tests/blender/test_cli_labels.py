@@ -1,4 +1,4 @@
-"""`perfect-bvh labels`: files that agree with what `perfect-bvh render` shows."""
+"""`perfect-bvh labels`: its files agree with the images of `perfect-bvh render`."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ def test_what_renders_do_not_show_has_no_label(small_file: Path, tmp_path: Path)
 
 
 def test_a_cropped_render_region_is_labelled_as_it_is_rendered(small_file: Path, tmp_path: Path) -> None:
-    """Against the depth of the render, and what labels of the whole frame have there."""
+    """Compare with the depth of the render, and with the same region of the whole frame's labels."""
     arguments = ("--layers", 2, "--flow", "-q")
     assert run("labels", small_file, "-o", tmp_path / "whole", *arguments) == 0
     bpy.ops.wm.open_mainfile(filepath=str(small_file))
@@ -197,7 +197,7 @@ def test_pieces_together_number_images_and_things_as_one_file(small_file: Path, 
 def test_what_the_engine_fails_by_is_told(
     small_file: Path, tmp_path: Path, capfd: Any, monkeypatch: pytest.MonkeyPatch, fault: str, said: str
 ) -> None:
-    """Blender swallows what is raised while it renders."""
+    """Blender swallows exceptions that are raised while it renders."""
     import perfect_bvh
     from perfect_bvh_addon.live.scene_sync import SceneSync
 

@@ -1,4 +1,4 @@
-"""The command line in a process of its own, as users have it: what ends it, and what it says then."""
+"""The command line in a separate process, as users run it: the ways it ends, and its messages then."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def test_ctrl_c_stops_an_animation(small_file: Path, tmp_path: Path) -> None:
     with subprocess.Popen(
         command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, creationflags=OWN_GROUP
     ) as process:
-        first = [process.stdout.readline() for _ in range(3)]  # the header, and a frame with what it built
+        first = [process.stdout.readline() for _ in range(3)]  # the header, and a frame with the trees that it built
         process.send_signal(INTERRUPT)
         output, errors = process.communicate(timeout=300)
     assert "built tree" in first[2]

@@ -1,4 +1,4 @@
-"""What the command line says of a render: what was done and how long it took, and what its images lack."""
+"""The command line's report of a render: the work and its duration, and the features that its images lack."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ def test_quiet_runs_print_nothing(small_file: Path, tmp_path: Path, capfd) -> No
     assert capfd.readouterr() == ("", "")
 
 
-# What is not shown ---------------------------------------------------------------------------------------------------
+# Unsupported features ------------------------------------------------------------------------------------------------
 
 
 def test_a_scene_without_any_light_is_black_and_says_so(small_file: Path, tmp_path: Path, capsys) -> None:
@@ -67,7 +67,7 @@ def test_a_scene_without_any_light_is_black_and_says_so(small_file: Path, tmp_pa
 
 
 def told_of_two_frames(folder: Path, capsys: pytest.CaptureFixture[str]) -> list[str]:
-    """What is said of the scene as it is in Blender when two of its frames are rendered."""
+    """Render two frames of Blender's current scene and return the messages."""
     bpy.ops.wm.save_as_mainfile(filepath=str(folder / "much.blend"), copy=True)
     assert run("render", folder / "much.blend", "-o", f"{folder}/", "--frames", "1-2", "--samples", 1) == 0
     return [line.removeprefix("perfect-bvh: ") for line in capsys.readouterr().err.splitlines()]
@@ -120,7 +120,7 @@ def test_the_command_line_names_what_is_not_shown_once(small_file: Path, tmp_pat
 
 @pytest.fixture
 def linking_file(small_file: Path, tmp_path: Path) -> Path:
-    """A file whose only cube comes out of `parts.blend` beside it."""
+    """A file whose only cube is linked from `parts.blend` in the same folder."""
     bpy.ops.wm.open_mainfile(filepath=str(small_file))
     bpy.data.libraries.write(str(tmp_path / "parts.blend"), {bpy.data.objects["Cube"]}, compress=True)
     bpy.data.objects.remove(bpy.data.objects["Cube"])

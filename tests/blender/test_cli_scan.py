@@ -172,7 +172,7 @@ def test_two_eyes_see_less_than_one(registered: None) -> None:
     two = scan(DepthCamera(**how, baseline=0.2), eye)
     lost = np.setdiff1d(one.ray_ids, two.ray_ids)
     at = one.positions[np.isin(one.ray_ids, lost)]
-    # On the wall, to the left of what the first eye sees past the plate's left edge: up to .2 m wide there.
+    # On the wall, to the left of the area that the first eye sees past the plate's left edge: up to .2 m wide there.
     assert len(lost) > 50 and np.allclose(at[:, 1], 4.0)
     assert (at[:, 0] >= -2.2 - 1e-6).all() and (at[:, 0] <= -2.0 + 1e-6).all()
 

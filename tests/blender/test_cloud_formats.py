@@ -56,7 +56,7 @@ def cloud(count: int = 257, far: float = 0.0) -> PointCloud:
 
 
 def labels_of(random: np.random.Generator, count: int) -> dict[str, LabelColumn]:
-    """Of every kind, one of the name of a column, one that not every format can have as it is."""
+    """Labels of every kind: one has the name of a column, one a name that some formats cannot hold unchanged."""
     kinds = {
         "kind": (random.integers(-1, 3, count).astype(np.int32), LabelTable(NAMES, -1)),
         "partID": (random.integers(-1, 1 << 30, count).astype(np.int32), LabelTable(None, -1)),
@@ -67,7 +67,7 @@ def labels_of(random: np.random.Generator, count: int) -> dict[str, LabelColumn]
 
 
 def check_labels(made: PointCloud, facts: Any, column: Any) -> None:
-    """Each label of a file is in the column that the file names, with what its values stand for."""
+    """Check that each label is in the column that the file names, and that the meaning of its values is in the file."""
     assert set(facts) == set(made.labels)
     for name, label in made.labels.items():
         found = np.asarray(column(facts[name]["column"]))

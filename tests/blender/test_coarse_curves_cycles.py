@@ -1,7 +1,7 @@
-"""Light on coarse smooth meshes that lie close together, beside Cycles.
+"""Light on coarse smooth meshes that lie close together, compared with Cycles.
 
-Where light comes in low over a triangle, its shadow ray starts on the curved surface that its normals suggest; nowhere
-else, and no ray that bounces: it would start beyond the neighbours that shade it.
+Where light comes in low over a triangle, its shadow ray starts on the curved surface that the normals suggest. No other
+shadow ray does, and no ray that bounces: it would start beyond the neighbours that shade it.
 """
 
 from __future__ import annotations

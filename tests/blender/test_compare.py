@@ -1,4 +1,4 @@
-"""Two trees of one object, compared without a screen: what they cost, what is written of it, and when that ends."""
+"""Two trees of one object, compared without a screen: their costs, the written results, and the end of a comparison."""
 
 from __future__ import annotations
 
@@ -203,7 +203,7 @@ def begun() -> tuple[FakeOperator, FakeWindow]:
 
 @pytest.fixture
 def shown(monkeypatch: pytest.MonkeyPatch) -> list[Any]:
-    """What would be shown in a viewport."""
+    """The comparisons that a viewport would show."""
     found: list[Any] = []
     monkeypatch.setattr(compare_view, "show", lambda comparison, *_: found.append(comparison))
     monkeypatch.setattr("perfect_bvh_addon.operators.measure.find_space", lambda context: 7)
@@ -248,7 +248,7 @@ def show(obj: Any) -> Any:
 
 @pytest.mark.parametrize("is_encoded", [False, True])
 def test_halves_have_the_viewports_background(monkeypatch: pytest.MonkeyPatch, is_encoded: bool) -> None:
-    """Whether Blender encodes what is drawn into a viewport, as it does before 5.0, or not."""
+    """is_encoded: whether Blender encodes drawings into a viewport, as it does before 5.0."""
     from mathutils import Color
 
     monkeypatch.setattr(half_picture, "IS_ENCODED", is_encoded)

@@ -1,4 +1,4 @@
-"""Hair curves and point clouds of a scene: what rays meet of them, and that it is never old."""
+"""Hair curves and point clouds of a scene: rays hit the right surfaces, and answers are never old."""
 
 from __future__ import annotations
 
@@ -205,7 +205,7 @@ def test_instances_share_one_tree(scene: Any) -> None:
 
 
 def test_what_nodes_make(scene: Any) -> None:
-    """Points of a mesh, beside it, and hair on which nodes show a mesh."""
+    """Nodes add points to a mesh, and show a mesh on hair."""
     group = NodeGroup("points")
     node = group.node("GeometryNodeMeshToPoints", Radius=0.25)
     group.link(group.input.outputs[0], node.inputs["Mesh"])
@@ -226,7 +226,7 @@ def test_what_nodes_make(scene: Any) -> None:
 
 
 def test_scans_stay_out_of_the_picture(scene: Any) -> None:
-    """Points that a scan left would hide what it saw."""
+    """Points of an earlier scan would hide the surfaces that it scanned."""
     cloud = cloud_object("Scan", [(0, 0, 0)])
     cloud.data[OBJECT_NAMES] = "[]"
     cloud.data.attributes.new("Color", "FLOAT_COLOR", "POINT")
@@ -323,7 +323,7 @@ def far_camera(scene: Any) -> None:
 
 @pytest.mark.parametrize("is_bent", [False, True])
 def test_ribbons_are_those_of_cycles(scene: Any, registered: None, is_bent: bool) -> None:
-    """Straight ones to the bit, but for rounding; where ribbons bend, Cycles joins the pieces in another way."""
+    """Straight ribbons are equal except for rounding. Where ribbons bend, Cycles joins the segments differently."""
     random = np.random.default_rng(9)
     steps = random.normal(size=(60, 1, 3)) * (0.4, 0.4, 0.4) + random.normal(scale=0.1 * is_bent, size=(60, 5, 3))
     strands = random.uniform(-1.5, 1.5, (60, 1, 3)) + np.cumsum(steps, axis=1)
@@ -337,7 +337,7 @@ def test_ribbons_are_those_of_cycles(scene: Any, registered: None, is_bent: bool
     depth = np.abs(ours.depth / theirs.depth - 1.0)[both]
     angles = np.degrees(np.arccos(np.clip((ours.normal * theirs.normal).sum(axis=-1)[both], -1.0, 1.0)))
     assert np.quantile(depth, 0.98) < (1e-3 if is_bent else 1e-4) and np.median(depth) < 1e-4
-    # A pixel may show one strand here and there another; beside an edge the normal turns fast.
+    # A pixel may show one strand here and another in Cycles; near an edge the normal turns fast.
     assert np.quantile(angles, 0.9) < (10.0 if is_bent else 1.0) and np.median(angles) < (2.0 if is_bent else 0.5)
 
 
@@ -357,12 +357,12 @@ def test_depth_and_normals_are_those_of_cycles(scene: Any, registered: None, kin
         theirs, ours = render_cycles(scene), render_passes(scene, "PERFECT_BVH")
     seen = theirs.object_index == 3
     assert seen.mean() > 0.05
-    # Beside a silhouette a pixel's centre, which Cycles' ray may miss by 0.005 pixels, decides.
+    # At a silhouette the exact position in the pixel decides; Cycles' ray may miss the centre by 0.005 pixels.
     assert ((ours.object_index == 3) != seen).mean() < 0.01
     both = seen & (ours.object_index == 3)
     depth = np.abs(ours.depth - theirs.depth)[both]
     turned = (ours.normal * theirs.normal).sum(axis=-1)[both]
-    # What Cycles bends, ours divides.
+    # Cycles bends these curves; the engine divides them into segments.
     is_bent = kind == "catmull_rom"
     assert np.quantile(depth, 0.95) < (1e-2 if is_bent else 1e-5) and np.median(depth) < (1e-3 if is_bent else 1e-5)
     assert np.quantile(turned, 0.05) > (0.95 if is_bent else 0.9999)

@@ -1,4 +1,4 @@
-"""Recorded images of Cycles: another scene never gets them, and what has none is rendered and reported."""
+"""Recorded images of Cycles: another scene never gets them, and a scene without recording is rendered and reported."""
 
 from __future__ import annotations
 
@@ -176,7 +176,7 @@ def test_what_changes_images_changes_the_digest(built: Any, tmp_path: Path, chan
 
 
 def test_a_scene_made_again_has_the_same_digest(built: Any, tmp_path: Path) -> None:
-    """Wherever its files are, whatever our own settings and the output's are."""
+    """The digest depends neither on the folder of the files nor on the engine's settings nor on the output's."""
     before = scene_digest(built)
     assert scene_digest(built) == before
     other = tmp_path / "elsewhere"
@@ -262,7 +262,7 @@ def test_files_with_failures_stay_as_they_are(tmp_path: Path, noise: Planes) -> 
 
 @pytest.mark.parametrize("mode", ["record", "live"])
 def test_two_images_of_one_digest_are_an_error(tmp_path: Path, noise: Planes, mode: recorded.Mode) -> None:
-    """While images are recorded, and when they are compared with what was recorded before."""
+    """Both while images are recorded, and when they are compared with an earlier recording."""
     recorded_in(tmp_path, "digest", noise)
     recordings = reader(tmp_path, mode)
     recordings.planes("digest", ["A"], False, lambda: noise)
@@ -300,7 +300,7 @@ def test_half_precision_is_close(noise: Planes) -> None:
 
 @pytest.fixture
 def replaced(monkeypatch: pytest.MonkeyPatch) -> Callable[[Recordings], None]:
-    """Has oracles ask other recordings meanwhile."""
+    """Make oracles use other recordings during the test."""
     return lambda recordings: monkeypatch.setattr(recorded, "active", recordings)
 
 

@@ -1,4 +1,4 @@
-"""Denoised renders: when, with what, what scripts and compositors get, and with which library."""
+"""Denoised renders: the conditions, the guides, the data for scripts and compositors, and the library."""
 
 from __future__ import annotations
 
@@ -106,7 +106,7 @@ def test_what_is_opaque_or_not_there_stays_so(scene: bpy.types.Scene) -> None:
 
 @pytest.mark.parametrize("blur", ["motion", "lens"])
 def test_what_is_blurred_keeps_no_grain(scene: bpy.types.Scene, monkeypatch: pytest.MonkeyPatch, blur: str) -> None:
-    """Where guides are noise themselves: nearer to the converged image than with guides that are taken as they are."""
+    """Where guides are noisy themselves, the result is nearer to the converged image than with the raw guides."""
     cube, plane = bpy.data.objects["Cube"], bpy.data.objects["Plane"]
     for obj, color in ((cube, (0.8, 0.2, 0.05, 1.0)), (plane, (0.1, 0.4, 0.6, 1.0))):
         material = bpy.data.materials.new(obj.name)

@@ -24,7 +24,7 @@ FEW_SAMPLES, MANY_SAMPLES = 4, 128
 
 @dataclass(frozen=True, slots=True)
 class Rendered:
-    """What Cycles has made of a scene, (H, W, 3): with and without its denoiser, and what it guides that by."""
+    """Cycles' images of a scene, (H, W, 3): with and without its denoiser, and the denoiser's guides."""
 
     denoised: Image
     noisy: Image

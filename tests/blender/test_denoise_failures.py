@@ -1,4 +1,4 @@
-"""Renders that cannot be denoised: the raw image is left, and the reason is told."""
+"""Renders that cannot be denoised: the raw image is left, and the reason is reported."""
 
 from __future__ import annotations
 

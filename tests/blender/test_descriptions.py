@@ -1,4 +1,4 @@
-"""Tooltips everywhere: what is registered tells what it is, in Blender's style, and what is grey tells why."""
+"""Tooltips everywhere: all registered items describe themselves in Blender's style, and grey ones give the reason."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def registered() -> Iterator[None]:
 
 
 def rna_of(owner: Any) -> Any:
-    """What Blender knows of a class; of an operator's class itself it tells nothing."""
+    """Return Blender's description of a class; for operators it comes from the call, because the class has none."""
     is_operator = issubclass(owner, bpy.types.Operator)
     return call_of(owner).get_rna_type() if is_operator else owner.bl_rna
 
@@ -57,7 +57,7 @@ def own_properties() -> Iterator[tuple[str, Any]]:
     yield "Scene.perfect_bvh", bpy.types.Scene.bl_rna.properties["perfect_bvh"]
     for owner in OWNERS:
         for found in rna_of(owner).properties:
-            if found.is_runtime:  # not what Blender itself gives every class
+            if found.is_runtime:  # skips the properties that Blender gives every class
                 yield f"{owner.__name__}.{found.identifier}", found
 
 
@@ -112,7 +112,7 @@ def edit_a_mesh() -> None:
 
 
 def nothing_is_there() -> None:
-    """The scene is empty as it is."""
+    """Leave the empty scene unchanged."""
 
 
 @pytest.mark.parametrize(

@@ -1,4 +1,4 @@
-"""What is drawn over viewports, as far as it needs no graphics card: where there is room, and the shape of panels."""
+"""Drawing over viewports, where it needs no graphics card: the free room, and the shape of panels."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def test_nothing_is_drawn_under_what_lies_over_a_viewport() -> None:
 def test_each_of_four_views_has_its_own_room() -> None:
     lower_left, upper_right = region("WINDOW", 0, 0, 500, 300), region("WINDOW", 500, 300, 500, 300)
     tools = region("TOOLS", 0, 0, 60, 600)
-    below = region("HEADER", 0, -30, 1000, 30)  # beside the views, over none of them
+    below = region("HEADER", 0, -30, 1000, 30)  # next to the views, over none of them
     area = SimpleNamespace(regions=[lower_left, upper_right, tools, below])
     assert drawing.free_rect(area, lower_left) == drawing.Rect(60, 0, 500, 300)
     assert drawing.free_rect(area, upper_right) == drawing.Rect(0, 0, 500, 300)

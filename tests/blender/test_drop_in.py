@@ -1,4 +1,4 @@
-"""BVHTree and ray_cast answer what Blender's own do, one by one and in arrays."""
+"""BVHTree and ray_cast give the answers of Blender's own functions, one by one and in arrays."""
 
 from __future__ import annotations
 

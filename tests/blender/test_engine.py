@@ -1,4 +1,4 @@
-"""The render engine, headless: passes, borders, film, animation, cancel, and what happens when things go wrong."""
+"""The render engine, headless: passes, borders, film, animation, cancelling, and errors."""
 
 from __future__ import annotations
 
@@ -281,7 +281,7 @@ def test_a_render_says_what_it_does(scene, monkeypatch) -> None:
     monkeypatch.setattr(engine, "STATUS_SECONDS", 0.0)
     monkeypatch.setattr(engine.RenderStatus, "_send", lambda self, text: told.append(text))
     scene.perfect_bvh.samples, scene.perfect_bvh.use_noise_threshold = 4, False
-    bpy.ops.mesh.primitive_grid_add(x_subdivisions=700, y_subdivisions=700)  # whose tree takes long enough to be told
+    bpy.ops.mesh.primitive_grid_add(x_subdivisions=700, y_subdivisions=700)  # its tree takes long enough to be reported
     assert render(RenderJob(progress=lambda done: moments.append(done) is None)).frame is not None
     stages = [text.rpartition(" | ")[2] for text in told]
     kinds = list(dict.fromkeys(stage.split()[0] for stage in stages))

@@ -1,4 +1,4 @@
-"""What reaches a file: pictures through the scene's view transform, palettes as sRGB, values as they are."""
+"""Pixels in files: pictures go through the scene's view transform, palettes are sRGB, values are unchanged."""
 
 from __future__ import annotations
 

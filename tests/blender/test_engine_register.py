@@ -1,4 +1,4 @@
-"""Registering: again and again, beside a second copy, and without the native engine."""
+"""Registering: repeatedly, with a second copy installed, and without the native engine."""
 
 from __future__ import annotations
 
@@ -197,7 +197,7 @@ print("fine")
 
 
 def test_preferences_reach_the_engine() -> None:
-    """Enabled as Blender enables an add-on, so that it has preferences; in a process of its own."""
+    """Enable the add-on as Blender does, so that it has preferences; this runs in a separate process."""
     done = subprocess.run([sys.executable, "-c", PREFERENCES], capture_output=True, text=True, timeout=300)
     assert done.returncode == 0, done.stderr
     assert "fine" in done.stdout

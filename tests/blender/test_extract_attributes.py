@@ -1,4 +1,4 @@
-"""What is read of a mesh beside its triangles, and only if it was asked for."""
+"""Attributes of a mesh other than its triangles: they are read only on request."""
 
 from __future__ import annotations
 

@@ -189,7 +189,7 @@ def test_cameras_that_cannot_be_read_are_named(scene: Any) -> None:
 
 @pytest.mark.parametrize("keeper", ["itself", "Cycles"])
 def test_a_panorama_is_read_wherever_blender_keeps_it(keeper: str) -> None:
-    """Since Blender 5.0 on the camera itself, before that on what Cycles adds to it, and nowhere without Cycles."""
+    """Blender 5.0 and later keep it on the camera itself, older versions in Cycles' settings, if Cycles is there."""
     angles = {"longitude_min": -1.0, "longitude_max": 2.0, "latitude_min": -0.5, "latitude_max": 1.5}
     settings = {"panorama_type": "EQUIRECTANGULAR", **angles}
     common = {"type": "PANO", "shift_x": 0.1, "shift_y": -0.2, "clip_start": 0.2, "clip_end": 9.0}

@@ -28,7 +28,7 @@ from blender.builders import (
 from perfect_bvh_addon.extract import read_scene
 from perfect_bvh_addon.sync.records import SceneRecord
 
-# Each builder returns what should be seen: how many instances of which "instancer/object", and how many meshes.
+# Each builder returns the expectation: the number of instances for each "instancer/object", and the number of meshes.
 Expectation = tuple[dict[str, int], int]
 
 

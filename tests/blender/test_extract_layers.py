@@ -18,7 +18,7 @@ LINKED_TO_OBJECT = "OBJECT"
 
 @pytest.fixture
 def sync(scene: Any) -> Iterator[SceneSync]:
-    """A painted square with two uv maps, and the same beside it; no material shows any of it."""
+    """Two equal painted squares with two uv maps, side by side; no material shows the maps or the paint."""
     for name in ("one", "other"):
         obj = mesh_object(name, mesh_data(name, *SQUARE))
         paint(obj.data)
@@ -184,7 +184,7 @@ def test_a_node_that_names_another_map_is_followed(sync: SceneSync) -> None:
 
 @pytest.mark.parametrize("is_named_first", [False, True])
 def test_a_shared_mesh_has_what_all_that_show_it_want(sync: SceneSync, is_named_first: bool) -> None:
-    """One mesh in the engine, though one object has a material of its own."""
+    """The engine has one mesh, although one object has a separate material."""
     show_color(material("other"))
     twin = mesh_object("a twin" if is_named_first else "twin", data())
     twin.material_slots[0].link = LINKED_TO_OBJECT
@@ -204,7 +204,7 @@ def test_a_shared_mesh_has_what_all_that_show_it_want(sync: SceneSync, is_named_
 
 
 def test_twins_that_are_painted_differently_stay_apart(sync: SceneSync) -> None:
-    """Each object has its own evaluated mesh, equal but for colours that only some materials show."""
+    """Each object has a separate evaluated mesh; the meshes differ only in colours that some materials show."""
     show_color(material("other"))
     for name in ("first", "second"):
         obj = mesh_object(name, data())

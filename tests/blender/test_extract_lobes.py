@@ -1,4 +1,4 @@
-"""What shader nodes and their mixes come to in metal, glass, refraction, translucency and what is diffuse."""
+"""Shader nodes and their mixes as lobes: metal, glass, refraction, translucency and diffuse reflection."""
 
 from __future__ import annotations
 
@@ -131,7 +131,7 @@ def test_a_mix_of_mixes_keeps_what_its_shaders_are_made_of(material) -> None:
     np.testing.assert_allclose(lobes["metal"], (0.09, 0.09, 0.09), rtol=1e-4)
     np.testing.assert_allclose(lobes["clear"], (0.5, 0.5, 0.5), rtol=1e-4)
     assert (record.ior, record.tinted_glass, record.even_metal) == pytest.approx((1.33, 1.0, 1.0))
-    assert record.roughness == pytest.approx((0.1 * 0.4 + 0.5 * 0.0) / 0.6)  # by what shines
+    assert record.roughness == pytest.approx((0.1 * 0.4 + 0.5 * 0.0) / 0.6)  # weighted by the glossy lobes
 
 
 def test_a_mix_loses_light_between_facets_by_what_of_it_may_keep_it(material) -> None:
@@ -165,7 +165,7 @@ def test_what_is_added_translucent_takes_nothing_away(material) -> None:
 
 
 def test_a_finish_counts_where_its_shader_is_in_a_mix(material: Any) -> None:
-    """Sheen by its share, what is brushed by the facets that are, rough diffuse light by what is diffuse."""
+    """Sheen is weighted by its share, brushing by the brushed facets, rough diffuse light by the diffuse lobes."""
     tree = material.node_tree
     gloss = bsdf(material, "Anisotropic", Anisotropy=0.5, Rotation=0.25, Roughness=0.3)
     rough = bsdf(material, "Diffuse", Roughness=0.6)

@@ -1,4 +1,4 @@
-"""Meshes in the record are what Blender evaluates: every object type, every oddity, by address and without."""
+"""Meshes in the record equal those that Blender evaluates: all object types and odd cases, by address and without."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What nodes come to where no picture tells it: keys of images, what is read again, nodes that cannot be known."""
+"""Results of nodes that no picture shows: keys of images, repeated reading, nodes whose values cannot be known."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a scene looks like under its own light: materials' nodes, images, lights and the world."""
+"""The look of a scene under its own light: materials' nodes, images, lights and the world."""
 
 from __future__ import annotations
 
@@ -127,7 +127,7 @@ def test_a_mix_of_two_shaders_shines_in_between() -> None:
     link(material, add_node(material, "ShaderNodeBsdfDiffuse").outputs[0], mix.inputs[1])
     link(material, add_node(material, "ShaderNodeBsdfAnisotropic", Roughness=0.2).outputs[0], mix.inputs[2])
     link(material, mix.outputs[0], material.node_tree.get_output_node("ALL").inputs["Surface"])
-    assert gloss_of(only_material()) == pytest.approx((0.25, 0.2, 0.0, 0.0))  # what is diffuse has no roughness
+    assert gloss_of(only_material()) == pytest.approx((0.25, 0.2, 0.0, 0.0))  # diffuse reflection has no roughness
 
 
 def test_an_image_behind_a_reroute_and_a_correction() -> None:

@@ -84,7 +84,7 @@ def instancer(name: str, kind: str = "VERTS", **settings: Any) -> None:
     mesh_object(f"{name} child").parent = parent
 
 
-# What is built; what a viewport shows of it; what a render shows of it.
+# The built objects; those shown in a viewport; those shown in a render.
 TABLE: dict[str, tuple[Callable[[], Any], set[str], set[str]]] = {
     "plain": (lambda: mesh_object("a"), {"a"}, {"a"}),
     "hide_render": (lambda: with_settings("a", hide_render=True), {"a"}, set()),
@@ -167,7 +167,7 @@ def test_a_render_shows(scene: Any, row: str) -> None:
 
 @pytest.mark.parametrize("row", TABLE)
 def test_render_visibility_of_a_viewport_depsgraph(scene: Any, row: str) -> None:
-    """All that the viewport has of what a render shows, and nothing else."""
+    """The reader shows the viewport's objects that a render shows as well, and no object that a render hides."""
     build, in_viewport, rendered = TABLE[row]
     build()
     shown = shown_names(read_scene(evaluated(), for_viewport=False))
@@ -241,7 +241,7 @@ def test_a_viewport_hides_types_of_objects(viewport: Any) -> None:
     _, area = viewport
     space = area.spaces[0]
     assert shown_names(read_scene(evaluated(), space=space)) == {"a", "b", "empty/member"}
-    space.show_object_viewport_empty = False  # an instance counts as what it shows, not as its instancer
+    space.show_object_viewport_empty = False  # an instance counts as the object that it shows, not as its instancer
     assert shown_names(read_scene(evaluated(), space=space)) == {"a", "b", "empty/member"}
     space.show_object_viewport_mesh = False
     assert shown_names(read_scene(evaluated(), space=space)) == set()

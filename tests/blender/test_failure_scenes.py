@@ -1,4 +1,4 @@
-"""The files of failure cases: each opens on what fails, evaluates to its states, and is answered rightly."""
+"""The files of failure cases: each opens at its failure, evaluates to its states, and gets the right answers."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from oracles.png import load_image  # noqa: E402
 
 RAYS = 200
 LARGEST_FILE = 400_000
-# What Blender loses between a matrix and an object's location, rotation and scale, or by mixing shape keys.
+# Blender's rounding between a matrix and an object's location, rotation and scale, or in the mix of shape keys.
 ROUNDING = 1e-4
 COUNT = re.compile(r"\d[\d,]*(?= (?:of|rays))")
 
@@ -71,7 +71,7 @@ def assert_same_triangles(found: np.ndarray, state: State) -> None:
 
 
 def assert_alike(hits: Any, rays: Any, state: State) -> None:
-    """As in a scene filled without Blender, but for the few rays that pass an edge within Blender's roundings."""
+    """Compare with a scene filled without Blender; a few rays pass an edge within Blender's rounding and may differ."""
     expected = perfect_bvh.Scene()
     for part in state:
         mesh = expected.add_mesh(part.positions, part.triangles)

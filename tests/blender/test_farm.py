@@ -1,4 +1,4 @@
-"""Workers: the same bytes for any number of them, with and without deaths, and what is refused."""
+"""Workers: the output is the same for any number of them, with and without deaths; bad input is refused."""
 
 from __future__ import annotations
 
@@ -89,7 +89,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def whole(folder: Path) -> dict[str, dict[str, bytes]]:
-    """What each job makes without workers."""
+    """The output of each job without workers."""
     found = {}
     for name in JOBS:
         status, errors = run_job(folder, name, folder / f"whole_{name}", "--resume")
@@ -399,7 +399,7 @@ def test_a_run_is_not_given_the_blender_of_another(monkeypatch: pytest.MonkeyPat
 
 
 class StandIn:
-    """A Blender of a worker that answers, or has ended with a status. heard: what was asked of it."""
+    """Stands in for a worker's Blender that answers, or has ended with a status. heard: the requests to it."""
 
     def __init__(self, status: int | None, job_id: str = "1") -> None:
         self.has_left = status == 0

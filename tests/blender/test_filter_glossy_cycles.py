@@ -1,7 +1,7 @@
-"""Light that reaches a floor through glass, with Filter Glossy, beside Cycles.
+"""Light that reaches a floor through glass, with Filter Glossy, compared with Cycles.
 
-Paths that have spread see narrow lobes widened. What facets throw at one another is worked out before that, as in
-Cycles: glass that is widened loses a little, and does not shine.
+Paths that have spread see narrow lobes widened. The light that facets reflect between one another is computed before
+the widening, as in Cycles: widened glass loses a little light, and does not shine.
 """
 
 from __future__ import annotations

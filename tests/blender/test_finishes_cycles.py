@@ -1,4 +1,4 @@
-"""Surfaces with sheen, coats, brushed and rough structure: converged patches beside those of Cycles."""
+"""Surfaces with sheen, coats, brushed and rough structure: converged patches compared with those of Cycles."""
 
 from __future__ import annotations
 
@@ -100,7 +100,7 @@ def test_sheen_looks_as_in_cycles(ball: Any, roughness: float) -> None:
     ],
 )
 def test_coats_look_as_in_cycles(ball: Any, values: dict[str, Any]) -> None:
-    """What smooth coats mirror of the sun is about as large as a patch."""
+    """The sun's reflection in a smooth coat is about as large as a patch."""
     check(ball, principled(**values), of_patch=0.12)
 
 

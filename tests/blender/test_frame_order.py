@@ -1,4 +1,4 @@
-"""The order of a frame: set it, evaluate, sync, cast. And that what changes an image changes it without other work."""
+"""The order of a frame is: set it, evaluate, sync, cast. Changes of the image show, and cause no other work."""
 
 from __future__ import annotations
 

@@ -27,7 +27,7 @@ pytestmark = pytest.mark.skipif(
 
 
 def list_of(depsgraph: Any) -> SceneRecord:
-    """By the list, which is what a reader without views uses."""
+    """Read the scene from Blender's list, as a reader without views does."""
     return read_scene(depsgraph, reader=ArrayReader(use_views=False))
 
 

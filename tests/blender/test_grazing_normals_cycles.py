@@ -1,8 +1,8 @@
-"""Normals of coarse smooth meshes with custom corner normals, down to grazing angles, beside Cycles.
+"""Normals of coarse smooth meshes with custom corner normals, down to grazing angles, compared with Cycles.
 
-What is diffuse has the corners' normal, interpolated, in both. Of what is glossy both bend the normal wherever the
-mirror image would lie below the surface, just so far that it lies above. Cycles' pass Normal has the mean over what a
-surface is made of, ours is the normal of the mesh whatever it is made of.
+Diffuse lobes have the corners' interpolated normal in both. For glossy lobes both bend the normal wherever the mirror
+image would lie below the surface, just far enough that it lies above. Cycles' pass Normal has the mean over the lobes
+of a surface; ours is the normal of the mesh for any lobes.
 """
 
 from __future__ import annotations
@@ -141,7 +141,7 @@ def test_cycles_writes_the_bent_normal_of_what_is_glossy_and_ours_is_the_meshs(s
 
 
 def surround(scene: Any) -> None:
-    """A world whose colours tell directions apart."""
+    """A world with a distinct colour for each direction."""
     image = bpy.data.images.new("Around", 32, 16, float_buffer=True)
     row, column = np.mgrid[0:16, 0:32]
     around = column / 32.0 * 2.0 * np.pi
@@ -157,7 +157,7 @@ def surround(scene: Any) -> None:
 
 @pytest.mark.parametrize("name", MATERIALS)
 def test_what_is_glossy_mirrors_what_it_does_in_cycles(scene: Any, name: str) -> None:
-    """With the mesh's own normal it would be darker by 3 to 12 %: what mirrors the surface's inside is lost."""
+    """With the mesh's own normal it would be darker by 3 to 12 %: reflections into the surface are lost."""
     surround(scene)
     inputs = shader(bpy.data.materials["Surface"]).inputs
     for key, value in {"Base Color": (0.8, 0.7, 0.6, 1.0), **MATERIALS[name]}.items():

@@ -1,7 +1,7 @@
-"""Fur beside Cycles: its mean colour, channel by channel, in light from all around, before and behind.
+"""Fur compared with Cycles: its mean colour, channel by channel, in light from all around, before and behind.
 
-The strands are round unless said, straight from point to point, and do not overlap: light that starts inside of
-another strand ends at its wall here, and passes it in Cycles. Means over what is fur are compared.
+The strands are round unless stated otherwise, straight from point to point, and do not overlap. Light that starts
+inside another strand ends at its wall here, but passes it in Cycles. The means over the fur are compared.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from perfect_bvh_addon.live.sync_cache import clear_syncs  # noqa: E402
 
 SAMPLES, SIZE, STRANDS = 128, 64, 1500
 COLOR = {"parametrization": "COLOR", "Color": (0.8, 0.5, 0.2, 1.0)}
-# Of noise, 2 %, and what is said to agree, 5 %; of what is nearly black, a thousandth.
+# Relative: 2 % of noise, and the documented agreement of 5 %. Absolute: a thousandth, for nearly black fur.
 RELATIVE, ABSOLUTE = 0.06, 1e-3
 
 FIBERS: dict[str, dict[str, Any]] = {

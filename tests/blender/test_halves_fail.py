@@ -1,4 +1,4 @@
-"""What may go wrong between the halves of an update: it ends in right answers or in a refusal, never in waiting."""
+"""Failures between the halves of an update: it ends in right answers or in a refusal, and never hangs."""
 
 from __future__ import annotations
 
@@ -149,8 +149,8 @@ def test_all_listeners_are_told_while_others_begin_to_listen(box) -> None:
 @needs_fork
 @pytest.mark.usefixtures("one_thread")
 def test_a_forked_process_starts_over_where_a_build_was_under_way(box, sync: SceneSync, monkeypatch) -> None:
-    """The engine holds its scene's lock during a commit: in the child no thread can give it back."""
-    bpy.ops.mesh.primitive_grid_add(x_subdivisions=700, y_subdivisions=700)  # so much that the engine asks meanwhile
+    """The engine holds its scene's lock during a commit; in the child process no thread can release it."""
+    bpy.ops.mesh.primitive_grid_add(x_subdivisions=700, y_subdivisions=700)  # large enough for progress reports
     in_engine, opened = threading.Event(), threading.Event()
     advance = BackgroundWork._advance
 

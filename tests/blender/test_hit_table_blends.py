@@ -1,4 +1,4 @@
-"""Fingerprints of what becomes of a file are the same twice, and tell bits apart."""
+"""Fingerprints of a file's answers are the same in two runs, and differ if a bit differs."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
-"""What nodes get of each instance (Object Info, attributes of objects and instancers), beside Cycles' picture.
+"""Values of instances in nodes (Object Info, attributes of objects and instancers), compared with Cycles' picture.
 
-Everything emits the value itself, so that pictures are equal pixel by pixel but for the edges of what is seen.
+Everything emits the value itself. So pictures are equal pixel by pixel, except at the edges of the surfaces.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ def empty() -> Iterator[None]:
 
 
 def show(output: Output) -> None:
-    """Everything emits what `output` makes in a node tree, and is seen from afar."""
+    """Make all objects emit `output` of a node tree, and set up a distant camera."""
     material = new_red("Shown")
     material.pass_index = 3
     tree = material.node_tree
@@ -62,7 +62,7 @@ def show_material(material: Any) -> None:
 
 
 def both() -> tuple[np.ndarray, np.ndarray]:
-    """(N, 4): ours and Cycles' wherever both see a surface at the same place."""
+    """(N, 4): our values and Cycles' in pixels where both see a surface at the same position."""
     scene = bpy.context.scene
     scene.perfect_bvh.samples = 1
     with preserved(
@@ -78,7 +78,7 @@ def both() -> tuple[np.ndarray, np.ndarray]:
 
 
 def check(least_colors: int = 2, tolerance: float = 2e-5, others: float = 0.02) -> None:
-    """The same, and so many different ones that it means something."""
+    """Check that the values agree, and that at least `least_colors` of them are distinct."""
     ours, theirs = both()
     assert len(ours) > 50
     wrong = np.abs(ours - theirs) > tolerance * np.maximum(np.abs(theirs), 1.0)
@@ -110,7 +110,7 @@ def attribute(name: str, kind: str = "INSTANCER", output: str = "Color") -> Outp
 
 
 def cubes() -> list[Any]:
-    """Some plain objects, with names, colours and numbers of their own."""
+    """Some plain objects with distinct names, colours and numbers."""
     made = []
     for number, name in enumerate(("Kühe", "cube", "plain name.001", "日本")):
         obj = mesh_object(name, location=(1.5 * number, 0.0, 1.0 * number))
@@ -329,7 +329,7 @@ def test_the_settings_of_particles_have_the_first_word() -> None:
     assert 0.6 < theirs[:, 0].max() < 0.65
 
 
-# What nodes make of it -----------------------------------------------------------------------------------------------
+# Results of nodes ----------------------------------------------------------------------------------------------------
 
 
 def ramped(tree: Any) -> Any:

@@ -1,4 +1,4 @@
-"""Labels by name in images, and their files: what is read back by others' readers is what the arrays hold."""
+"""Labels by name in images, and their files: other programs' readers get the values of the arrays."""
 
 from __future__ import annotations
 

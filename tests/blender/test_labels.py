@@ -1,4 +1,4 @@
-"""Labelled images: what is seen is what a render's passes say, what is hidden is what each thing alone would show."""
+"""Labelled images: visible pixels agree with a render's passes, hidden ones with an image of each object alone."""
 
 from __future__ import annotations
 
@@ -290,7 +290,7 @@ def test_run_lengths_are_those_of_single_masks(size: tuple[int, int]) -> None:
     assert run_lengths(masks_of(owners[:0], pixels[:0], 0, size)) == []
 
 
-# What goes wrong -----------------------------------------------------------------------------------------------------
+# Errors --------------------------------------------------------------------------------------------------------------
 
 
 def test_bad_arguments_are_named(scene: Any) -> None:

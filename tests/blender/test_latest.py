@@ -1,4 +1,4 @@
-"""What panels tell of the last work on a scene, and whether it still holds."""
+"""The panels' report of the last work on a scene, and whether it is still up to date."""
 
 from __future__ import annotations
 
@@ -91,7 +91,7 @@ def test_an_edit_outdates_what_was_done_and_a_render_renews_it(edit) -> None:
 
 
 def of_viewport(mode: str) -> Any:
-    """What a Rendered viewport leaves that shows this mode."""
+    """The statistics that a Rendered viewport in this mode leaves."""
     scene = bpy.context.scene
     settings = replace(read_settings(scene, is_viewport=True), mode=mode)
     return replace(last_result.last_statistics(scene), source="Viewport", settings=settings)
@@ -185,7 +185,7 @@ def test_a_viewport_that_finds_nothing_changed_confirms_what_a_viewport_did() ->
     statistics = last_result.last_statistics(scene)
     edit_object()
     last_result.confirm_view(scene, statistics.report)
-    assert last_result.is_outdated(scene)  # a render: what viewports show says nothing of it
+    assert last_result.is_outdated(scene)  # a render is not confirmed by viewports
     shown = replace(statistics, source="Viewport", settings=read_settings(scene, is_viewport=True))
     last_result.remember(scene, shown, last_result.edits_of(scene))
     edit_object()
@@ -196,7 +196,7 @@ def test_a_viewport_that_finds_nothing_changed_confirms_what_a_viewport_did() ->
 
 
 def test_an_edit_during_a_render_outdates_it() -> None:
-    """The render shows what was read when it began."""
+    """The render shows the scene as it was read at the start."""
     scene = bpy.context.scene
     edits = iter([edit_object])
 

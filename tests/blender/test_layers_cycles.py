@@ -1,6 +1,6 @@
-"""Which uv map an image is laid on with, and which colours a mesh has, in the mode "preview" beside Cycles' picture.
+"""The uv map of each image, and the colours of a mesh, in the mode "preview", compared with Cycles' picture.
 
-A floor seen from above that gives nothing but its own light, so that both pictures are what the images are.
+A floor is seen from above and emits its own light only, so that both pictures show the images unchanged.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Depth of field: pictures beside Cycles', and that a change of focus shows wherever a picture is made."""
+"""Depth of field: pictures compared with Cycles', and changes of focus, which every kind of picture shows."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ Image = npt.NDArray[np.float32]
 
 @pytest.fixture
 def scene() -> Iterator[Any]:
-    """A camera that looks along y and blurs what is not 3 away; the render is a small square."""
+    """A camera that looks along y and blurs everything that is not 3 away; the render is a small square."""
     perfect_bvh_addon.register()
     bpy.ops.wm.read_factory_settings(use_empty=True)
     scene = bpy.context.scene
@@ -118,7 +118,7 @@ def test_blur_has_the_size_and_the_shape_of_cycles(
 
 
 def courtyard(scene: Any) -> Any:
-    """Cubes one behind the other under a sun; the middle one, which is returned, is what the camera focuses on."""
+    """Build cubes one behind the other under a sun; return the middle one, which the camera focuses on."""
     paint_world(scene, 0.4)
     bpy.ops.mesh.primitive_plane_add(size=60.0, location=(0.0, 0.0, -1.0))
     cubes = []
@@ -144,7 +144,7 @@ def test_a_scene_is_blurred_as_in_cycles(scene) -> None:
 
 
 def test_passes_are_those_of_the_middle_of_the_lens(scene) -> None:
-    """Cycles' hold what one ray through anywhere of the lens has met: of what is in focus they are the same."""
+    """Cycles' passes hold the hits of one ray through a random point of the lens; in focus they are the same."""
     courtyard(scene)
     mine = render_passes(scene, "PERFECT_BVH")
     scene.camera.data.dof.use_dof = False
@@ -154,7 +154,7 @@ def test_passes_are_those_of_the_middle_of_the_lens(scene) -> None:
     assert not np.array_equal(mine.combined, sharp.combined)
 
 
-# What is in focus changes ------------------------------------------------------------------------------------------
+# Changes of the focus ----------------------------------------------------------------------------------------------
 
 
 def focus_distance_of(scene: Any) -> float:

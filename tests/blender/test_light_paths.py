@@ -20,7 +20,7 @@ COUNT = 400
 
 
 def cloud_of(material: Callable[[], Any], triangles: int) -> SceneSync:
-    """Triangles anywhere, large enough to stand before each other."""
+    """Randomly placed triangles, large enough to cover each other."""
     empty_scene()
     cloud = add_cloud(triangles)
     cloud.data.materials.append(material())

@@ -1,4 +1,4 @@
-"""What a sensor's file says of light: the tables, what may not stand in them, and what folders of pieces know of it."""
+"""Light in a sensor's file: the tables, the entries that are refused, and their copies in folders of scans."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Materials as people build them, and lights with all their settings, in the mode "preview" beside Cycles' picture."""
+"""Typical materials, and lights with all their settings, in the mode "preview", compared with Cycles' picture."""
 
 from __future__ import annotations
 
@@ -88,7 +88,7 @@ def test_painted_meshes_look_as_in_cycles(scene, domain: str, kind: str) -> None
 
 
 def test_a_cube_of_fog_is_not_a_black_box(scene) -> None:
-    """Fog itself is not shown; what is in it and behind it is."""
+    """Fog itself is not shown; objects in it and behind it are."""
     plain = check(scene)
     material = new_red()
     tree = material.node_tree
@@ -179,7 +179,7 @@ def new_sky(scene: bpy.types.Scene, model: str, strength: float) -> Any:
 )
 @pytest.mark.parametrize("model", ["SINGLE_SCATTERING", "MULTIPLE_SCATTERING"] if MULTIPLE else ["NISHITA"])
 def test_a_sky_lights_as_in_cycles(scene, model: str, strength: float, settings: dict[str, Any]) -> None:
-    """Its sun, how bright and of what colour it is, where it stands; looser of what is seen of it near the horizon."""
+    """The sun's brightness, colour and position agree. The tolerance for the visible sky is larger near the horizon."""
     bpy.data.objects.remove(scene.objects["Sun"])
     scene.camera.rotation_euler.x = 1.45
     sky = new_sky(scene, model, strength)

@@ -1,4 +1,4 @@
-"""The example scene of hair and points: what is in it, that what sways is refitted, edits of a fringe, and Cycles."""
+"""The example scene of hair and points: its content, refits of the swaying blades, edits of a fringe, and Cycles."""
 
 from __future__ import annotations
 
@@ -106,10 +106,10 @@ def test_info_plans_it(blend_file: Callable[[str], Path], capsys: Any) -> None:
 
 @pytest.mark.parametrize("frame", [1, 24])
 def test_it_looks_the_same_to_cycles(meadow: Any, frame: int) -> None:
-    """Depth, normal and index, as `test_passes_cycles.py` compares them; beside edges of the index pass, too.
+    """Compares depth, normal and index as `test_passes_cycles.py` does; pixels next to edges of the index pass, too.
 
     There Cycles' ray, up to 0.005 pixels off, may pass by a blade that is a pixel wide. Wherever passes differ, one of
-    the engine's rays as near as that is as deep as Cycles' pixel, and what its triangles are hit at is right.
+    the engine's rays within this distance is as deep as Cycles' pixel, and the engine's hits on triangles are right.
     """
     meadow.frame_set(frame)
     for ids in (bpy.data.objects, bpy.data.materials):

@@ -1,4 +1,4 @@
-"""Which meshes are one, and what they are known by from evaluation to evaluation."""
+"""Which objects share one mesh, and the keys that identify meshes from evaluation to evaluation."""
 
 from __future__ import annotations
 

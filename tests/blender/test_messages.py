@@ -1,4 +1,4 @@
-"""What went wrong stays where users look for it, until something newer was done."""
+"""Errors remain where users look for them until newer work is done."""
 
 from __future__ import annotations
 

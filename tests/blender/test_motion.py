@@ -1,4 +1,4 @@
-"""Scenes that move within a shutter, ray by ray against the same scenes that stand still at a moment of it."""
+"""Scenes that move within a shutter, compared ray by ray with the same scenes at rest at a moment of the shutter."""
 
 from __future__ import annotations
 

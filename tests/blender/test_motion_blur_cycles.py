@@ -160,7 +160,7 @@ def vectors(scene: Any, engine: str) -> Image:
 def check_vectors(scene: Any, moving_share: float) -> None:
     ours, theirs = vectors(scene, "PERFECT_BVH"), vectors(scene, "CYCLES")
     assert (np.abs(theirs).max(axis=-1) > 0.1).mean() > moving_share
-    # Beside an edge the ray of Cycles, which is up to .005 pixels off, may meet what is behind.
+    # At an edge Cycles' ray, which is up to .005 pixels off, may hit the surface behind.
     off = np.abs(ours - theirs).max(axis=-1) > 0.01
     assert off.mean() < 0.005, np.argwhere(off)[:10]
 
@@ -188,7 +188,7 @@ def test_vectors_of_an_example_are_those_of_cycles(registered: None) -> None:
 
 
 def move_camera(scene: Any, move: str) -> None:
-    """A key at frames 1 and 9 each; the wall stands still."""
+    """Set a key at frames 1 and 9 each; the wall does not move."""
     camera = scene.camera
     bpy.data.objects["Cube"].animation_data_clear()
     bpy.data.objects["Cube"].hide_render = True
@@ -248,13 +248,13 @@ def test_vectors_take_the_short_way_over_the_seam_of_a_panorama(scene: Any) -> N
     expected = [(turns[4] - turns[5]) * pixels, 0.0, (turns[5] - turns[6]) * pixels, 0.0]
     found = vectors(scene, "PERFECT_BVH")
     assert abs(expected[0]) > 0.5
-    seen = np.abs(found).max(axis=-1) > 0.0  # but for the wall, which is another surface
+    seen = np.abs(found).max(axis=-1) > 0.0  # without the wall, which is another surface
     np.testing.assert_allclose(found[:, [0, 1, -2, -1]], np.broadcast_to(expected, (SIZE[1], 4, 4)), atol=1e-3)
     np.testing.assert_allclose(found[seen], np.broadcast_to(expected, found[seen].shape), atol=1e-3)
 
 
 def test_with_motion_blur_there_are_no_vectors(scene: Any) -> None:
-    """As in Cycles: what is blurred is not to be blurred again."""
+    """As in Cycles: a blurred image must not be blurred again."""
     layer = scene.view_layers[0]
     layer.use_pass_vector = True
     with tempfile.TemporaryDirectory() as folder:

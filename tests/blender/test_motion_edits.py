@@ -1,4 +1,4 @@
-"""Any edits between updates with and without a shutter: what is synced is what a fresh sync reads, bit by bit."""
+"""Random edits between updates with and without a shutter: the synced record equals a fresh reading bit by bit."""
 
 from __future__ import annotations
 

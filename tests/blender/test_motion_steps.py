@@ -1,4 +1,4 @@
-"""Through the moments of a shutter and back: where the scene is left, what is read, what arguments are refused."""
+"""Stepping through the moments of a shutter and back: the scene's frame afterwards, the readings, and bad arguments."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ def test_a_handler_that_fails_leaves_it_there_too(scene: Any, capfd: Any) -> Non
     bpy.app.handlers.frame_change_post.append(fail)
     try:
         sync = SceneSync()
-        assert sync.update(evaluated(), shutter=SHUTTER).motion_count == 1  # Blender tells of it, and goes on
+        assert sync.update(evaluated(), shutter=SHUTTER).motion_count == 1  # Blender reports the error and goes on
     finally:
         bpy.app.handlers.frame_change_post.remove(fail)
     assert "out of order" in capfd.readouterr().err
@@ -167,7 +167,7 @@ def test_markers_that_choose_cameras_leave_the_one_that_was_chosen(scene: Any) -
 
 
 def test_what_was_moved_by_hand_is_where_its_keys_have_it(scene: Any) -> None:
-    """As after any change of the frame; and the sync says what Blender shows."""
+    """As after any change of the frame, the keys win; and the sync agrees with Blender."""
     make("a_keyed_cube")
     cube = bpy.data.objects["Cube"]
     keyed_place = cube.location.copy()
@@ -178,7 +178,7 @@ def test_what_was_moved_by_hand_is_where_its_keys_have_it(scene: Any) -> None:
     assert not Told(sync, sync.scene.snapshot(), 0.5).is_not_at_moment(frozen(0.0)).any()
 
 
-# What is evaluated and read ------------------------------------------------------------------------------------------
+# Evaluations and readings ---------------------------------------------------------------------------------------------
 
 
 def test_each_moment_is_evaluated_once(scene: Any, visited: list[float]) -> None:
@@ -201,7 +201,7 @@ def test_without_anything_to_follow_nothing_is_evaluated(scene: Any, visited: li
 
 @pytest.mark.parametrize("watch", [True, False])
 def test_a_mesh_that_rests_is_read_once(scene: Any, watch: bool, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Beside a cube that moves, and beside one that deforms."""
+    """The scene also has a cube that moves, and one that deforms."""
     reads: list[str] = []
     read_mesh = mesh_table.read_mesh
 
@@ -223,7 +223,7 @@ def test_a_mesh_that_rests_is_read_once(scene: Any, watch: bool, monkeypatch: py
     scene.frame_set(FRAME)
     sync.update(evaluated(), shutter=SHUTTER)
     assert reads.count("Cube") == 4
-    assert reads.count("Icosphere") <= (0 if watch else 1)  # who does not watch may not know of what was before
+    assert reads.count("Icosphere") <= (0 if watch else 1)  # without watching, a second reading is allowed
     assert next(mesh.positions for mesh in sync.record.meshes if mesh.name == "Icosphere") is held
     reads.clear()
     sync.update(evaluated())
@@ -263,7 +263,7 @@ def test_what_rests_gets_no_motion(scene: Any) -> None:
     assert names == {"Cube"} and sync.record.motion.meshes == ()
 
 
-# What is refused -----------------------------------------------------------------------------------------------------
+# Refused arguments ---------------------------------------------------------------------------------------------------
 
 REFUSED: list[tuple[dict[str, Any], str]] = [
     ({"shutter": (0.5, 0.5)}, r"update: shutter must be two finite numbers .* begin < end, got \(0.5, 0.5\)"),

@@ -1,4 +1,4 @@
-"""What does not move within a shutter: by its switches, or because it cannot be followed, which is told in words."""
+"""Objects at rest within a shutter: their switches are off, or their motion cannot be followed, which is reported."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ def told(sync: SceneSync) -> list[str]:
 
 @pytest.fixture
 def pair(scene: Any) -> list[Any]:
-    """Two cubes that move and deform alike, each with a mesh of its own."""
+    """Two cubes that move and deform alike, each with a separate mesh."""
     cubes = []
     for x in (-3.0, 3.0):
         bpy.ops.mesh.primitive_cube_add(location=(x, 0.0, 0.0))
@@ -230,11 +230,11 @@ def test_a_shape_that_cannot_be_followed_goes_with_its_object(scene: Any) -> Non
     assert motions.transforms[2].tobytes() == at_frame(1.0).record.instances.transforms.tobytes()
 
 
-# What is one mesh at the frame and several at other moments -----------------------------------------------------------
+# One mesh at the frame, several at other moments ----------------------------------------------------------------------
 
 
 def linked_pair(begins: int) -> list[Any]:
-    """Two objects of one mesh, each under an armature of its own, the second of which moves from a frame on."""
+    """Two objects of one mesh, each with a separate armature; the second armature starts to move at a frame."""
     data = mesh_data("shared")
     made = []
     for number in range(2):

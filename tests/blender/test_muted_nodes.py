@@ -1,6 +1,6 @@
-"""What trees come to where nodes are muted, belong to other engines, or lead to no output. Values are those of Cycles.
+"""Results of node trees whose nodes are muted, belong to other engines, or have no output. The values are Cycles'.
 
-Each setup was rendered with Cycles of Blender 5.0.1; the numbers are what it shows.
+Each setup was rendered with Cycles of Blender 5.0.1; the numbers are those of its picture.
 """
 
 from __future__ import annotations
@@ -116,7 +116,7 @@ def shader_into_a_color(tree: Any) -> None:
 
 
 def within_a_group(tree: Any) -> None:
-    """The group's output has a value of its own."""
+    """The input of the group's output node has another value."""
 
     def fill(group: Any) -> None:
         end = group.nodes.new("NodeGroupOutput")
@@ -148,7 +148,7 @@ def muted_emission(tree: Any) -> None:
 
 
 def mixed(tree: Any) -> None:
-    """A Mix Shader hands on what is linked."""
+    """A Mix Shader passes on its linked input."""
     emission = shine(tree)
     mix = feed(tree, "ShaderNodeMixShader", output_of(tree).inputs["Surface"])
     tree.links.new(emission.outputs[0], mix.inputs[2])

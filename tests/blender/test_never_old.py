@@ -281,7 +281,7 @@ def assert_refuses(sync: SceneSync) -> None:
 
 
 def assert_answers_as_a_fresh_one(sync: SceneSync, update: bool = True) -> None:
-    """update: first, from what is active now."""
+    """update: update the sync first, from the active depsgraph."""
     depsgraph = bpy.context.evaluated_depsgraph_get()
     if update:
         assert sync.update(depsgraph, verify=True).mismatches == ()

@@ -1,4 +1,4 @@
-"""Where Blender may not be asked to evaluate: queries there neither evaluate nor crash, and say what is known."""
+"""Queries where Blender must not evaluate: they neither evaluate nor crash, and answer from the known data."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def handler(name: str, function: Callable[..., object], first: bool = False) -> 
 
 @contextlib.contextmanager
 def evaluations() -> Iterator[list[int]]:
-    """One entry for each evaluation meanwhile."""
+    """Collect one entry for each evaluation inside the context."""
     seen: list[int] = []
 
     def count(*_: Any) -> None:
@@ -181,7 +181,7 @@ def test_a_render_job_in_a_window_is_not_interrupted(
 def test_a_query_while_an_add_on_registers_evaluates_nothing(
     square: Any, watching: SceneSync, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Blender puts another object in the place of its context meanwhile."""
+    """While an add-on registers, Blender replaces its context by another object."""
     restricted = pytest.importorskip("_bpy_restrict_state")._RestrictContext()
     square.location.z = 2.0
     with monkeypatch.context() as patch, evaluations() as seen:

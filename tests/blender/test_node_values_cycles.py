@@ -1,4 +1,4 @@
-"""Values of nodes at given points, beside those that Cycles writes: 10,000 points each, 100,000 with --long."""
+"""Values of nodes at given points, compared with those that Cycles writes: 10,000 points each, 100,000 with --long."""
 
 from __future__ import annotations
 
@@ -115,7 +115,7 @@ def normal(tree: Any) -> Any:
 
 
 def wavelength(tree: Any) -> Any:
-    """Beyond what is seen, too."""
+    """Wavelengths beyond the visible ones, too."""
     node = made("Wavelength")(tree)
     place = of_points("MapRange", {}, "x", From_Min=-FAR, From_Max=FAR, To_Min=340.0, To_Max=820.0)(tree)
     tree.links.new(place.outputs[0], node.inputs[0])

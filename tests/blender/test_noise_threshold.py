@@ -1,4 +1,4 @@
-"""The noise threshold as users set it: properties, panel, command line, and what a render makes of it."""
+"""The noise threshold as users set it: properties, panel, command line, and its effect on a render."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""No node is dropped in silence: each that Blender has is shown as it is or named, in docs/preview.md as well."""
+"""No node is ignored silently: each of Blender's nodes is shown exactly or named, in docs/preview.md as well."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from perfect_bvh import nodes as programs
 from perfect_bvh_addon.extract import read_scene
 from perfect_bvh_addon.extract.looks.node_graph import IGNORED_INPUTS, SHOWN_NODES, SIMPLIFIED_NODES
 
-# Nodes of which the output, or what they are given, decides.
+# Nodes that are shown or not depending on the output, or on their inputs.
 SHOWN_AT_TIMES = {
     "TEX_COORD",
     "NEW_GEOMETRY",
@@ -47,7 +47,7 @@ def node_types() -> list[str]:
 
 
 def feed(material: Any, node: Any, output: Any) -> None:
-    """Link a node's output to what it is made for."""
+    """Link a node's output to an input of the intended kind."""
     tree = material.node_tree
     if output.type == "SHADER":
         place = "Volume" if output.name == "Volume" else "Surface"

@@ -1,4 +1,4 @@
-"""What is not shown of objects, images, the world, lights and the scene's settings is named."""
+"""Unsupported features of objects, images, the world, lights and the scene's settings are named."""
 
 from __future__ import annotations
 
@@ -128,7 +128,7 @@ def test_the_worlds_volume_mapping_and_visibility(material: Any) -> None:
     tree.links.new(environment.outputs[0], background.inputs["Color"])
     assert sentences() == []
     mapping.inputs["Rotation"].default_value = (0.7, 0.0, 0.0)
-    assert sentences() == []  # then an image is made of what the nodes show
+    assert sentences() == []  # then the nodes are baked to an image
     tree.links.new(add(tree, "VolumeScatter").outputs[0], tree.get_output_node("ALL").inputs["Volume"])
     world.cycles_visibility.glossy = False
     world.update_tag()

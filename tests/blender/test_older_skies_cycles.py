@@ -60,7 +60,7 @@ def set_up(sky: Any, model: str, degrees: float, azimuth: float, turbidity: floa
 
 
 def render_middles(scene: Any, engine: str, finer: int) -> np.ndarray:
-    """(HEIGHT, WIDTH, 3): what comes from the directions of a coarse panorama's pixels."""
+    """Render (HEIGHT, WIDTH, 3): the light from the directions of a coarse panorama's pixels."""
     with preserved(
         (scene.render, "resolution_x", WIDTH * finer),
         (scene.render, "resolution_y", HEIGHT * finer),
@@ -77,7 +77,7 @@ def render_middles(scene: Any, engine: str, finer: int) -> np.ndarray:
 @pytest.mark.parametrize("sun", SUNS)
 @pytest.mark.parametrize("model", ["PREETHAM", "HOSEK_WILKIE"])
 def test_an_older_sky_is_that_of_cycles_in_each_direction(sky: Any, model: str, sun: tuple[float, ...]) -> None:
-    """Within 2 % in each channel, but for what is no more than a five-hundredth of the brightest."""
+    """Within 2 % in each channel, except for values below a five-hundredth of the brightest."""
     set_up(sky, model, *sun)
     theirs = render_middles(bpy.context.scene, "CYCLES", 1)
     ours = render_middles(bpy.context.scene, "PERFECT_BVH", FINER)

@@ -1,4 +1,4 @@
-"""What files open with: Rendered viewports where a screen asks for it, and nothing else is changed."""
+"""Opening a file: viewports are Rendered where a screen asks for it, and no other setting changes."""
 
 from __future__ import annotations
 

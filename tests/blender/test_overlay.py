@@ -145,7 +145,7 @@ def test_a_redraw_goes_through_no_boxes_and_no_objects(scene, drawn_batches, mon
 
 
 def test_what_a_script_changes_is_drawn(scene) -> None:
-    """Without a window nothing can be drawn, but the properties can be asked whom they tell."""
+    """Without a window nothing can be drawn, but the update functions of the properties can be called."""
     settings = viewport_overlay()
     redrawn = []
     area = SimpleNamespace(type="VIEW_3D", tag_redraw=lambda: redrawn.append(1))

@@ -1,4 +1,4 @@
-"""The panels of settings: every panel can be drawn of a scene that was rendered, and shows what can be set."""
+"""The panels of settings: every panel can be drawn for a rendered scene, and shows the settings that can be changed."""
 
 from __future__ import annotations
 

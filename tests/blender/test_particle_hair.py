@@ -1,4 +1,4 @@
-"""Old particle hair of a scene as curves: what is read, what rays meet, and that it is never old."""
+"""Legacy particle hair of a scene as curves: the read data, the hits of rays, and answers that are never old."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""That particle hair is never old: each edit of it, of its emitter and of its settings, beside a scene read afresh."""
+"""Particle hair is never old: each edit of it, of its emitter and of its settings equals a fresh reading."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def rays(count: int = 500) -> tuple[np.ndarray, np.ndarray]:
 
 
 def assert_as_fresh(sync: SceneSync) -> int:
-    """By the bits, in what rays meet and of what material. How many rays meet hair."""
+    """Compare hits and their materials with a fresh sync, bit by bit; return the number of rays that hit hair."""
     fresh = SceneSync(watch=False)
     try:
         fresh.update(evaluated())

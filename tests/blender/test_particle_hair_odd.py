@@ -23,7 +23,7 @@ from perfect_bvh_addon.sync.records import AttributeRequest, LayerRequest
 @pytest.mark.parametrize("use_views", [True, False])
 @pytest.mark.parametrize("count", [0, 1])
 def test_maps_that_come_after_the_particles_are_missing(scene: Any, count: int, use_views: bool) -> None:
-    """Blender keeps the mesh as it was at the particles' modifier; to ask it for a later map ends Blender."""
+    """Blender keeps the mesh of the particles' modifier; a request for a map that is added later crashes Blender."""
     obj = emitter(**kind_settings("SIMPLE"))
     if count == 0:
         obj.data.uv_layers.remove(obj.data.uv_layers[0])
@@ -36,7 +36,7 @@ def test_maps_that_come_after_the_particles_are_missing(scene: Any, count: int, 
     mesh = read_particle_hair(hair, None, "hair", wanted, ArrayReader(use_views))
     assert mesh is not None
     assert sorted(mesh.named_uvs) == ["UVMap"][:count] and not mesh.named_colors
-    if not count:  # Blender refuses to tell of maps where there was none at all
+    if not count:  # Blender refuses requests for maps if there is none at all
         (modifier, system), reader = hair.systems[0], ArrayReader(use_views)
         roots = find_roots(system, modifier, shown.data, 0, COUNT, reader, frozenset([0]), is_final=False)
         assert roots.faces is None and roots.ask("uv_on_emitter", 0) is None
@@ -188,7 +188,7 @@ def test_strands_that_are_all_dropped_are_named(scene: Any) -> None:
 
 @pytest.mark.parametrize("use_views", [True, False])
 def test_systems_may_have_no_particle(scene: Any, use_views: bool) -> None:
-    """Alone, and beside another that has some."""
+    """First alone, then together with another system that has particles."""
     obj = emitter(count=0)
     assert [mesh.kind for mesh in read_scene(evaluated(), reader=ArrayReader(use_views)).meshes] == ["triangles"]
     add_hair(obj)
@@ -204,7 +204,7 @@ def test_lengths_that_are_not_finite_warn_of_nothing(scene: Any) -> None:
 
 
 def test_places_on_maps_are_numbers(scene: Any) -> None:
-    """Whatever the emitter's map has, as with attributes of curves, and in both ways of reading."""
+    """Values of the emitter's map that are not finite become 0, as in attributes of curves, in both ways of reading."""
     obj = emitter()
     values = np.array([np.nan, np.inf] * len(obj.data.loops), np.float32)
     obj.data.uv_layers[0].uv.foreach_set("vector", values)
@@ -261,7 +261,7 @@ class _OneStrand:
 
 
 def test_a_tip_in_the_origin_is_no_end() -> None:
-    """Told by an object that stands elsewhere."""
+    """Compared with the answer for an object at another position."""
     at, elsewhere = (SimpleNamespace(matrix_world=np.eye(4)) for _ in range(2))
     at.matrix_world[:3, 3] = -1.0, 0.0, -1.0
     space, system = strand_cache.Space.of(at), _OneStrand()

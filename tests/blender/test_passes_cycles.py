@@ -2,9 +2,9 @@
 
 A pixel is alike if depths agree within 1e-4, normals within one degree, and indices exactly. Pixels within one
 pixel of an edge in Cycles' index pass are left out, for Cycles' ray is up to 0.005 pixels off the pixel's centre.
-Inside an object there may be few that differ, and for each the double-precision judge must find the engine's own hit
-right or ambiguous. Cycles is the one that is wrong on slivers of 18 m by 9 mm seen at four degrees, where its depth is
-off by millimetres; ambiguous is what lies within the judge's margin of an edge that the index pass does not show, or
+Inside an object a few pixels may differ. For each of them the double-precision judge must find the engine's own hit
+right or ambiguous. Cycles is wrong on slivers of 18 m by 9 mm seen at four degrees, where its depth is off by
+millimetres. A hit is ambiguous if it lies within the judge's margin of an edge that the index pass does not show, or
 where two triangles coincide, as in the walls of the sea. Which of such pixels differ depends on the processor that
 Cycles runs on.
 """
@@ -115,7 +115,7 @@ def compare(scene: bpy.types.Scene, size: tuple[int, int] = (320, 180)) -> Compa
 
 
 def wrong_pixels(sync: perfect_bvh_addon.SceneSync, pixels: list[tuple[int, int]]) -> list[tuple[int, int]]:
-    """Those of the pixels through whose centres the engine hits what is neither right nor ambiguous."""
+    """Return the pixels at whose centres the engine's hit is neither right nor ambiguous."""
     verdict = judge_pixels(sync, pixels, cast_through(sync, pixels))
     return [pixel for pixel, is_wrong in zip(pixels, verdict.wrong, strict=True) if is_wrong]
 
@@ -244,7 +244,7 @@ def test_panoramas(
 
 
 def test_uvs_are_those_of_cycles(scene) -> None:
-    """The mode's picture beside the pass UV of Cycles: a map, one that leaves 0 to 1, none."""
+    """Compare the mode's picture with Cycles' pass UV: with a map, one that exceeds 0 to 1, and none."""
     floor = add("Floor", bpy.ops.mesh.primitive_grid_add, x_subdivisions=9, y_subdivisions=7, size=12.0)
     for corner in floor.data.uv_layers.active.data:
         corner.uv = corner.uv * 3.0 - corner.uv.yx
@@ -334,7 +334,7 @@ def test_several_materials_and_slots_of_the_object(scene) -> None:
 
 @pytest.mark.parametrize("threshold", [0.0, 0.5, 1.0])
 def test_passes_are_without_what_has_less_alpha_than_the_threshold(scene, threshold: float) -> None:
-    """Of what has some alpha but too little, chance decides whether a pixel of Cycles has it: ours are without it."""
+    """With alpha above 0 and below the threshold, chance decides if Cycles' pixel has the pane; ours never has it."""
     wall, alphas = (
         add("Wall", bpy.ops.mesh.primitive_cube_add, size=8.0, location=(0.0, 8.0, 0.0)),
         (0.0, 0.3, 0.5, 0.9),

@@ -25,7 +25,7 @@ def thing(name: str) -> Any:
 
 @pytest.fixture
 def sync(scene: Any) -> Iterator[SceneSync]:
-    """Synced: a plain mesh, one under a modifier, and one beside them."""
+    """A synced scene: a plain mesh, one under a modifier, and a third one."""
     mesh_object("plain", mesh_data("plain", *SQUARE))
     mesh_object("smooth", mesh_data("smooth")).modifiers.new("subsurf", "SUBSURF")
     mesh_object("other", mesh_data("other"))
@@ -145,7 +145,7 @@ def test_what_is_edited_is_read_every_time(sync: SceneSync) -> None:
 
 
 def test_an_update_within_a_handler_that_comes_first(sync: SceneSync) -> None:
-    """The log has not been told yet what was evaluated."""
+    """The handler runs before the evaluation is logged."""
     heights: list[float] = []
 
     def early(_: Any, depsgraph: Any) -> None:
@@ -182,7 +182,7 @@ def test_more_attributes_must_be_read(sync: SceneSync) -> None:
 
 
 def test_an_update_that_failed_after_reading_hides_nothing(sync: SceneSync, monkeypatch: pytest.MonkeyPatch) -> None:
-    """What was read then is known to the reader, and not to the engine."""
+    """The failed update's readings are known to the reader but not to the engine."""
     deform("plain")
     with monkeypatch.context() as patch:
         patch.setattr(SceneState, "compare", interrupted)

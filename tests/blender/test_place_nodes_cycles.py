@@ -1,4 +1,4 @@
-"""Nodes that depend on where a surface stands, how it is seen and what it was before: values beside those of Cycles."""
+"""Nodes that depend on a surface's position, view and rest shape: values compared with those of Cycles."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ def show(output: Output, scale: float = SCALE) -> Any:
 
 
 def both(scene: Any) -> tuple[np.ndarray, np.ndarray]:
-    """(N, 3): ours and Cycles' wherever both see a surface at the same place."""
+    """(N, 3): our values and Cycles' in pixels where both see a surface at the same position."""
     with preserved(
         (scene.cycles, "samples", 1),
         (scene.cycles, "use_denoising", False),
@@ -170,7 +170,7 @@ def test_shape_keys_leave_generated_places_where_they_were(scene) -> None:
 
 
 def bumped(width: float) -> Output:
-    """The normal of a bump by bands that are finer than what it looks at beside a point."""
+    """The normal of a bump by bands that are narrower than the distance between the bump's samples."""
 
     def made(tree: Any) -> Any:
         bump = add(tree, "Bump", Strength=1.0, Distance=0.05, Filter_Width=width)

@@ -1,4 +1,4 @@
-"""The classes of the example scenes' meshes: what the scene tells at once, and what their motion shows."""
+"""The classes of the example scenes' meshes: from the scene alone at first, and from observed motion later."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ def test_the_largest_moving_mesh_has_its_class_from_the_first_frame(
     of_class = [row for row in first.values() if row[0] == usage]
     assert of_class, first
     assert any(word in reason for _, reason, _ in of_class)
-    # What was seen afterwards did not take it back.
+    # Later observations did not revoke the class.
     for mesh, row in first.items():
         if row[0] == usage and mesh in third:
             assert third[mesh][0] == usage
@@ -68,7 +68,7 @@ def test_flags_deform_and_spectators_do_not(repository: Path) -> None:
 
 
 def test_what_no_ray_can_meet_is_unseen_and_not_read(scene: Any, monkeypatch: pytest.MonkeyPatch) -> None:
-    """It says why; a mesh that anything else shows is seen; what is shown again is built."""
+    """The reason is given. A mesh that another object shows is seen, and a mesh that is shown again is built."""
     from perfect_bvh_addon.extract.geometry import mesh_table
 
     read: list[str] = []

@@ -25,7 +25,7 @@ def colors_in(name: str) -> np.ndarray:
 
 @pytest.fixture
 def scanned(room: Any) -> PointCloud:
-    """What the object "Scan" shows."""
+    """The points that the object "Scan" shows."""
     settings = room.perfect_bvh.scan
     settings.width, settings.height = 32, 18
     bpy.data.materials["red"].diffuse_color = (1.0, 0.0, 0.0, 1.0)

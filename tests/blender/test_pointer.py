@@ -1,4 +1,4 @@
-"""Where the mouse is: told to those who want it, until it has left."""
+"""The position of the mouse: listeners are notified until it has left."""
 
 from __future__ import annotations
 

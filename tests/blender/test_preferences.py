@@ -1,4 +1,4 @@
-"""The add-on's preferences: what the engine runs on, or all of why it cannot run."""
+"""The add-on's preferences: the hardware that the engine runs on, or all reasons why it cannot run."""
 
 from __future__ import annotations
 

@@ -85,7 +85,7 @@ def test_it_says_what_is_missing(scene) -> None:
         bpy.ops.perfect_bvh.preview()
 
 
-# What a viewport shows ------------------------------------------------------------------------------------------------
+# Images of viewports -------------------------------------------------------------------------------------------------
 
 
 @pytest.fixture
@@ -109,7 +109,7 @@ def camera_record():
 
 
 def rendered(**settings: object) -> np.ndarray:
-    """The image, with settings of the scene for as long as it is made."""
+    """Render the image with temporary settings of the scene."""
     owner = bpy.context.scene.perfect_bvh
     kept = {name: getattr(owner, name) for name in settings}
     for name, value in settings.items():

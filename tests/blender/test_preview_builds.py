@@ -52,7 +52,7 @@ def pixels() -> np.ndarray:
 
 
 def undisturbed() -> np.ndarray:
-    """What the same scene shows without windows and from nothing."""
+    """Render the same scene without windows and with new trees."""
     perfect_bvh_addon.unregister()
     perfect_bvh_addon.register()
     assert bpy.ops.perfect_bvh.preview() == {"FINISHED"}

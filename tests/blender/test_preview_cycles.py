@@ -1,7 +1,7 @@
-"""Who is seen and who keeps light away in the mode "preview", beside Cycles' picture of the same scene.
+"""Visibility and shadows of objects in the mode "preview", compared with Cycles' picture of the same scene.
 
-Alpha follows from what the camera sees alone, so it is compared pixel by pixel. Colour is compared as the mean of small
-patches, in which the noise of both is small.
+Alpha depends only on the surfaces that the camera sees, so it is compared pixel by pixel. Colour is compared as the
+mean of small patches, in which the noise of both is small.
 """
 
 from __future__ import annotations
@@ -112,7 +112,7 @@ def hold_out_by_shader(scene: bpy.types.Scene) -> None:
 
 
 def hold_out_in_part(scene: bpy.types.Scene, share: float = 0.4, other: str = "ShaderNodeBsdfDiffuse") -> None:
-    """A mix of a hole and of what the cube was, or of another shader."""
+    """Mix a holdout with the cube's original shader, or with another one."""
     tree = front(scene).active_material.node_tree
     surface = tree.nodes["Material Output"].inputs["Surface"]
     beside = surface.links[0].from_node if other == "ShaderNodeBsdfDiffuse" else tree.nodes.new(other)
@@ -180,13 +180,13 @@ def test_what_is_hidden_or_held_out_looks_as_in_cycles(scene, change, film_trans
         assert (changed[..., 3] > 0.999).all()
 
 
-# What a sharp mirror shows is lit by no second bounce.
+# Surfaces that a sharp mirror shows get no light from a second bounce.
 @pytest.mark.parametrize(
     ("metallic", "roughness", "tolerance"),
     [(1.0, 0.05, 0.2), (1.0, 0.3, 0.08), (1.0, 0.6, 0.08), (0.0, 0.1, 0.08), (0.0, 0.5, 0.08)],
 )
 def test_shiny_things_shine_as_in_cycles(scene, metallic: float, roughness: float, tolerance: float) -> None:
-    """A ball before cubes, under an area light: highlights, and what it mirrors."""
+    """A sphere in front of cubes, under an area light: highlights and reflections."""
     add_uv_sphere(radius=1.3, location=(3.2, 0.5, 1.3), segments=48, ring_count=24)
     bpy.ops.object.shade_smooth()
     material = bpy.data.materials.new("Shiny")
@@ -222,7 +222,7 @@ def test_emission_lights_as_in_cycles(scene) -> None:
 
 
 def test_a_holdout_behind_glass_stays_a_hole(scene) -> None:
-    """Half of a transparent pane is there, and nothing of what it is held before."""
+    """A transparent pane is there by half, and the held-out object behind it is not there at all."""
     bpy.ops.mesh.primitive_plane_add(size=9.0, location=(0.0, -4.0, 2.0), rotation=(1.2, 0.0, 0.0))
     paint(bpy.context.object, (0.2, 0.6, 0.2))
     tree = bpy.context.object.active_material.node_tree

@@ -1,4 +1,4 @@
-"""A sensor's noise: what it comes to over many rays, and that it belongs to each ray, whoever casts it."""
+"""A sensor's noise: its statistics over many rays, and that it depends on the ray and not on the caller."""
 
 from __future__ import annotations
 

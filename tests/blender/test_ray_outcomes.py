@@ -1,4 +1,4 @@
-"""What became of each ray of a scan, the sentences on scans without use, and mounts that rays go through."""
+"""The outcome of each ray of a scan, the sentences on useless scans, and mounts that rays pass through."""
 
 from __future__ import annotations
 
@@ -85,7 +85,7 @@ def test_what_the_second_eye_does_not_see_is_counted(head) -> None:
 
 @pytest.mark.parametrize("lost", [False, True])
 def test_beams_are_dark_or_lost_or_pass_glass(head, lost: bool) -> None:
-    """Left white, right black, the middle behind what lets all light pass."""
+    """A white plate on the left, a black one on the right, and one in the middle behind a clear pane."""
     add_plate(5.0, diffuse(0.8), x=-3.0, size=4.0)
     add_plate(5.0, diffuse(1e-6), x=3.0, size=4.0)
     add_plate(2.0, simple("ShaderNodeBsdfTransparent", Color=(1.0, 1.0, 1.0, 1.0)), size=0.7)
@@ -114,7 +114,7 @@ def test_counts_of_known_sensors_add_up(head, name: str) -> None:
 
 
 def carried_lidar() -> tuple[Any, Any]:
-    """A car around the sensor with a child beside it, and a wall."""
+    """A car around the sensor with a child object outside the sensor, and a wall."""
     bpy.ops.wm.read_factory_settings(use_empty=True)
     car = add_box("Car", (0.0, 0.0, 0.0), (1.0, 2.0, 0.7))
     mirror = add_box("Mirror", (0.0, 3.0, 0.0), (0.5, 0.1, 0.5))

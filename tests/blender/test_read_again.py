@@ -28,7 +28,7 @@ def readings(monkeypatch: pytest.MonkeyPatch) -> list[bool]:
 
     def spy(*arguments: Any) -> Any:
         parts = again(*arguments)
-        if arguments[4] is not None:  # the log: what verifies has none
+        if arguments[4] is not None:  # the log; a verifying update has none
             made.append(parts is None)
         return parts
 
@@ -38,7 +38,7 @@ def readings(monkeypatch: pytest.MonkeyPatch) -> list[bool]:
 
 @pytest.fixture
 def sync(scene: Any, readings: list[bool]) -> Iterator[SceneSync]:
-    """Plain objects of one mesh, one of its own with a material, and what is no surface."""
+    """Plain objects of one mesh, one with a separate mesh and a material, and objects without a surface."""
     shared = mesh_data("shared", *SQUARE)
     for number in range(4):
         mesh_object(f"square {number}", shared, location=(3 * number, 0, 0))

@@ -40,7 +40,7 @@ def test_a_redraw_that_took_very_long_delays_the_next_by_no_more_than_seconds() 
 
 
 class Working:
-    """Stands for a viewport. asked: how often it was to be drawn."""
+    """Stands in for a viewport. stops: the number of calls of `stop`."""
 
     def __init__(self, pointer: int) -> None:
         self.region_pointer = pointer
@@ -54,7 +54,7 @@ class Working:
 
 
 class Screen:
-    """Stands for Blender's windows: two regions. tagged: those that were to be drawn, in order."""
+    """Stands in for Blender's windows: two regions. tagged: the regions that were tagged for redrawing, in order."""
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
         self.tagged: list[int] = []

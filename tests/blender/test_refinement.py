@@ -94,7 +94,7 @@ def test_a_reader_gets_only_what_has_changed(view: View) -> None:
     assert [patch.pixels.shape for patch in patches] == [(128, 64, 4)] * 2
     assert all(patch.pixels is None for patch in refinement.canvas.patches(held))
     refinement._pace.seconds_per_pixel = 1.0
-    refinement.step(0.0)  # what the rays of the camera cost
+    refinement.step(0.0)  # the cost of the camera's rays
     refinement.step(0.0)  # a band of the second sample
     assert [patch.pixels is None for patch in refinement.canvas.patches(held)] == [False, True]
 
@@ -150,7 +150,7 @@ def test_it_is_denoised_whenever_samples_double_and_at_the_end(view: View, monke
 
 
 def trace_coarse(view: View) -> dict[int, list[Any]]:
-    """Of a denoised view: what is shown of coarse images, by their divisors, as they come."""
+    """Trace a denoised view; return its coarse images in the order of their arrival, by divisor."""
     plan = replace(view.plan, size=(256, 256), settings=replace(view.plan.settings, denoise=True))
     refinement = Refinement(replace(view, plan=plan), Pace(seconds_per_pixel=1e-3))
     found: dict[int, list[Any]] = {}

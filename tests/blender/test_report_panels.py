@@ -1,4 +1,4 @@
-"""The panels that tell of a render: its statistics, a bench, and the list of what is not shown."""
+"""The panels that report on a render: its statistics, a bench, and the list of unsupported features."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
-"""Images and colours on hair, points and particle hair, in the mode "preview" beside Cycles' picture.
+"""Images and colours on hair, points and particle hair, in the mode "preview", compared with Cycles' picture.
 
-Everything stands apart from all else in white light, or gives nothing but its own: a pixel is what its material says.
+Each surface is alone in white light, or emits its own light only: a pixel shows exactly the value of its material.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ def scene() -> Iterator[bpy.types.Scene]:
 
 
 def shown(kind: str) -> Any:
-    """Six strands along y, or as many points, beside each other."""
+    """Six strands along y, or the same number of points, side by side."""
     x = np.arange(STRANDS) - 2.5
     if kind == "points":
         return cloud_object("Cloud", np.stack([x, 0 * x, 0 * x], axis=1), 0.35)
@@ -60,7 +60,7 @@ def pictures(scene: Any) -> tuple[np.ndarray, np.ndarray]:
 
 
 def check(scene: Any, tolerance: float = 0.02) -> np.ndarray:
-    """Our colours inside of what is shown, which are those of Cycles: (N, 3)."""
+    """Check our colours inside the shown surfaces against those of Cycles; return them: (N, 3)."""
     scene.render.film_transparent = True
     ours, theirs = pictures(scene)
     inside = (ours[..., 3] > 0.999) & (theirs[..., 3] > 0.999)
@@ -82,7 +82,7 @@ def show_color(scene: Any, data: Any, output: Callable[[Any], Any]) -> None:
 
 
 def ramp(size: int = 64) -> Any:
-    """An image of which red and green are where it is looked up, but for half a pixel beside the border."""
+    """An image whose red and green are the coordinates of the lookup, except for half a pixel at the border."""
     image = bpy.data.images.new("ramp", size, size, float_buffer=True, is_data=True)
     pixels = np.ones((size, size, 4), np.float32)
     steps = (np.arange(size) + 0.5) / size
@@ -172,7 +172,7 @@ def test_images_lie_at_the_places_of_points(scene: Any) -> None:
 
 @pytest.mark.parametrize("children", ["NONE", "SIMPLE", "INTERPOLATED"])
 def test_particle_hair_has_the_images_and_materials_of_its_emitter(scene: Any, children: str) -> None:
-    """Two systems, one with an image by the emitter's map, one in white light of its own."""
+    """Two systems: one has an image by the emitter's map, the other has a separate material of white light."""
     settings = {"radius_scale": 0.3, "tip_radius": 1.0, "hair_length": 1.0, "count": 8, "render_step": 2}
     settings |= {"child_type": children, "rendered_child_count": 2}
     obj = emitter(**settings)

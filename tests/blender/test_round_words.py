@@ -1,4 +1,4 @@
-"""What users are told of hair and point clouds: segments, curves and points where meshes have triangles."""
+"""The words for hair and point clouds: users read of segments, curves and points where meshes have triangles."""
 
 from __future__ import annotations
 

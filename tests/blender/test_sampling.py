@@ -28,7 +28,7 @@ def test_viewports_and_renders_have_samples_and_switches_of_their_own(scene: bpy
 
 
 def test_a_viewport_of_an_older_file_takes_as_many_samples_as_it_did(scene: bpy.types.Scene) -> None:
-    """There was one number for both: where the viewport has none of its own, that holds."""
+    """Older files have one number for both. It applies if the viewport's own number is not set."""
     scene.perfect_bvh.samples = 48
     assert read_settings(scene, is_viewport=True).samples == read_settings(scene).samples == 48
 

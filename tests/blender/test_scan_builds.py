@@ -1,4 +1,4 @@
-"""Scans whose trees take long: Blender goes on meanwhile, Esc ends them, and nothing of that changes an answer."""
+"""Scans whose trees take long: Blender stays responsive, Esc ends them, and none of that changes an answer."""
 
 from __future__ import annotations
 

@@ -31,7 +31,7 @@ def small_file(tmp_path: Path) -> Iterator[Path]:
 
 @pytest.fixture(autouse=True)
 def steps_are_short(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Each tick of the timer ends where it can: what is under way does not hang on how quick the machine is."""
+    """End each tick of the timer as soon as possible: the work in a tick does not depend on the machine's speed."""
     monkeypatch.setattr(piece_jobs, "STEP_SECONDS", 0.0)
 
 
@@ -50,7 +50,7 @@ def scan_settings() -> Any:
 
 
 def scanned_by_command(path: Path, *more: object) -> dict[str, bytes]:
-    """What the command line writes of the same."""
+    """Return the files that the command line writes for the same scan."""
     out = path.parent / "command"
     asked = ("--sensor", path.parent / "sensor.toml", "--on", "Head", "--piece", 2, "-q")
     assert run("scan", path, "-o", out, *asked, *(more or ("--frames", "1-6"))) == 0

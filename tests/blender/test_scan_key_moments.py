@@ -1,4 +1,4 @@
-"""A scan's key moments: what is evaluated and read, where Blender is meanwhile, what stands still and is named."""
+"""A scan's time samples: the evaluations and readings, Blender's frame, and the objects named as being at rest."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ LIDAR = SpinningLidar(elevations=(-40.0, -17.0, -12.0), columns=90, rate=10.0)
 
 
 class Counts:
-    """What scans have had Blender evaluate, and have read."""
+    """Counts the evaluations and the readings of scans."""
 
     def __init__(self) -> None:
         self.frames: list[float] = []  # as a render sees them
@@ -55,7 +55,7 @@ def counts(monkeypatch: pytest.MonkeyPatch) -> Iterator[Counts]:
 
 @pytest.fixture
 def head(scene: Any) -> Any:
-    """A sensor above a ground, and a box beside it."""
+    """A sensor above a ground, and a box nearby."""
     bpy.ops.mesh.primitive_plane_add(size=400.0)
     bpy.context.object.data.name = "Ground"
     bpy.context.object.name = "Ground"
@@ -79,7 +79,7 @@ def deform_the_box() -> None:
     keyed(key, "value", [0.0, 1.0], (1, 6))
 
 
-# What is evaluated and read ------------------------------------------------------------------------------------------
+# Evaluations and readings --------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(("steps", "moments"), [(1, [2, 3, 4, 5]), (2, [1.5, 2, 2.5, 3, 3.5, 4, 4.5, 5])])
@@ -149,7 +149,7 @@ def test_a_single_moment_has_no_shutter(head: Any, counts: Counts) -> None:
         assert cloud.times[mine] == pytest.approx(step / 48)
 
 
-# Where Blender is meanwhile ------------------------------------------------------------------------------------------
+# Blender's frame during a scan ------------------------------------------------------------------------------------
 
 
 def test_between_steps_it_is_where_the_stretch_ends(head: Any) -> None:
@@ -244,7 +244,7 @@ def test_more_key_moments_than_columns_leave_stretches_without_rays(head: Any) -
     assert len(cloud) > 90 and bpy.context.scene.frame_current == 1
 
 
-# What stands still ---------------------------------------------------------------------------------------------------
+# Objects at rest ------------------------------------------------------------------------------------------------------
 
 
 def other_triangles() -> str:

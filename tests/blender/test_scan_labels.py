@@ -1,4 +1,4 @@
-"""Labels of points by name: who says them, what stands where nobody does, and the same in every part of a scan."""
+"""Labels of points by name: their sources, the values of points without label, and equality in every part of a scan."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What light does to a sensor's beams, by closed forms: glass, alpha, mirrors, echoes, Lambert's falloff, detection."""
+"""Effects of light on a sensor's beams by closed forms: glass, alpha, mirrors, echoes, Lambert's falloff, detection."""
 
 from __future__ import annotations
 
@@ -174,7 +174,7 @@ def test_rough_glass_hides_what_is_behind(head) -> None:
 
 @pytest.mark.parametrize("roughness", [0.05, 0.5])
 def test_a_mirror_makes_a_ghost_on_the_beams_own_line(head, roughness: float) -> None:
-    """At 45 degrees, 3 ahead, of metal that mirrors half at all angles; what it shows is 4 to the side."""
+    """A metal mirror at 45 degrees, 3 ahead, reflects half at all angles; the reflected surface is 4 to the side."""
     mirror = simple("ShaderNodeBsdfAnisotropic", Color=(0.5, 0.5, 0.5, 1.0), Roughness=roughness)
     add_plate(3.0, mirror, size=2.0, turn=math.pi / 4)
     for x in (-4.0, 4.0):
@@ -210,7 +210,7 @@ def test_a_beam_at_an_edge_gives_two_echoes_by_the_shares_of_its_rays(head) -> N
     plate = add_plate(10.0, diffuse(0.6), size=4.0, x=-2.0 + edge)
     add_plate(20.0, diffuse(0.9), size=40.0)
     cloud = scan(ONE_RAY, head, light=Light(beam, Optics(calibrated=True)))
-    # The disc is turned about the beam by whatever axis is across: its places are known but for that turn.
+    # The disc's rotation about the beam is unknown, because it depends on the choice of a perpendicular axis.
     places = disc_places(61) * half * 10.0
     share = cloud.intensities[0] / 0.6
     assert names_of(cloud) == [plate.name, "Plane.001"]

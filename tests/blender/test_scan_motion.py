@@ -1,4 +1,4 @@
-"""What moves while a LiDAR scans it is met where it is at each ray's time: closed forms, and Blender's own frames."""
+"""Objects that move during a LiDAR's scan are hit at their position at each ray's time: closed forms, and frames."""
 
 from __future__ import annotations
 
@@ -151,7 +151,7 @@ def test_each_column_sees_what_a_scene_that_stands_still_there_shows(scene: Any,
         expected = {int(ray) % 61: row for row, ray in enumerate(still.ray_ids) if ray // 61 == column % 12}
         found = {int(ray) % 61: row for row, ray in enumerate(cloud.ray_ids) if ray // 61 == column}
         both = sorted(expected.keys() & found.keys())
-        # One ray at most passes by an edge so closely that it meets it, or what is behind, in one of them alone.
+        # At most one ray passes so close to an edge that only one of the two hits it, or hits the surface behind.
         assert len(expected.keys() | found.keys()) - len(both) <= 1
         ends = cloud.positions[[found[ring] for ring in both]], still.positions[[expected[ring] for ring in both]]
         assert (np.linalg.norm(ends[0] - ends[1], axis=1) > MILLIMETRE).sum() <= 1
@@ -160,7 +160,7 @@ def test_each_column_sees_what_a_scene_that_stands_still_there_shows(scene: Any,
 
 
 def test_an_oracle_that_stands_still_is_far_off(scene: Any) -> None:
-    """What was scanned before, with the scene at rest within a frame, the tests above would see."""
+    """The tests above would detect the former scans, in which the scene was at rest within a frame."""
     bpy.ops.mesh.primitive_plane_add(size=400.0, rotation=(0.0, math.pi / 2, 0.0))
     keyed(bpy.context.object, "location", [(40.0, 0.0, 0.0), (10.0, 0.0, 0.0)], (1, 25))
     cloud = scan(SpinningLidar(elevations=(0.0,)), sensor(rotation_euler=(0, 0, -1.57)), frames=(1, 12))
@@ -169,7 +169,7 @@ def test_an_oracle_that_stands_still_is_far_off(scene: Any) -> None:
     assert np.abs(moved - 30.0 * cloud.times).max() < MILLIMETRE and np.abs(moved - still).max() > 1.0
 
 
-# What is said of curved ways ------------------------------------------------------------------------------------------
+# Messages about curved paths ------------------------------------------------------------------------------------------
 
 
 def by_frame(owner: Any, path: str, expression: str, index: int = -1) -> None:
@@ -200,7 +200,7 @@ def test_a_curved_way_is_as_far_off_as_the_cloud_says(scene: Any, what: str) -> 
 
 
 def test_an_even_turn_is_no_curved_way(scene: Any) -> None:
-    """Nor is a scale that grows evenly meanwhile, mirrored or not; a turn that grows faster is."""
+    """Nor does an even change of scale at the same time count, mirrored or not; a turn that gets faster does."""
     bpy.ops.mesh.primitive_cube_add(size=2.0, location=(0.0, 6.0, 0.0))
     wheel, lidar, head = bpy.context.object, SpinningLidar(elevations=(0.0,), columns=360), sensor()
     by_frame(wheel, "rotation_euler", "frame*frame/50", 2)

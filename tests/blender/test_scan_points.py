@@ -106,7 +106,7 @@ def test_scans_are_looked_up_again_only_when_something_but_the_frame_has_changed
     context = SimpleNamespace(space_data=space, engine="PERFECT_BVH", view_layer=bpy.context.view_layer)
 
     def asked() -> set[str]:
-        """Which objects are asked, and what is found is right."""
+        """Return the objects that are looked up, and check the result."""
         names: set[str] = set()
         has_points = label_values.has_points
 

@@ -33,7 +33,7 @@ def test_every_sensor_that_is_brought_is_in_the_list_with_its_source() -> None:
 
 
 def test_sensors_keep_their_numbers_in_files() -> None:
-    """Those of files that were saved: whatever sensors there are, they depend on the names alone."""
+    """Saved files rely on these numbers: they depend on the sensors' names alone, not on the set of sensors."""
     numbers = {name: item.value for name, item in items().items()}
     assert len(set(numbers.values())) == len(numbers)
     assert [numbers[name] for name in ("CAMERA", "LIDAR", "FILE")] == [0, 1, 2]

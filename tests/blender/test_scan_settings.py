@@ -1,4 +1,4 @@
-"""The scan button's settings and a scan's arguments: what is wrong is named before anything is made."""
+"""The scan button's settings and a scan's arguments: errors are reported before any object or file is created."""
 
 from __future__ import annotations
 

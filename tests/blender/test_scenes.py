@@ -1,4 +1,4 @@
-"""The example scenes: what each promises to show, and that the script that writes them gives the same again."""
+"""The example scenes: each has the content that it promises, and the script that writes them is reproducible."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ class Part:
 
 
 def load(path: Path, frame: int | None = 1) -> Any:
-    """Opens a file and evaluates a frame of it; None: what is asked of it needs no evaluation."""
+    """Opens a file and evaluates a frame of it. None: the test needs no evaluation."""
     bpy.ops.wm.open_mainfile(filepath=str(path))
     if frame is not None:
         bpy.context.scene.frame_set(frame)

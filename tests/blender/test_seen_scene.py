@@ -27,7 +27,7 @@ SENSOR = 'kind = "raster"\nwidth = 96\nheight = 96\nhorizontal = 40.0\nvertical 
 
 @dataclass(frozen=True, slots=True)
 class Shape:
-    """nearest: the least y of what is seen. triangles: of the mesh; 0 for strands."""
+    """nearest: the least y of the visible surface. triangles: of the mesh; 0 for strands."""
 
     nearest: float
     triangles: int
@@ -187,7 +187,7 @@ RULES: tuple[Callable[[Any], Seen], ...] = (
 
 @dataclass(frozen=True, slots=True)
 class Table:
-    """What is to be seen: by a render, by viewports, by the names of rules."""
+    """The expected surfaces by the names of rules: in a render, and in viewports."""
 
     file: Path
     folder: Path
@@ -236,14 +236,14 @@ def table(tmp_path_factory: pytest.TempPathFactory) -> Table:
 
 
 def nearest(names: list[str], rows: Any, positions: Any) -> dict[str, float]:
-    """The least y of what is seen of each. rows: (..., ) of names, -1 for none. positions: (..., 3)."""
+    """Return the least y of each object's visible points. rows: (..., ) of names, -1 for none. positions: (..., 3)."""
     return {names[row]: float(positions[rows == row][:, 1].min()) for row in np.unique(rows) if row >= 0}
 
 
 def check_nearest(found: dict[str, float], expected: dict[str, Shape]) -> None:
     assert found.keys() == expected.keys()
     for name, shape in expected.items():
-        tolerance = {0: 0.3, 12: 0.001}.get(shape.triangles, 0.03)  # of strands, of planes, of what is round
+        tolerance = {0: 0.3, 12: 0.001}.get(shape.triangles, 0.03)  # of strands, of planes, of round shapes
         assert found[name] == pytest.approx(shape.nearest, abs=tolerance), name
 
 

@@ -1,4 +1,4 @@
-"""Sensors by name and by file: which rays they cast, and what a file may not say."""
+"""Sensors by name and by file: the rays that they cast, and the errors in a file that are refused."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def test_a_sensor_that_is_brought_casts_what_it_promises(name: str) -> None:
     assert not pattern.needs_camera
     assert np.isfinite(rays.directions).all() and (np.linalg.norm(rays.directions, axis=1) > 0.99).all()
     assert rays.times.min() >= 0.0 and rays.times.max() < pattern.duration
-    # No shot is lost, and none is there twice, wherever the time is cut.
+    # No shot is lost or duplicated at any cut of the time.
     cuts = np.array([0.0, 0.013, 0.041667, 0.0833, 0.25])
     parts = [pattern.cast(start, end, None).times for start, end in pairwise(cuts)]
     assert np.array_equal(np.concatenate(parts), pattern.cast(0.0, 0.25, None).times)

@@ -1,4 +1,4 @@
-"""Images that change: files of a sequence, movies, packed files, and what a resumed job depends on."""
+"""Images that change: files of a sequence, movies, packed files, and the files that a resumed job depends on."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
-"""Shadow catchers in the mode "preview" beside Cycles' picture: the shadows alone, over nothing or over the world.
+"""Shadow catchers in the mode "preview", compared with Cycles: only the shadows, over nothing or over the world.
 
-Both divide the light on them by what it would be without shadows, Cycles the means over all samples, and ours that of
-each sample. Where things throw light back onto what they shade that is not the same.
+Both divide the light on them by the light that there would be without shadows. Cycles divides the means over all
+samples, ours divides in each sample. The results differ where objects reflect light back onto their shadows.
 """
 
 from __future__ import annotations
@@ -87,7 +87,7 @@ def over_the_world(scene: Any) -> None:
 
 
 def wall_in_front(scene: Any) -> None:
-    """A catcher hides what is behind it, and catchers throw no shadows on one another."""
+    """A catcher hides the objects behind it, and catchers cast no shadows on one another."""
     bpy.ops.mesh.primitive_plane_add(size=3.0, location=(1.5, -2.0, 1.5), rotation=(1.57, 0.0, 0.0))
     bpy.context.object.is_shadow_catcher = True
     bpy.context.object.data.materials.append(new_red())

@@ -1,4 +1,4 @@
-"""What is shown in place of nodes and settings of a material is said: a flat colour, a mean, the mesh's normals."""
+"""Substitutes for nodes and settings of a material are reported: a flat colour, a mean, the mesh's normals."""
 
 from __future__ import annotations
 
@@ -91,7 +91,7 @@ def not_filmed_by_a_node(material: Any) -> None:
 
 
 def never_seen(material: Any) -> None:
-    """What a mix takes nothing of."""
+    """A shader that a mix weights with 0."""
     tree = material.node_tree
     toon = add(tree, "BsdfToon", (noise(material).outputs["Color"], 0))
     mix = add(tree, "MixShader", (shader(material).outputs[0], 1), (toon.outputs[0], 2), Fac=0.0)

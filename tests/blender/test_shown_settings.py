@@ -1,4 +1,4 @@
-"""Every setting that is read can be seen and changed with this engine, and nothing stands twice."""
+"""Every setting that is read can be seen and changed with this engine, and no setting is shown twice."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def test_each_setting_that_is_read_is_shown_once() -> None:
 
 
 def test_the_list_follows_the_code() -> None:
-    """What is read of each kind of data-block is in it, and a setting that nobody reads is not."""
+    """The list has the settings that are read of each kind of data-block, and no setting that is never read."""
     read = shown_settings.settings_read(shown_settings.names_read(PACKAGE))
     assert read >= {
         ("Object", "visible_glossy"),
@@ -73,7 +73,7 @@ def test_a_panel_that_stands_twice_is_found(monkeypatch: pytest.MonkeyPatch) -> 
 
 
 def test_panels_leave_nothing_behind() -> None:
-    """Blender's own are as they were once the add-on is off."""
+    """After the add-on is disabled, Blender's own panels are unchanged."""
     perfect_bvh_addon.unregister()
     found = [panel for panel in panels.objects.shared_panels() if drawn_panels.ENGINE in panel.COMPAT_ENGINES]
     names = [draw.__module__ for draw in bpy.types.OBJECT_PT_visibility.draw._draw_funcs]

@@ -6,7 +6,7 @@ import pytest
 from blender.soak import Kind, Soak
 from blender.soak_halves import HALVES
 
-# Each in every case, whatever its seed: what users do, and what syncs of this kind are known to miss.
+# Every case has each of these for any seed: usual edits, and those that syncs of this kind tend to miss.
 USUAL_EDITS = {
     *("add", "delete", "move", "deform", "retopologise", "parent", "unparent", "hide", "hide_with_the_eye"),
     *("link_data", "unlink", "relink", "duplicate", "add_modifier", "remove_modifier", "switch_modifier"),
@@ -30,9 +30,9 @@ HAPPENED = {"hold", "look", "look_all", "stop", "ask_to_stop", "update", "linger
     ],
 )
 def test_random_edits(watches: bool, kind: Kind, seed: int) -> None:
-    """125 steps each, and so many more until what the test is about has happened.
+    """Take 125 steps, and up to 400 until every edit and event that the test is about has happened.
 
-    watches: whether Blender's handlers tell what was evaluated.
+    watches: whether Blender's handlers log the evaluated data.
     """
     usual = USUAL_EDITS | {HALVES + name for name in HAPPENED} | {"render", "render of the engine"}
     usual |= {"change_fur"} if kind == "mixed" else set()

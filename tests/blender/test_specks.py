@@ -1,7 +1,7 @@
-"""No specks in mode "preview": rough metals and plastics beside small bright things, as Cycles shows them.
+"""No specks in mode "preview": rough metals and plastics next to small bright objects, as Cycles shows them.
 
-A speck is a pixel that is brighter than all of the converged picture around it. Few rays a pixel would leave some on
-every shiny thing if small lights were found by chance. Seeds are fixed.
+A speck is a pixel that is brighter than all of the converged picture around it. With few rays a pixel, finding small
+lights by chance would leave some on every shiny object. Seeds are fixed.
 """
 
 from __future__ import annotations
@@ -132,7 +132,7 @@ def specks(image: Image, converged: Image) -> npt.NDArray[np.float64]:
 
 @pytest.mark.parametrize(("lit_by", "most"), [("emissive balls", 4.0), ("area lights", 0.35), ("sun in the sky", 1.5)])
 def test_shiny_things_beside_small_bright_ones_show_no_specks(shop: bpy.types.Scene, lit_by: str, most: float) -> None:
-    """In light that comes straight from them. What shiny things throw at others is left to chance and denoising."""
+    """In direct light only. Light that shiny objects reflect onto others is left to chance and denoising."""
     LIGHTS[lit_by](shop)
     assert specks(*previews(perfect_bvh.LightPaths(max_bounces=0))).max() < most
 

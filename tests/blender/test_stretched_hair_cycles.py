@@ -1,13 +1,13 @@
-"""Normals of hair whose object is scaled unevenly, mirrored or sheared, beside Cycles' Normal pass.
+"""Normals of hair whose object is scaled unevenly, mirrored or sheared, compared with Cycles' Normal pass.
 
-Only what shows the same surface in both is compared. Strands are straight: Cycles draws a bent ribbon as some flat
-pieces, so that normals differ by hundredths at even scale, too. Round strands are as wide all along: the normals of
-Cycles leave out that a strand gets thinner; and their ends are balls here, open there, so that a tenth of the pixels is
-left out. One pixel in a hundred may differ: at the edge of a strand normals turn by hundredths within the hundredth of
-a pixel that Cycles' rays come from.
+Only pixels that show the same surface in both are compared. Strands are straight: Cycles draws a bent ribbon as a few
+flat segments, so that normals differ by hundredths at even scale, too. Round strands have a constant width, because the
+normals of Cycles ignore that a strand gets thinner. The ends of strands are spheres here and open in Cycles, so a tenth
+of the pixels is left out. One pixel in a hundred may differ: at the edge of a strand, normals turn by hundredths within
+the hundredth of a pixel that Cycles' rays come from.
 
-Points are left out: the normals of Cycles lead there from the centre to the surface, which is askew where a ball has
-become an ellipsoid. Ours stand on the surface.
+Points are left out. For points, the normals of Cycles go from the centre to the surface, which is askew where a sphere
+has become an ellipsoid. Ours are perpendicular to the surface.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Subsurface scattering: the mean colour of the diffuse surface that stands for it, beside Cycles' converged one."""
+"""Subsurface scattering: the mean colour of the diffuse surface that replaces it, compared with converged Cycles."""
 
 from __future__ import annotations
 

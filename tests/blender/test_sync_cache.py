@@ -1,4 +1,4 @@
-"""The syncs that the add-on keeps: one for each scene, view layer and kind of depsgraph, and what ends them."""
+"""The syncs that the add-on keeps: one for each scene, view layer and kind of depsgraph, and when each of them ends."""
 
 from __future__ import annotations
 

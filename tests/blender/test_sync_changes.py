@@ -41,7 +41,7 @@ def test_a_change(village: Any, name: str) -> None:
 
 @pytest.mark.parametrize("name", CHANGES)
 def test_a_change_and_back(village: Any, name: str) -> None:
-    """Three updates, the last with everything as it was but for what cannot be undone by setting it."""
+    """Sync the scene, change it, sync again, scale all objects and leave the change's mode, and sync a third time."""
     sync = SceneSync()
     sync.update(evaluated())
     CHANGES[name].act()

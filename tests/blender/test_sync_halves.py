@@ -1,4 +1,4 @@
-"""An update in two halves: Blender is read at once, the trees are built beside it, and no answer comes too early."""
+"""An update in two halves: Blender is read at once, trees are built in the background, no answer comes too early."""
 
 from __future__ import annotations
 
@@ -148,7 +148,7 @@ def test_hits_from_before_are_not_looked_up_in_what_was_only_read(box, sync: Sce
 
 
 def test_a_reading_that_fails_stops_what_is_built(box, sync: SceneSync, gate: Gate, monkeypatch) -> None:
-    """It may not become an answer: what Blender shows now is unknown."""
+    """The stopped build must not become an answer: the present state of Blender is unknown."""
     building = sync.begin_update(depsgraph())
 
     def fail(*_: object, **__: object) -> None:

@@ -68,7 +68,7 @@ def test_handlers_are_installed_once(scene: Any) -> None:
         sync.close()
 
 
-TELLING = (  # all but those that only tell where Blender may not be asked
+TELLING = (  # all except those that only report where Blender must not be asked
     *changes._FIRST[:-1],
     ("depsgraph_update_post", changes._on_depsgraph_update),
     ("frame_change_post", changes._on_frame_change),
@@ -121,7 +121,7 @@ def test_what_came_before_an_undo_or_a_file_is_not_known(scene: Any, event: str)
 
 
 def test_handlers_that_somebody_removed_are_missed_by_the_next_who_reads(scene: Any, registered: None) -> None:
-    """Scripts empty Blender's lists. What was missed meanwhile is unknown: so all that is shown or asked is old."""
+    """Scripts empty Blender's lists. Edits since then are unknown, so all images and answers count as old."""
     obj = mesh_object("a", mesh_data("a", *SQUARE))
     sync = SceneSync()
     sync.update(evaluated())
@@ -147,7 +147,7 @@ def test_handlers_that_somebody_removed_are_missed_by_the_next_who_reads(scene: 
 
 
 def test_what_is_shown_anew_was_not_edited(scene: Any, monkeypatch: pytest.MonkeyPatch) -> None:
-    """As Blender tells of it when a maximized editor or a window goes."""
+    """As Blender reports it when a maximized editor or a window closes."""
     obj = mesh_object("a", mesh_data("a", *SQUARE))
     shading = {"is_updated_transform": False, "is_updated_geometry": False, "is_updated_shading": True}
     of_object = SimpleNamespace(id=obj, **shading)
@@ -171,7 +171,7 @@ def test_what_is_shown_anew_was_not_edited(scene: Any, monkeypatch: pytest.Monke
 
 
 def test_handlers_only_mark_stale(scene: Any, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Whatever happens: nothing is read, compared or built before a query asks for it."""
+    """After any event, nothing is read, compared or built before a query asks for it."""
     obj = mesh_object("a", mesh_data("a", *SQUARE))
     obj.keyframe_insert("location", frame=1)
     bpy.ops.ed.undo_push(message="before")

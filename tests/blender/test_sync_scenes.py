@@ -70,7 +70,7 @@ def test_scenes_and_view_layers_side_by_side(scene: Any) -> None:
 
 
 def test_two_depsgraphs_at_once(scene: Any, keeps_syncs: None) -> None:
-    """What a render has seen says nothing about the viewport, and the other way round."""
+    """The evaluations of a render say nothing about the viewport, and vice versa."""
     mesh_object("a", mesh_data("a", *SQUARE)).modifiers.new("m", "SOLIDIFY").show_render = False
     sync = SceneSync()
     for factor in (1.0, 2.0, 0.5):

@@ -1,4 +1,4 @@
-"""`SceneSync` as a script uses it: its answers against Blender's own, and what it is asked for."""
+"""`SceneSync` as a script uses it: its answers compared with Blender's own, and its requests."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ def test_materials_of_hits(scene: Any) -> None:
 
 
 def test_other_slots_and_polygons_of_the_same_triangles_are_read(scene: Any) -> None:
-    """Nothing moves: what the last reading left may stand for neither."""
+    """Nothing moves: neither the slots nor the polygons of the last reading may be used again."""
     corners = [(-1, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0)]
     data = mesh_data("square", corners, [(0, 1, 2), (0, 2, 3)])
     for name in ("red", "green"):

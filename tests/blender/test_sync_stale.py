@@ -1,4 +1,4 @@
-"""When a synced scene refuses to answer, when it answers again, and what a failed update leaves."""
+"""When a synced scene refuses to answer, when it answers again, and its state after a failed update."""
 
 from __future__ import annotations
 
@@ -172,7 +172,7 @@ def cancelled(*_: Any, **__: Any) -> Any:
 
 
 def test_a_build_that_is_stopped_half_way_is_finished_by_the_next_update(scene: Any) -> None:
-    """How far the engine gets before it asks depends on the machine; what comes after must not."""
+    """How far the engine gets before it asks depends on the machine; the result of the next update must not."""
     bpy.ops.mesh.primitive_grid_add(x_subdivisions=400, y_subdivisions=400)
     sync = SceneSync()
     stopped = False

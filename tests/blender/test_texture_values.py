@@ -1,4 +1,4 @@
-"""That `cycles_values` gives each point its own value, unchanged: textures are compared with what it says."""
+"""`cycles_values` gives each point its own value, unchanged: tests of textures rely on it."""
 
 from __future__ import annotations
 

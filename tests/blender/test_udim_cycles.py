@@ -1,6 +1,6 @@
-"""Images of several tiles (UDIM) in the mode "preview" beside Cycles' picture, and every edit of them in the next one.
+"""Images of several tiles (UDIM) in the mode "preview", compared with Cycles' picture, and edits of the images.
 
-The floor has a vertex in each tile's square: Cycles loads those tiles only where it finds one.
+The floor has a vertex in each tile's square: Cycles loads only the tiles of squares with a vertex.
 """
 
 from __future__ import annotations
@@ -233,13 +233,13 @@ def test_a_tile_that_was_never_filled_is_named(scene, image) -> None:  # noqa: F
 
 
 def test_what_tiles_are_loaded_into_is_dropped_once() -> None:
-    """Blender itself drops it once too often: whatever took its place would go with it."""
+    """Blender itself releases it once too often, which would release any object that took its memory."""
     for _ in range(100):
         with temporary_data() as data:
             pass
         held_once = object()
         assert sys.getrefcount(data) == sys.getrefcount(held_once)
-        made = [[{}, [], (1, data), object()] for _ in range(50)]  # would take the place of what was freed
+        made = [[{}, [], (1, data), object()] for _ in range(50)]  # would reuse the memory of the freed object
         del data
         assert len(made) == 50
     gc.collect()

@@ -1,4 +1,4 @@
-"""Scene Updates as a list: which rows it has, which of them stays chosen, and what choosing a row selects."""
+"""Scene Updates as a list: its rows, the row that remains chosen, and the objects that choosing a row selects."""
 
 from __future__ import annotations
 

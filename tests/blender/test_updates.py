@@ -1,4 +1,4 @@
-"""Scene Updates: which objects are named with what, and what is said of them."""
+"""Scene Updates: the objects that are named, their states, and the sentences about them."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def update(sync: SceneSync) -> Updates:
 
 
 def told(found: Updates) -> tuple[dict[str, str], dict[str, str]]:
-    """State by title of what changed and of what did not."""
+    """Return the states by title: of changed rows, and of unchanged rows."""
     return {row.title: row.state for row in found.changed}, {row.title: row.state for row in found.unchanged}
 
 
@@ -126,7 +126,7 @@ def test_instances_are_of_the_object_that_is_shown(scene: Any) -> None:
 
 
 def test_a_hundred_thousand_objects_become_few_rows() -> None:
-    """All of another mesh, each tenth of them moved: what is listed is bounded, what is counted is whole."""
+    """All objects have one mesh, and each tenth has moved: the list is bounded, and the counts are complete."""
     count = 100_000
     numbers = np.arange(count, dtype=np.int32)
     objects = tuple(SimpleNamespace(name=f"Object {number}", session_uid=number) for number in range(count))
@@ -141,7 +141,7 @@ def test_a_hundred_thousand_objects_become_few_rows() -> None:
     assert {row.state for row in found.changed} == {"moved"} and found.changed[0].share == pytest.approx(1.0 / count)
 
 
-# What is said -------------------------------------------------------------------------------------------------------
+# Sentences ----------------------------------------------------------------------------------------------------------
 
 
 def cut_object() -> Any:

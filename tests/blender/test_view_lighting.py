@@ -39,7 +39,7 @@ def shading(registered: None) -> Any:
 
 
 def image(shading: Any, mode: str = "preview") -> Any:
-    """(H, W, 3), what a viewport shows that looks through the scene's camera."""
+    """Render (H, W, 3), the image of a viewport that looks through the scene's camera."""
     sync = SceneSync(ATTRIBUTES)
     sync.update(bpy.context.evaluated_depsgraph_get())
     lighting = view_lighting.lighting_of(shading, bpy.context.scene)
@@ -50,7 +50,7 @@ def image(shading: Any, mode: str = "preview") -> Any:
 
 
 def load(shading: Any) -> None:
-    """What a timer does, of which there are none without a window."""
+    """Do the work of a timer; without a window there are none."""
     studio_images._load(shading.selected_studio_light.path)
 
 

@@ -1,4 +1,4 @@
-"""What a viewport shows: the part within a border, and which viewports need trees of their own."""
+"""Images of viewports: the part within a border, and the viewports that need separate trees."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def camera(scene: Any) -> Any:
 
 
 def region_view(camera: Any, width: int, height: int, zoom: float = 1.0) -> SimpleNamespace:
-    """What looks through `camera` from a region of this shape, everything zoomed about the middle."""
+    """A view through `camera` from a region of this shape, with everything zoomed about the middle."""
     depsgraph = bpy.context.evaluated_depsgraph_get()
     matrix = np.array(camera.calc_matrix_camera(depsgraph, x=width, y=height))
     matrix[:2] *= zoom
@@ -72,7 +72,7 @@ def test_a_panorama_of_another_kind_is_shown_in_perspective_and_said_to_be(scene
     panorama_settings(camera.data).panorama_type = "MIRRORBALL"
     scene.render.use_border = False
     depsgraph = bpy.context.evaluated_depsgraph_get()
-    camera.data.type = "PERSP"  # what Blender draws a panorama as
+    camera.data.type = "PERSP"  # Blender draws a panorama in perspective
     view = region_view(camera, scene.render.resolution_x, scene.render.resolution_y)
     camera.data.type = "PANO"
     depsgraph.update()

@@ -1,4 +1,4 @@
-"""Rendered viewports whose trees take long: they keep their image, say how far it is, and show what was read last."""
+"""Rendered viewports whose trees take long: they keep their image, report progress, and show the newest reading."""
 
 from __future__ import annotations
 
@@ -93,7 +93,7 @@ def test_another_sync_at_the_same_address_is_another(cube, gate: Gate, monkeypat
 
 @pytest.mark.parametrize("modes", [("CLAY", "PREVIEW"), ("DEPTH", "UV"), ("DEPTH", "MATERIAL"), ("PREVIEW", "CLAY")])
 def test_a_mode_that_needs_more_has_it_read(cube, scene, gate: Gate, modes: tuple[str, str]) -> None:
-    """Blender's depsgraph tells nothing of the add-on's settings, and nothing else might call for an update."""
+    """Blender's depsgraph does not report changes of the add-on's settings, and no other event may cause an update."""
     bpy.ops.object.light_add(type="SUN")
     bpy.context.view_layer.objects.active = cube
     cube.data.materials.append(bpy.data.materials.new("red"))
@@ -235,7 +235,7 @@ def test_what_fails_beside_it_is_told_and_leaves_no_old_image(cube, gate: Gate, 
     building = sync_of(bpy.context.evaluated_depsgraph_get()).building
     assert building is None or building.wait(PATIENCE)
     shown.screen.clear()
-    monkeypatch.setattr(pending_commit, "BUILDING_SECONDS", PATIENCE)  # what is restarted fails before it is waited for
+    monkeypatch.setattr(pending_commit, "BUILDING_SECONDS", PATIENCE)  # the restarted build fails before the wait
     for _ in range(2):
         with pytest.raises(MemoryError, match="no room for trees"):
             shown.redraw()

@@ -1,4 +1,4 @@
-"""Rendered viewports trace on a thread of their own: redraws wait for nothing, and edits and their end stop it."""
+"""Rendered viewports trace on separate threads: redraws never wait; edits, and the viewport's end, stop a trace."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def cube(scene: bpy.types.Scene) -> bpy.types.Object:
 
 
 class TracingGate:
-    """Holds whatever is traced, as soon as a view has its first image, until it is opened or stopped."""
+    """Holds all tracing, from the first image of a view on, until it is opened or stopped."""
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
         self.is_open = threading.Event()

@@ -25,7 +25,7 @@ from perfect_bvh_addon.sync.records import VISIBLE_TO_CAMERA
 
 
 def nothing() -> None:
-    """The square as it is."""
+    """Leave the square unchanged."""
 
 
 def holdout_object() -> None:
@@ -146,7 +146,7 @@ def painted(name: str, color: tuple[float, ...]) -> Any:
 
 
 def cycles_outcome(scene: Any) -> str:
-    """What Cycles has in the middle of the image: "square" (red), "wall" (green) or "hole" (nothing)."""
+    """Return the surface in the middle of Cycles' image: "square" (red), "wall" (green) or "hole" (nothing)."""
     scene.cycles.samples, scene.cycles.use_denoising, scene.cycles.device = 1, False, "CPU"
     scene.render.film_transparent = True
     scene.render.resolution_x = scene.render.resolution_y = 8

@@ -1,4 +1,4 @@
-"""A ray's walk without a screen: what is drawn of each step, and what is written."""
+"""A ray's walk without a screen: the drawing and the text of each step."""
 
 from __future__ import annotations
 

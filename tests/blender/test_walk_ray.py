@@ -1,4 +1,4 @@
-"""Walk a Ray without a screen: clicks, keys and buttons, what ends a walk, and what makes it old."""
+"""Walk a Ray without a screen: clicks, keys and buttons, the events that end a walk, and those that make it old."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def test_a_click_walks_the_pixels_ray(viewport: Viewport) -> None:
     assert walk is not None and walk.steps[-1].sentence == "The nearest hit is Cube"
     assert viewport.cursor == "DEFAULT" and "Esc: end" in viewport.context.status
     assert walk.ray.at(walk.ray.end(-1))[2] == pytest.approx(1.0, abs=1e-5)  # t is a float, and the ray begins far away
-    viewport.click(101, 51)  # beside the cube
+    viewport.click(101, 51)  # next to the cube
     other = walk_view.shown()
     assert other is not None and other is not walk and other.steps[-1].sentence == "Nothing is hit"
     assert viewport.send("ESC") == {"FINISHED"}

@@ -1,4 +1,4 @@
-"""A ray's walk without a screen: the pixel's ray, its steps and boxes, what they count and cost."""
+"""A ray's walk without a screen: the pixel's ray, its steps and boxes, their counts and costs."""
 
 from __future__ import annotations
 

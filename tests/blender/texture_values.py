@@ -1,7 +1,7 @@
 """Values of Cycles' texture nodes at given points, without noise or filter.
 
-One quad of a plane for each point: its coordinates are attributes of the face, one pixel shows it, and the node's
-outputs are written as shader AOVs, which keep what is negative or above 1.
+Each point has one quad of a plane, which one pixel shows. The point's coordinates are attributes of the quad. The
+node's outputs are written as shader AOVs, which keep values that are negative or above 1.
 """
 
 from __future__ import annotations
@@ -20,10 +20,10 @@ MakeNode = Callable[[Any], Any]
 
 
 def cycles_values(make_node: MakeNode, points: Array, w: Array, *output_names: str) -> list[Array]:
-    """Cycles' values of a node's outputs, one float32 array an output: (N,) of a number, (N, 3) of a colour or vector.
+    """Cycles' values of a node's outputs: one float32 array for each, (N,) of numbers, (N, 3) of colours or vectors.
 
-    make_node: makes the node in the material's tree that it is given. Its inputs Vector and W, where it has them, are
-    linked to the coordinates. points: (N, 3). w: (N,). Replaces what Blender holds by an empty file.
+    make_node: makes the node in the material's tree that it is given. Its inputs Vector and W, if it has them, are
+    linked to the coordinates. points: (N, 3). w: (N,). Replaces Blender's current file by an empty one.
     """
     columns = max(math.ceil(math.sqrt(len(points))), LEAST_SIZE)
     rows = max(math.ceil(len(points) / columns), LEAST_SIZE)

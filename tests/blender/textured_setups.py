@@ -11,7 +11,7 @@ from blender.node_setups import add, four_colors, image_node, shader, surface
 
 
 def data_image(pixels: Any, *, is_float: bool = False) -> Any:
-    """(H, W, 3) numbers that are no colours, 8 bits each unless told."""
+    """An image of data instead of colours: (H, W, 3) numbers, of 8 bits each by default."""
     height, width = pixels.shape[:2]
     image = bpy.data.images.new("Data", width, height, alpha=True, float_buffer=is_float)
     image.colorspace_settings.name = "Non-Color"

@@ -1,4 +1,4 @@
-"""A scene with one of everything, what may be done to it, and what the report should say then."""
+"""A scene with one object of every kind, edits of it, and the report expected after each edit."""
 
 from __future__ import annotations
 
@@ -76,7 +76,7 @@ def add_shaped(x: float) -> None:
 
 @dataclass(frozen=True)
 class Change:
-    """act: what is done. actions: what the report says of some objects. stale: whether Blender lets us know."""
+    """act: the edit. actions: the expected report of some objects. stale: whether Blender reports the edit."""
 
     act: Callable[[], Any]
     actions: dict[str, str]

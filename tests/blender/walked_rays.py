@@ -1,4 +1,4 @@
-"""What tests of a ray's walk share: a heap of balls, and rays down into it."""
+"""Shared helpers for tests of a ray's walk: a heap of spheres, and rays down into it."""
 
 from __future__ import annotations
 
