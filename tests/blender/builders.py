@@ -26,7 +26,7 @@ def mesh_data(
 
 
 def mesh_object(name: str, data: Any = None, collection: Any = None, location: Sequence[float] = (0, 0, 0)) -> Any:
-    """A linked object; a tetrahedron unless data is given; collection False leaves it in no collection."""
+    """Link a new object; its mesh is a tetrahedron unless data is given. collection False: it is in no collection."""
     obj = bpy.data.objects.new(name, mesh_data(name) if data is None else data)
     obj.location = location
     if collection is not False:
@@ -91,7 +91,7 @@ class NodeGroup:
 
 
 def instances_on_grid(name: str, shown: Callable[[NodeGroup], Any], count: int = 2, *, keep_own: bool = False) -> Any:
-    """An object whose nodes show a geometry at the points of a count x count grid, 10 units wide."""
+    """An object whose nodes show a geometry at the points of a grid of count x count points, 10 units wide."""
     group = NodeGroup(name)
     grid = group.node("GeometryNodeMeshGrid", Size_X=10.0, Size_Y=10.0, Vertices_X=count, Vertices_Y=count)
     on_points = group.node("GeometryNodeInstanceOnPoints")
@@ -116,7 +116,7 @@ def object_info(obj: Any) -> Callable[[NodeGroup], Any]:
 
 
 def evaluated() -> Any:
-    """The viewport depsgraph, up to date."""
+    """Return the viewport's depsgraph, brought up to date."""
     depsgraph = bpy.context.evaluated_depsgraph_get()
     depsgraph.update()
     return depsgraph
@@ -160,7 +160,7 @@ Soup = list[tuple[str, str, int, tuple[float, ...]]]
 
 
 def soup_of(record: SceneRecord) -> Soup:
-    """Every triangle in world space: (object, instancer, polygon, nine coordinates), sorted."""
+    """Return every triangle in world space: (object, instancer, polygon, nine coordinates), sorted."""
     soup: Soup = []
     instances = record.instances
     for row in range(len(instances)):
@@ -176,7 +176,7 @@ def soup_of(record: SceneRecord) -> Soup:
 
 
 def reference_soup(depsgraph: Any) -> Soup:
-    """The same, read in the plainest way: one element after the other, through Blender's accessors."""
+    """Return the same as `soup_of`, read element by element through Blender's accessors."""
     soup: Soup = []
     for instance in depsgraph.object_instances:
         data = instance.object.data
@@ -205,7 +205,7 @@ def _triangles(name: str, parent: str, polygons: Sequence[int], corners: npt.NDA
 
 
 def shown_names(record: SceneRecord) -> set[str]:
-    """Each visible thing by name: `object`, or `instancer/object` for an instance."""
+    """Return the names of all visible instances: `object`, or `instancer/object`."""
     instances = record.instances
     names = set()
     for row in range(len(instances)):

@@ -12,7 +12,7 @@ from perfect_bvh_addon.cli.render import run_render
 
 
 def run(*arguments: object) -> int:
-    """The exit status of `perfect-bvh` with these arguments."""
+    """Run `perfect-bvh` with these arguments; return its exit status."""
     try:
         return main([str(argument) for argument in arguments])
     except SystemExit as stop:  # argparse's own errors
@@ -22,13 +22,13 @@ def run(*arguments: object) -> int:
 
 
 def run_command(*arguments: object) -> int:
-    """The same of `render` or `bench`, but errors are raised instead of written."""
+    """Run `render` or `bench` in the same way, but raise errors instead of printing them."""
     parsed = build_parser("perfect-bvh").parse_args([str(argument) for argument in arguments])
     return {"render": run_render, "bench": run_bench}[parsed.command](parsed)
 
 
 def save_small_file(path: Path) -> None:
-    """Two frames of a cube that moves and a sheet that bends, 64 x 36 pixels."""
+    """Save a file of two frames: a moving cube and a bending sheet, 64 x 36 pixels."""
     bpy.ops.wm.read_factory_settings(use_empty=True)
     scene = bpy.context.scene
     bpy.ops.mesh.primitive_grid_add(x_subdivisions=20, y_subdivisions=20, size=6.0)

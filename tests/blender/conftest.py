@@ -68,7 +68,7 @@ def box(scene: Any) -> Any:
 
 @pytest.fixture
 def sync() -> Iterator[Any]:
-    """A sync to be updated in halves; in the end nothing is at work any more."""
+    """A sync to be updated in halves; at the end no work is running any more."""
     from blender.long_builds import building_threads
     from perfect_bvh_addon import SceneSync
 
@@ -80,7 +80,7 @@ def sync() -> Iterator[Any]:
 
 @pytest.fixture
 def cube(scene: Any) -> Any:
-    """A cube at the origin, which the scene's camera sees from above, in few samples."""
+    """A cube at the origin, seen from above by the scene's camera, with few samples."""
     bpy.ops.mesh.primitive_cube_add()
     made = bpy.context.object
     camera = bpy.data.objects.new("Camera", bpy.data.cameras.new("Camera"))
@@ -111,7 +111,7 @@ def material() -> Any:
 
 @pytest.fixture
 def drawn_batches(monkeypatch: pytest.MonkeyPatch) -> list[Any]:
-    """The lines of trees that would be drawn: see `keep_lines`."""
+    """Collect the lines of trees that would be drawn: see `keep_lines`."""
     from blender.followed_trees import keep_lines
 
     return keep_lines(monkeypatch)
@@ -119,7 +119,7 @@ def drawn_batches(monkeypatch: pytest.MonkeyPatch) -> list[Any]:
 
 @pytest.fixture
 def overlay() -> Iterator[Any]:
-    """A `SceneOverlay` that hears of changes, as those that are drawn do."""
+    """A `SceneOverlay` that is notified of changes, as drawn ones are."""
     from perfect_bvh_addon.events.changes import listen, stop_listening
     from perfect_bvh_addon.view3d.tree_overlay.scene_overlay import SceneOverlay
 
@@ -131,7 +131,7 @@ def overlay() -> Iterator[Any]:
 
 @pytest.fixture
 def gate(monkeypatch: pytest.MonkeyPatch) -> Iterator[Any]:
-    """A `Gate`, shut; open in the end, so that nothing waits before it."""
+    """A closed `Gate`; it is opened at the end, so that nothing waits for it any longer."""
     from blender.long_builds import Gate
 
     made = Gate(monkeypatch)

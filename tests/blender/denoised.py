@@ -19,7 +19,7 @@ SIZE = WIDTH, HEIGHT = 96, 54
 
 
 def lit_cube() -> bpy.types.Scene:
-    """A cube on a floor under a lamp, seen obliquely, in few samples."""
+    """A cube on a floor under a lamp, seen obliquely, with few samples."""
     bpy.ops.wm.read_factory_settings(use_empty=True)
     scene = bpy.context.scene
     bpy.ops.mesh.primitive_plane_add(size=8.0)
@@ -37,7 +37,7 @@ def lit_cube() -> bpy.types.Scene:
 
 
 def render(job: RenderJob | None = None) -> Frame:
-    """The image of the scene, with its statistics. Fails where there is none."""
+    """Render the scene; return the image with its statistics. Fails if there is no image."""
     with attend(job or RenderJob()) as attended:
         bpy.ops.render.render()
     assert attended.frame is not None
@@ -45,7 +45,7 @@ def render(job: RenderJob | None = None) -> Frame:
 
 
 def combined(scene: bpy.types.Scene, **settings: object) -> np.ndarray:
-    """(H, W, 4) of a render with other settings."""
+    """Render with other settings; return the combined pass, (H, W, 4)."""
     with preserved(*((scene.perfect_bvh, name, value) for name, value in settings.items())):
         return render().images["combined"]
 
@@ -71,7 +71,7 @@ def expect(
 
 
 def trace(scene: bpy.types.Scene) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
-    """The images of a render before they are denoised, and their noise."""
+    """Return the images of a render before denoising, and their noise."""
     depsgraph = bpy.context.evaluated_depsgraph_get()
     plan = plan_render(scene, read_settings(scene))
     sync = SceneSync(attributes=plan.attributes)

@@ -40,7 +40,7 @@ class RecordingLayout:
         return SimpleNamespace()
 
     def template_list(self, kind: str, _: str, data: Any, name: str, active_data: Any, active: str, **__: Any) -> None:
-        """Draws each row that the list's filter leaves."""
+        """Draw each row that passes the list's filter."""
         assert active in active_data.bl_rna.properties
         (made,) = (one for one in panels.LISTS if one.__name__ == kind)
         stand = SimpleNamespace(filter_name="", bitflag_filter_item=1)
@@ -54,7 +54,7 @@ class RecordingLayout:
                 made.draw_item(stand, context, self, data, row, 0, active_data, active)
 
     def separator(self, **_: Any) -> None:
-        """Nothing to read."""
+        """Separators have no text."""
 
     def template_icon_view(self, owner: Any, name: str, **_: Any) -> None:
         self.prop(owner, name)
@@ -91,19 +91,19 @@ def render_a_cube() -> None:
 
 
 def viewport_overlay() -> Any:
-    """Which boxes of trees a viewport shows."""
+    """Return the viewport's settings of the tree overlay."""
     return overlay_settings(shaded_space())
 
 
 def shaded_space() -> Any:
-    """A 3D viewport in Rendered shading."""
+    """Return a 3D viewport in Rendered shading."""
     areas = [area for screen in bpy.data.screens for area in screen.areas if area.type == "VIEW_3D"]
     areas[0].spaces.active.shading.type = "RENDERED"
     return areas[0].spaces.active
 
 
 def drawn(panel: type) -> list[str]:
-    """The texts of a panel with its header, which must be one that is shown; names of settings and operators too."""
+    """Return the texts of a shown panel and of its header, with the names of settings and operators."""
 
     class Context:
         engine, scene, view_layer = "PERFECT_BVH", bpy.context.scene, bpy.context.view_layer

@@ -28,7 +28,7 @@ OWN_TRACE = re.compile(r'File ".*(addon|distributed)')  # Python's own tracker o
 
 
 class Killer:
-    """A seeded one. rate: attempts a second, on the average, each at a process of some kind, if there is one then."""
+    """Kills at random, with a seed. rate: mean number of attempts a second, each at a random kind of process."""
 
     def __init__(self, seed: int, rate: float) -> None:
         self._random = random.Random(seed)
@@ -36,7 +36,7 @@ class Killer:
         self.killed: list[str] = []
 
     def attend(self, process: subprocess.Popen[str], most: int) -> None:
-        """Kills until the process has ended, or `most` have died in all."""
+        """Kill until the process has ended, or `most` processes have died in all."""
         while process.poll() is None:
             deadline = time.monotonic() + self._random.expovariate(self._rate)
             while process.poll() is None and time.monotonic() < deadline:
@@ -59,15 +59,15 @@ class Killer:
 
 
 def kind_of(words: str) -> str:
-    """Of a process, by its command line."""
+    """Return the kind of a process, by its command line."""
     parts = {"piece_child": "Blender", "spawn_main": "worker", "resource_tracker": "tracker", RUN_MAIN: "run"}
-    return next((kind for part, kind in parts.items() if part in words), "other")  # as compilers are
+    return next((kind for part, kind in parts.items() if part in words), "other")  # such as compilers
 
 
 def complete(
     folder: Path, name: str, out: Path, killer: Killer, most: int, workers: int = 2, frames: str = "1-12"
 ) -> int:
-    """Runs a job until it is complete, while processes of it are killed; how many runs that took."""
+    """Run a job until it is complete, killing processes of it; return the number of runs."""
     for count in range(1, 1000):
         more = ("--workers", workers, *(("--resume",) if count > 1 else ()))
         with subprocess.Popen(

@@ -99,7 +99,7 @@ Block = tuple[np.ndarray, int, float, np.ndarray | float]
 
 
 def fit(points: np.ndarray, blocks: list[Block], steps: int = 300) -> tuple[np.ndarray, float]:
-    """The points that fit best, and the root of the mean square of relative differences."""
+    """Fit the points; return them and the root mean square of the relative differences."""
 
     def compare(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         differences, slopes = [], []

@@ -13,7 +13,7 @@ from perfect_bvh_addon.view3d.tree_overlay import tree_lines
 
 
 def keep_lines(monkeypatch: pytest.MonkeyPatch) -> list[Any]:
-    """The lines that would be drawn from now on: no graphics card is needed to follow a scene."""
+    """Collect the lines that would be drawn from now on, so that no graphics card is needed to follow a scene."""
     made: list[Any] = []
 
     def keep(lines: Any) -> object:
@@ -26,7 +26,7 @@ def keep_lines(monkeypatch: pytest.MonkeyPatch) -> list[Any]:
 
 
 def synced() -> SceneSync:
-    """The scene's shared sync, brought up to date."""
+    """Bring the scene's shared sync up to date and return it."""
     sync = sync_of(bpy.context.evaluated_depsgraph_get())
     sync.update(bpy.context.evaluated_depsgraph_get())
     return sync

@@ -22,7 +22,7 @@ def hair_data(name: str, strands: npt.ArrayLike, radius: float | npt.ArrayLike |
 
 
 def cloud_data(name: str, points: npt.ArrayLike, radius: float | npt.ArrayLike | None = 0.1) -> Any:
-    """points: (N, 3). By way of a mesh that Blender converts: not all versions give Python a way to resize one."""
+    """points: (N, 3). Blender converts a mesh to the points, because some versions do not let Python resize them."""
     places = np.asarray(points, np.float32)
     mesh = mesh_data(name, np.zeros_like(places).tolist(), [])
     holder = mesh_object(name, mesh)
@@ -42,14 +42,14 @@ def cloud_data(name: str, points: npt.ArrayLike, radius: float | npt.ArrayLike |
 
 
 def set_points(data: Any, points: npt.ArrayLike) -> None:
-    """As many as there are."""
+    """Set the positions of all points."""
     attribute = data.attributes.get("position") or data.attributes.new("position", "FLOAT_VECTOR", "POINT")
     attribute.data.foreach_set("vector", np.ascontiguousarray(points, np.float32).ravel())
     data.update_tag()
 
 
 def set_radii(data: Any, radius: float | npt.ArrayLike) -> None:
-    """One for all, or one a point."""
+    """Set the radii: one for all, or one for each point."""
     attribute = data.attributes.get("radius") or data.attributes.new("radius", "FLOAT", "POINT")
     values = np.broadcast_to(np.asarray(radius, np.float32).ravel(), len(attribute.data))
     attribute.data.foreach_set("value", np.ascontiguousarray(values))
@@ -57,7 +57,7 @@ def set_radii(data: Any, radius: float | npt.ArrayLike) -> None:
 
 
 def make_poly(data: Any) -> None:
-    """Its curves go straight from point to point."""
+    """Make the curves straight from point to point."""
     data.set_types(type="POLY")
     data.update_tag()
 

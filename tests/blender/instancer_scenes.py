@@ -20,7 +20,7 @@ from blender.builders import (
 
 
 def place(obj: Any) -> Any:
-    """Somewhere where rounding shows."""
+    """Move, turn and scale an object so that rounding is visible."""
     obj.location, obj.rotation_euler, obj.scale = (0.1, 2.7, -3.3), (0.3, 1.1, 2.2), (0.7, -1.3, 1.9)
     return obj
 

@@ -14,7 +14,7 @@ from perfect_bvh_addon import SceneSync
 
 
 def world_triangles(sync: SceneSync) -> WorldTriangles:
-    """Every triangle that was read, in world space, under the ids that hits of the synced scene name."""
+    """Return every triangle of the record in world space, with the ids that hits of the synced scene use."""
     instances = sync.record.instances
     parts = []
     for row, mesh_index in enumerate(instances.mesh_indices):
@@ -25,7 +25,7 @@ def world_triangles(sync: SceneSync) -> WorldTriangles:
 
 
 def rays_through(sync: SceneSync, pixels: npt.ArrayLike) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
-    """Origins and directions, (N, 3) each, of the camera's rays through the centres of pixels: (N, 2), x and y."""
+    """Return origins and directions, (N, 3) each, of the camera's rays through pixel centres. pixels: (N, 2), x, y."""
     camera, (width, height) = sync.camera, sync.size
     left, right, bottom, top = camera.window
     places = np.array(pixels, np.float64).reshape(-1, 2) + 0.5
@@ -47,7 +47,7 @@ def cast_through(sync: SceneSync, pixels: npt.ArrayLike, audit: float = 0.0) -> 
 
 
 def judge_pixels(sync: SceneSync, pixels: npt.ArrayLike, hits: Hits) -> Verdict:
-    """The judge's verdict on one hit for each of the pixels: (N, 2), x and y."""
+    """Judge one hit for each of the pixels: (N, 2), x and y."""
     rays = rays_through(sync, pixels)
     return judge(world_triangles(sync), *rays, hits.t_hit, hits.instance_ids, hits.primitive_ids, **_limits(sync))
 

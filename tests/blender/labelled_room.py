@@ -27,7 +27,7 @@ def square(name: str, x: float, data: Any = None, into: Any = None) -> Any:
 
 
 def make_labelled_room() -> Any:
-    """Squares at z = 0 along x, a camera above them that sees all; the scene."""
+    """Build squares at z = 0 along x, and a camera above that sees all of them; return the scene."""
     bpy.ops.wm.read_factory_settings(use_empty=True)
     scene = bpy.context.scene
     scene.camera = camera_object("camera", type="ORTHO", ortho_scale=20.0)
@@ -48,7 +48,7 @@ def make_labelled_room() -> Any:
     parent.location, parent.instance_type = (9.0, 0.0, 0.0), "VERTS"
     parent.data["part"] = "of instancer's data"
     collection("Parents").objects.link(parent)
-    # Shown by its parent's vertex, and below that as itself.
+    # The child is shown at its parent's vertex, and below that as itself.
     square("Child", 0.0, into=bpy.data.collections["Parents"]).parent = parent
     square("Painted", 12.0).data.materials.append(painted)
     plain = square("Plain", 15.0)

@@ -13,7 +13,7 @@ ONE_RAY = Raster(width=1, height=1, horizontal=1.0, vertical=1.0)
 
 
 def empty_scene() -> Any:
-    """A head at the origin, and nothing else."""
+    """A mount at the origin, and nothing else."""
     bpy.ops.wm.read_factory_settings(use_empty=True)
     head = bpy.data.objects.new("Head", None)
     bpy.context.scene.collection.objects.link(head)
@@ -31,7 +31,7 @@ def add_plate(y: float, material: Any = None, size: float = 10.0, x: float = 0.0
 
 
 def principled(**values: Any) -> Any:
-    """A Principled BSDF; names of inputs with _ for spaces."""
+    """Make a Principled BSDF; keywords are names of inputs with _ for spaces."""
     material = bpy.data.materials.new("principled")
     if bpy.app.version < (5, 0, 0):
         material.use_nodes = True
@@ -42,7 +42,7 @@ def principled(**values: Any) -> Any:
 
 
 def simple(kind: str, **values: Any) -> Any:
-    """A single shader node, such as ShaderNodeBsdfDiffuse."""
+    """Make a single shader node, such as ShaderNodeBsdfDiffuse."""
     material = principled()
     tree = material.node_tree
     node = tree.nodes.new(kind)
@@ -53,12 +53,12 @@ def simple(kind: str, **values: Any) -> Any:
 
 
 def diffuse(gray: float) -> Any:
-    """All that comes back of it is Lambert's."""
+    """A material with Lambertian reflection only."""
     return simple("ShaderNodeBsdfDiffuse", Color=(gray, gray, gray, 1.0))
 
 
 def names_of(cloud: PointCloud) -> list[str]:
-    """(N,) of the objects."""
+    """Return the names of the objects that were hit, (N,)."""
     return [cloud.object_names[row] for row in cloud.object_ids]
 
 
@@ -72,7 +72,7 @@ def lobe(cosine: float, roughness: float, mirrored: float) -> float:
 
 
 def fresnel(ior: float, cosine: float) -> float:
-    """Of unpolarised light from air, by Snell's angles."""
+    """Fresnel reflectance of unpolarised light from air, by Snell's angles."""
     inner = math.sqrt(1.0 - (1.0 - cosine**2) / ior**2)
     upright = (cosine - ior * inner) / (cosine + ior * inner)
     flat = (inner - ior * cosine) / (inner + ior * cosine)
@@ -80,5 +80,5 @@ def fresnel(ior: float, cosine: float) -> float:
 
 
 def rows_by_distance(cloud: PointCloud) -> np.ndarray:
-    """Distances and intensities of the points, (N, 2)."""
+    """Return distances and intensities of the points, (N, 2), sorted by distance."""
     return np.column_stack([cloud.distances, cloud.intensities])

@@ -22,10 +22,10 @@ TIMER, ESCAPE, MOUSE = (SimpleNamespace(type=kind) for kind in ("TIMER", "ESC", 
 
 
 class Gate:
-    """Holds each commit that can be cancelled until it is opened. held: how many it has held.
+    """Holds each commit that can be cancelled until the gate is opened. held: the number of held commits.
 
-    They are held at their half, before anything is built; with `inside` where the engine first asks whether to go on,
-    which it does after a twentieth of a second.
+    Commits are held at half of their progress, before anything is built. With `inside` they are held where the engine
+    first asks whether to go on, which it does after a twentieth of a second.
     """
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch, *, inside: bool = False) -> None:
@@ -34,7 +34,7 @@ class Gate:
         commit = perfect_bvh.Scene.commit
 
         def goes_on(progress: Any, share: float) -> bool:
-            """Whether to go on, once the gate is open or the waiting thread has given up."""
+            """Return whether to go on, once the gate is open or the waiting thread has given up."""
             if self._is_open.is_set():
                 return progress(share) is not False
             answer = progress(share)
@@ -64,7 +64,7 @@ class Gate:
 
 
 def patiently(complaint: str) -> Iterator[None]:
-    """Rounds of a loop that ends by itself, unless something hangs: then the test fails with a complaint."""
+    """Iterate until the caller's loop ends by itself. If something hangs, the test fails with a complaint."""
     until = time.monotonic() + PATIENCE
     while time.monotonic() < until:
         yield
@@ -72,7 +72,7 @@ def patiently(complaint: str) -> Iterator[None]:
 
 
 def wait_until(condition: Callable[[], object], complaint: str = "it hangs") -> None:
-    """Asks again and again until it holds; fails as `patiently` does."""
+    """Poll until the condition holds; fail as `patiently` does."""
     for _ in patiently(complaint):
         if condition():
             return
@@ -80,7 +80,7 @@ def wait_until(condition: Callable[[], object], complaint: str = "it hangs") -> 
 
 
 def building_threads() -> int:
-    """How many commits are under way."""
+    """Return the number of commits that are running."""
     return sum(work.is_running for work in tuple(background_work._running))
 
 
@@ -100,7 +100,7 @@ class FakeOperator:
 
 
 class FakeWindow:
-    """A context with a window: `status` is the text of its status bar, `timers` how many run."""
+    """A context with a window. status: the text of its status bar. timers: the number of running timers."""
 
     def __init__(self) -> None:
         self.status: str | None = None
@@ -138,7 +138,7 @@ class FakeWindow:
 
 
 def tick_until_half(operator: FakeOperator, window: FakeWindow) -> None:
-    """Let a button's timer tick until its user reads that half of the trees are built."""
+    """Let a button's timer tick until the reported progress says that half of the trees are built."""
     for _ in patiently("half of the trees are not built"):
         assert operator.modal(window, TIMER) == {"RUNNING_MODAL"}
         if "Building BVHs 50%" in (window.status or ""):

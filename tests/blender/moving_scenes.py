@@ -27,7 +27,7 @@ SHUTTER = (-0.25, 0.25)
 
 
 def keyed(owner: Any, path: str, values: Sequence[Any], frames: tuple[int, int] = (1, 21)) -> None:
-    """A property that goes evenly from one value to another between two frames."""
+    """Animate a property linearly from one value to another between two frames."""
     for frame, value in zip(frames, values, strict=True):
         setattr(owner, path, value)
         owner.keyframe_insert(path, frame=frame)
@@ -44,7 +44,7 @@ def _curves_of(action: Any) -> list[Any]:
 
 
 def pushed_by_time(name: str) -> NodeGroup:
-    """Nodes that move each point of a geometry along z: by the time in frames, the further the further along x."""
+    """Make nodes that move each point along z, by the product of the time in frames and the point's x."""
     group = NodeGroup(name)
     time, place = group.node("GeometryNodeInputSceneTime"), group.node("GeometryNodeInputPosition")
     split, product, offset = (group.node(f"ShaderNode{kind}") for kind in ("SeparateXYZ", "Math", "CombineXYZ"))
@@ -130,7 +130,7 @@ def instances_of_nodes() -> None:
 
 
 def a_curve_object() -> None:
-    """Text and curves, which Blender makes meshes of."""
+    """Text and curves, which Blender converts to meshes."""
     bpy.ops.object.text_add(location=(-1.5, 0.0, 0.0))
     text = bpy.context.object
     text.data.extrude = 0.3
@@ -140,7 +140,7 @@ def a_curve_object() -> None:
     keyed(bpy.context.object.data, "bevel_depth", [0.1, 0.5])
 
 
-# All that goes in straight lines, or turns evenly, as Blender's own does between two keys.
+# Scenes in which everything moves in straight lines or turns evenly, as Blender itself moves it between two keys.
 EVEN: dict[str, Callable[[], None]] = {
     made.__name__: made for made in (a_keyed_cube, a_keyed_shape, hair, a_cloud, instances_of_nodes, a_curve_object)
 }
@@ -148,7 +148,7 @@ SCENES = EVEN | {made.__name__: made for made in (an_armature, collection_instan
 
 
 def make(name: str) -> None:
-    """Into an empty scene, which is at the frame then."""
+    """Build a scene's content in the empty scene, and set the frame."""
     SCENES[name]()
     bpy.context.scene.frame_set(FRAME)
 
@@ -189,7 +189,7 @@ class Told:
         return self.differs(other, 2)
 
     def is_elsewhere(self, other: Told, tolerance: float) -> npt.NDArray[np.bool_]:
-        """(R,) bool: something else is met, or farther away than this share of the way."""
+        """(R,) bool: another object is hit, or t differs by more than `tolerance`."""
         same = (self.is_hit == other.is_hit) & (self.names == other.names)
         both = self.is_hit & other.is_hit
         far = np.zeros(len(self.t), np.bool_)

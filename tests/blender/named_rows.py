@@ -36,7 +36,7 @@ def sentences(**options: Any) -> list[str]:
 
 
 def link(material: Any, output: Any, name: str = "Base Color") -> None:
-    """Into an input of the material's Principled BSDF."""
+    """Link an output to an input of the material's Principled BSDF."""
     material.node_tree.links.new(output, shader(material).inputs[name])
 
 
@@ -47,5 +47,5 @@ def thick(material: Any) -> None:
 
 
 def into_color(material: Any) -> None:
-    """Link a node that is not shown to its Base Color."""
+    """Link an unsupported node to the material's Base Color."""
     link(material, add(material.node_tree, "AmbientOcclusion").outputs["Color"])

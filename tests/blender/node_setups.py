@@ -28,7 +28,7 @@ def surface(material: Any) -> Any:
 
 
 def add(tree: Any, kind: str, *linked: tuple[Any, int], **values: Any) -> Any:
-    """A new ShaderNode`kind`; linked: outputs and the numbers of inputs they go to; values: of inputs, by name."""
+    """Add a ShaderNode`kind`. linked: outputs, and the numbers of the inputs for them. values: of inputs, by name."""
     node = tree.nodes.new(f"ShaderNode{kind}")
     for output, place in linked:
         tree.links.new(output, node.inputs[place])
@@ -60,7 +60,7 @@ def image_node(tree: Any, has_holes: bool = False) -> Any:
 
 
 def tiled(material: Any) -> None:
-    """Scaled, turned and moved by a Mapping node."""
+    """An image that is scaled, turned and moved by a Mapping node."""
     tree = material.node_tree
     image = image_node(tree)
     uv = add(tree, "TexCoord").outputs["UV"]
@@ -71,7 +71,7 @@ def tiled(material: Any) -> None:
 
 
 def shadeless(material: Any) -> None:
-    """An image that emits light, as of a screen."""
+    """An image that emits light, as a screen does."""
     tree = material.node_tree
     emission = add(tree, "Emission", (image_node(tree).outputs[0], 0), Strength=0.8)
     tree.links.new(emission.outputs[0], surface(material))
@@ -84,7 +84,7 @@ def emissive_picture(material: Any) -> None:
 
 
 def cut_out_by_a_mix(material: Any) -> None:
-    """As leaves are: the image's alpha chooses between nothing and the surface."""
+    """A mix as for leaves: the image's alpha chooses between transparency and the surface."""
     tree = material.node_tree
     image = image_node(tree, has_holes=True)
     tree.links.new(image.outputs[0], shader(material).inputs["Base Color"])
@@ -94,7 +94,7 @@ def cut_out_by_a_mix(material: Any) -> None:
 
 
 def cut_out_by_a_mask(material: Any) -> None:
-    """By an image's brightness."""
+    """Transparency by an image's brightness."""
     tree = material.node_tree
     ramp = add(tree, "ValToRGB", (image_node(tree).outputs[0], 0))
     ramp.color_ramp.interpolation = "CONSTANT"
@@ -103,7 +103,7 @@ def cut_out_by_a_mask(material: Any) -> None:
 
 
 def tinted(material: Any) -> None:
-    """A picture multiplied with a colour, darkened, through a ramp of its own brightness on one half."""
+    """A picture multiplied by a colour, then changed in hue, saturation and brightness."""
     tree = material.node_tree
     mix = add(tree, "MixRGB", (image_node(tree).outputs[0], 1), Fac=1.0, Color2=(0.2, 0.3, 0.9, 1.0))
     mix.blend_type = "MULTIPLY"
@@ -112,7 +112,7 @@ def tinted(material: Any) -> None:
 
 
 def worked_out(material: Any) -> None:
-    """A colour of numbers, one of them of two others."""
+    """A colour combined from numbers, one of which is computed from two others."""
     tree = material.node_tree
     half = add(tree, "Math")
     half.operation = "MULTIPLY"
@@ -122,7 +122,7 @@ def worked_out(material: Any) -> None:
 
 
 def warm(material: Any) -> None:
-    """It emits as a black body of 2,000 kelvin, as brightly as a Value node says: no brighter than the noise allows."""
+    """Black body emission of 2,000 kelvin; a Value node sets the strength, low enough to limit the noise."""
     tree = material.node_tree
     tree.links.new(add(tree, "Blackbody", Temperature=2000.0).outputs[0], shader(material).inputs["Emission Color"])
     value = add(tree, "Value")
@@ -131,7 +131,7 @@ def warm(material: Any) -> None:
 
 
 def grouped(material: Any) -> None:
-    """A group in a group, of which the inner one shows an image multiplied with the outer one's input."""
+    """Nested groups: the inner one shows an image multiplied by the outer one's input."""
     inner, outer = (bpy.data.node_groups.new(name, "ShaderNodeTree") for name in ("Inner", "Outer"))
     for group in (inner, outer):
         group.interface.new_socket("Tint", in_out="INPUT", socket_type="NodeSocketColor")
@@ -171,7 +171,7 @@ def one_sided(material: Any) -> None:
 
 
 def painted(material: Any) -> None:
-    """A picture multiplied with the mesh's own colours; a mesh without colours is grey."""
+    """A picture multiplied by the mesh's own colours; a mesh without colours is grey."""
     tree = material.node_tree
     attribute = add(tree, "VertexColor")
     attribute.layer_name = "Paint"

@@ -1,4 +1,4 @@
-"""One object of every type that has triangles."""
+"""One object of every type that evaluates to triangles."""
 
 from __future__ import annotations
 

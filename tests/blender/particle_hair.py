@@ -1,4 +1,4 @@
-"""Old particle hair for tests: emitters, and their strands by Blender's own accessor."""
+"""Legacy particle hair for tests: emitters, and their strands by Blender's own accessor."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ BENT = {"brownian_factor": 0.2, "clump_factor": 0.5}
 
 
 def emitter(name: str = "Emitter", squares: int = SQUARES, **settings: Any) -> Any:
-    """A grid over (0, 0) to (squares, squares) with a UV map, from which hair grows. settings: of the particles."""
+    """Make a grid over (0, 0) to (squares, squares) with a UV map and growing hair. settings: of the particles."""
     steps = np.arange(squares + 1)
     places = np.stack([*np.meshgrid(steps, steps), np.zeros((squares + 1, squares + 1))], axis=-1).reshape(-1, 3)
     corners = [0, 1, squares + 2, squares + 1]
@@ -35,7 +35,7 @@ def emitter(name: str = "Emitter", squares: int = SQUARES, **settings: Any) -> A
 
 
 def add_hair(obj: Any, **settings: Any) -> Any:
-    """The settings of a new particle system."""
+    """Add a particle system to an object; return its settings."""
     modifier = obj.modifiers.new("hair", "PARTICLE_SYSTEM")
     particles = modifier.particle_system.settings
     values = {"type": "HAIR", "count": COUNT, "hair_length": 1.0, "hair_step": 4, "render_step": 3, "display_step": 2}
@@ -47,7 +47,7 @@ def add_hair(obj: Any, **settings: Any) -> Any:
 
 
 def expected_strands(obj: Any, depsgraph: Any) -> npt.NDArray[np.float64]:
-    """(S, K, 3) in the object's space, as a viewport shows them, by `co_hair`."""
+    """Read the strands as a viewport shows them, by `co_hair`: (S, K, 3) in the object's space."""
     shown = obj.evaluated_get(depsgraph)
     inverse = np.linalg.inv(np.array(shown.matrix_world))
     system = shown.particle_systems[0]

@@ -1,4 +1,4 @@
-"""Which slots of a material a program of nodes sets."""
+"""The slots of a material that its node program sets."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from perfect_bvh.nodes import NODE_SHAPES, NodeProgram
 
 
 def slots_of(program: NodeProgram | None) -> Iterator[str]:
-    """Their names, none without a program."""
+    """Return the slots' names, or none without a program."""
     shapes, at = list(NODE_SHAPES.values()), 0
     codes = [] if program is None else program.codes.tolist()
     while at < len(codes):

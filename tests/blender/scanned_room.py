@@ -13,7 +13,7 @@ LIDAR = SpinningLidar(elevations=(-30.0, -10.0, 0.0, 20.0), columns=36, rate=10.
 
 
 def furnish(scene: bpy.types.Scene) -> bpy.types.Scene:
-    """A ground, a red and a white cube that share no mesh, a camera and an empty that are turned and scaled."""
+    """Build a ground, a red and a white cube with separate meshes, and a camera and an empty, turned and scaled."""
     bpy.ops.mesh.primitive_plane_add(size=40.0)
     for name, place in (("Red", (4.0, 0.0, 1.0)), ("White", (0.0, 5.0, 1.5))):
         bpy.ops.mesh.primitive_cube_add(location=place, rotation=(0.1, 0.2, 0.3))
@@ -35,9 +35,9 @@ def furnish(scene: bpy.types.Scene) -> bpy.types.Scene:
 def lidar_rays(
     head: bpy.types.Object, pattern: SpinningLidar, columns: range
 ) -> Iterator[tuple[np.ndarray, np.ndarray, float]]:
-    """(origin, direction, distance) of each ray from the definition: forward is the object's +Y, up its +Z.
+    """Compute (origin, direction, distance) of each ray from the definition: forward is the object's +Y, up its +Z.
 
-    It turns to the left.
+    The lidar turns to the left.
     """
     turn = np.array(head.matrix_world.normalized())
     for column in columns:
@@ -49,7 +49,7 @@ def lidar_rays(
 
 
 def values_of(obj: bpy.types.Object, attribute: str, field: str, width: int = 1) -> np.ndarray:
-    """(N,) or (N, width) of an attribute of a scan's points."""
+    """Return an attribute of a scan's points, (N,) or (N, width)."""
     found = obj.data.attributes[attribute]
     values = np.empty(len(found.data) * width, np.int32 if found.data_type == "INT" else np.float32)
     found.data.foreach_get(field, values)

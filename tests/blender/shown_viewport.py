@@ -37,7 +37,7 @@ def registered_without_windows(monkeypatch: pytest.MonkeyPatch) -> Iterator[None
     camera = CameraRecord(matrix, (-1.0, 1.0, -0.5625, 0.5625), "perspective", 0.1, 100.0)
     monkeypatch.setattr(screen_image, "texture_of", lambda image, mode: image)
     monkeypatch.setattr(viewport, "draw_patches", lambda screen, scene, image, size: screen.append(whole_of(image)))
-    monkeypatch.setattr(viewport, "AWAITING_SECONDS", PATIENCE)  # however slow this machine is
+    monkeypatch.setattr(viewport, "AWAITING_SECONDS", PATIENCE)  # does not depend on the machine's speed
     monkeypatch.setattr(viewport, "camera_of", lambda *_: (camera, None))
     monkeypatch.setattr(pending_commit, "BUILDING_SECONDS", 0.05)
     perfect_bvh_addon.register()
@@ -47,7 +47,7 @@ def registered_without_windows(monkeypatch: pytest.MonkeyPatch) -> Iterator[None
 
 
 def cube_to_show(scene: bpy.types.Scene) -> bpy.types.Object:
-    """A cube under a plain world, in few samples."""
+    """A cube under a plain world, with few samples."""
     bpy.ops.mesh.primitive_cube_add()
     scene.world = bpy.data.worlds.new("World")  # surfaces without light are black
     scene.perfect_bvh.samples = 2
@@ -89,7 +89,7 @@ class Shown:
         )
 
     def update(self) -> None:
-        """As Blender does after an edit."""
+        """Update as Blender does after an edit."""
         self.viewport.update(self.context, bpy.context.evaluated_depsgraph_get())
 
     def redraw(self) -> bool:
@@ -97,7 +97,7 @@ class Shown:
         return self.viewport.draw(self.screen, self.context, bpy.context.evaluated_depsgraph_get())
 
     def finish(self) -> np.ndarray:
-        """(H, W, 4), redrawn until nothing more is to come."""
+        """Redraw until the image is finished; return it: (H, W, 4)."""
         for _ in patiently("the image is not finished"):
             if not self.redraw():
                 break
@@ -119,6 +119,6 @@ def fresh() -> np.ndarray:
 
 
 def move(cube: bpy.types.Object, x: float) -> None:
-    """An edit that viewports hear of."""
+    """Make an edit that viewports are notified of."""
     cube.location.x = x
     bpy.context.view_layer.update()

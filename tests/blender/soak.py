@@ -1,10 +1,10 @@
-"""Random edits of a scene, one after the other, and after each the proof that the synced scene is Blender's.
+"""Random edits of a scene. After each edit a proof shows that the synced scene equals Blender's.
 
-A `Soak` edits a small scene that holds every kind of thing: plain, linked and modified meshes, text, curves, nodes,
-collection instances, keyframes. `step()` edits, syncs, and compares with a reading that uses no cache, no view and no
-bulk path, and every ray with a scene that has never seen anything else. Now and then the file is saved and opened, and
-the add-on's engine renders, is stopped and renders again. The same seed makes the same edits.
-`soak_run.py` goes on with it for as long as one likes.
+A `Soak` edits a small scene that holds objects of every kind: plain, linked and modified meshes, text, curves, nodes,
+collection instances, keyframes. `step()` edits, syncs, and compares the record with a reading that uses no cache, no
+view and no bulk path. It compares every ray with a scene that is built from that reading alone. Now and then the file
+is saved and opened, and the add-on's engine renders, is stopped and renders again. The same seed makes the same edits.
+`soak_run.py` runs many steps of it.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ FIELDS = ("t_hit", "instance_ids", "mesh_ids", "primitive_ids", "primitive_uvs",
 
 
 class DifferenceError(AssertionError):
-    """The synced scene is not Blender's."""
+    """The synced scene differs from Blender's."""
 
 
 class Soak:
@@ -79,7 +79,7 @@ class Soak:
         bpy.ops.ed.undo_push(message="start")
         self.sync = SceneSync(ALL_ATTRIBUTES, watch=watches)
         self.render_sync = SceneSync(ALL_ATTRIBUTES, watch=False)
-        self._objects: dict[SceneSync, tuple[ObjectRecord, ...]] = {}  # of each sync's last reading
+        self._objects: dict[SceneSync, tuple[ObjectRecord, ...]] = {}  # the last reading of each sync
         self.rays = _rays(self._random)
         self._halves = Halves(self, ALL_ATTRIBUTES, halves)
 
@@ -91,7 +91,7 @@ class Soak:
         self._folder.cleanup()
 
     def step(self) -> None:
-        """One edit or a few, then the proof. Raises DifferenceError."""
+        """Make one or a few edits, then check the syncs. Raises DifferenceError."""
         for _ in range(self._random.choice((1, 1, 1, 2, 4))):
             self._halves.meddle()
             self._edit()
@@ -121,14 +121,14 @@ class Soak:
         name = str(self._random.choice(tuple(EDITS)))
         try:
             EDITS[name](self)
-        except (NothingToEditError, RuntimeError):  # an operator without the context that it wants
+        except (NothingToEditError, RuntimeError):  # an operator needs another context
             return
         finally:
             if bpy.context.mode != "OBJECT":
                 bpy.ops.object.mode_set(mode="OBJECT")
         self.done.append(name)
         self.counts[name] += 1
-        if name not in {"undo", "redo"}:  # Blender crashes when it goes back past edits that were not pushed
+        if name not in {"undo", "redo"}:  # Blender crashes if undo passes edits that were not pushed
             bpy.ops.ed.undo_push(message=name)
 
     def _check(self, sync: SceneSync, depsgraph: Any) -> None:
@@ -205,7 +205,7 @@ def _fill(kind: Kind) -> None:
         mesh_object("mane", hair_data("mane", upright(3)), inner, (0, 1, 0))
         fur_of_nodes("fur").location = (-8, 0, 0)
     for kept in (inner, collection("drawer"), bpy.data.materials.new("red")):
-        kept.use_fake_user = True  # edits look for them in files that were saved, too
+        kept.use_fake_user = True  # edits look for them in saved files, too
     moving = mesh_object("moving", location=(-6, 5, 0))
     for frame, x in ((1, -6.0), (20, 6.0)):
         moving.location.x = x
@@ -223,7 +223,7 @@ def _fill(kind: Kind) -> None:
 
 
 def _rays(random: np.random.Generator, count: int = 1200) -> tuple[np.ndarray, np.ndarray]:
-    """From above on a grid, and crosswise at random."""
+    """Return rays from above on a grid, and random rays in all directions."""
     x, y = np.meshgrid(np.linspace(-13, 13, 40), np.linspace(-13, 13, 40))
     above = np.stack([x.ravel(), y.ravel(), np.full(x.size, 30.0)], axis=1)
     around = random.uniform((-13, -13, -4), (13, 13, 8), (count, 3))

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 MOST_SECONDS = 30.0
 HALVES = "halves: "  # prefix of the names of its counts
 HOLDS = ("before", "before", "after", "failing", "")
-LONG_ENOUGH = 0.003  # for such a build to end, mostly
+LONG_ENOUGH = 0.003  # most such builds end within this time
 
 
 class WorkerError(MemoryError):
@@ -65,7 +65,7 @@ class _Gate:
         self._is_open.set()
 
     def wait(self, progress: Callable[[float], object]) -> None:
-        """Until it is opened, or the waiting side no longer wants the build."""
+        """Wait until the gate is opened, or the waiting side no longer wants the build."""
         while not self._is_open.wait(0.0005):
             if progress(0.5) is False:
                 return
@@ -97,7 +97,7 @@ class Halves:
         self._gate = _Gate()
         self.sync = SceneSync(attributes, watch=False)
         self.sync._make_scene = self._gate.make_scene
-        self.sync.close()  # makes its scene again
+        self.sync.close()  # creates its scene again
         self._users = (_User(), _User())
         rare = (self._stop, self._ask_to_stop, self._update, self._linger)
         self._actions = (*(self._hold, self._look, self._look_all) * 2, *rare)
@@ -107,7 +107,7 @@ class Halves:
         self.sync.close()
 
     def meddle(self) -> None:
-        """Between two edits: a few things that users, and the trees, may do just then."""
+        """Play some of the events that users and trees may cause between two edits."""
         if self._random.random() >= self._share:
             return
         for _ in range(self._random.integers(0, 5)):
@@ -120,7 +120,7 @@ class Halves:
             user.is_stale = True
 
     def prove(self) -> None:
-        """Once nothing is held any more, each user has the right answers after a few looks. Mostly: some wait on."""
+        """In most calls, release all builds and check that each user gets the right answers after a few looks."""
         if self._random.random() >= 0.7 * self._share:
             return
         if self._random.random() < 0.5:
@@ -155,7 +155,7 @@ class Halves:
         self.sync.ask_to_stop_building()
 
     def _update(self) -> None:
-        """In one go, by a caller that stops all others."""
+        """Update in one go, from a caller that stops all others."""
         self.note_edit()
         self.sync.update(bpy.context.evaluated_depsgraph_get())
         self._check("an update in one go")
@@ -166,7 +166,7 @@ class Halves:
             building.wait(LONG_ENOUGH)
 
     def _look_as(self, user: _User, patience: float) -> bool:
-        """Whether there was an image; patience: seconds that are waited for it."""
+        """Return whether there was an image. patience: the seconds to wait for it."""
         kept = pending_commit.BUILDING_SECONDS, pending_commit.LOOKING_SECONDS
         pending_commit.BUILDING_SECONDS = pending_commit.LOOKING_SECONDS = patience
         try:

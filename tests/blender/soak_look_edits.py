@@ -15,7 +15,7 @@ HAIR_SHADER = "ShaderNodeBsdfHairPrincipled"
 
 
 class NothingToEditError(Exception):
-    """The scene has nothing that this edit could be done to."""
+    """The scene has nothing that this edit applies to."""
 
 
 def rename(soak: Soak) -> None:
@@ -37,7 +37,7 @@ def link_material_to_the_object(soak: Soak) -> None:
 
 
 def paint_corners(soak: Soak) -> None:
-    """Colours and a uv map: new ones, others, other names, or none any more."""
+    """Change colours and a uv map: add, edit, rename or remove them."""
     mesh = soak.an_object("MESH").data
     colors, maps = mesh.color_attributes, mesh.uv_layers
     if not len(colors) or not len(maps):
@@ -54,7 +54,7 @@ def paint_corners(soak: Soak) -> None:
 
 
 def show_corners(soak: Soak) -> None:
-    """A material begins to show colours by one name or another, or ends to."""
+    """Make a material show colours by some name, or stop it."""
     tree = bpy.data.materials["red"].node_tree
     shader = next((node for node in tree.nodes if node.type == "BSDF_PRINCIPLED"), None) if tree else None
     if shader is None:
@@ -86,7 +86,7 @@ def show_instances(soak: Soak) -> None:
 
 
 def dye(soak: Soak) -> None:
-    """A material becomes one of hair, or shows its surface again."""
+    """Make a material a hair material, or show its surface again."""
     material = soak.pick(bpy.data.materials)
     material.use_nodes = True
     tree = material.node_tree
@@ -99,7 +99,7 @@ def dye(soak: Soak) -> None:
 
 
 def change_dye(soak: Soak) -> None:
-    """A number, a colour or a choice of a hair shader; or whose model it is."""
+    """Change two inputs of a hair shader, and perhaps its model or parametrization."""
     trees = [material.node_tree for material in bpy.data.materials if material.node_tree]
     node = soak.pick(node for tree in trees for node in tree.nodes if node.bl_idname == HAIR_SHADER)
     if soak.number() > 1.0:
@@ -131,7 +131,7 @@ def look_elsewhere(soak: Soak) -> None:
 
 
 def light(soak: Soak) -> None:
-    """A new one, or another power, colour or kind for one that is there."""
+    """Add a light, or change the power, colour or kind of an existing one."""
     lights = [obj for obj in bpy.data.objects if obj.type == "LIGHT"]
     if len(lights) < MOST_LIGHTS:
         name = soak.name("light")

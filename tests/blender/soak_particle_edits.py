@@ -16,7 +16,7 @@ MOST_STRANDS = 12
 
 
 def _systems() -> list[tuple[Any, Any]]:
-    """Objects with each of their systems' modifiers."""
+    """Return the objects, each with the modifier of one particle system."""
     modifiers = [(obj, modifier) for obj in bpy.data.objects for modifier in obj.modifiers]
     return [(obj, modifier) for obj, modifier in modifiers if modifier.type == "PARTICLE_SYSTEM"]
 
@@ -30,7 +30,7 @@ def _some_settings(soak: Soak) -> Any:
 
 
 def sprout(soak: Soak) -> None:
-    """A mesh grows hair, with children of one kind or none."""
+    """Grow hair on a mesh, with children of some kind or none."""
     obj = soak.an_object("MESH")
     if len(_systems()) >= MOST_SYSTEMS or not len(obj.data.polygons):
         raise NothingToEditError
@@ -41,7 +41,7 @@ def sprout(soak: Soak) -> None:
 
 
 def shave(soak: Soak) -> None:
-    """One system goes."""
+    """Remove one particle system."""
     obj, modifier = soak.pick(_systems())
     obj.modifiers.remove(modifier)
 
@@ -65,7 +65,7 @@ def comb_particles(soak: Soak) -> None:
 
 
 def comb_by_hand(soak: Soak) -> None:
-    """Into the particle mode and out of it again, where strands become edited ones; perhaps back to grown ones."""
+    """Enter and leave the particle mode, which makes strands edited ones; perhaps clear the edits."""
     layer = bpy.context.view_layer
     obj, modifier = soak.pick((obj, one) for obj, one in _systems() if obj.name in layer.objects and obj.visible_get())
     layer.objects.active = obj
@@ -79,7 +79,7 @@ def comb_by_hand(soak: Soak) -> None:
 
 
 def count_strands(soak: Soak) -> None:
-    """How many, and how many children and steps of each."""
+    """Change the type of children, and one of the counts of strands, children and steps."""
     settings = _some_settings(soak)
     settings.child_type = soak.pick(CHILDREN)
     name, most = soak.pick(
@@ -97,7 +97,7 @@ def count_strands(soak: Soak) -> None:
 
 
 def thicken_particles(soak: Soak) -> None:
-    """Radii, which Blender does not evaluate; whose material; strands or another way of being shown."""
+    """Change radii, which Blender does not evaluate, the material, or the way in which strands are shown."""
     settings = _some_settings(soak)
     settings.root_radius, settings.tip_radius = soak.number(0.0, 1.0), soak.number(0.0, 1.0)
     settings.radius_scale, settings.shape = soak.number(0.05, 0.3), soak.number(-0.9, 0.9)
@@ -106,7 +106,7 @@ def thicken_particles(soak: Soak) -> None:
 
 
 def switch_system(soak: Soak) -> None:
-    """Not in viewports, or not in renders."""
+    """Switch a system off in viewports, or in renders."""
     _, modifier = soak.pick(_systems())
     switch = soak.pick(("show_viewport", "show_render"))
     setattr(modifier, switch, not getattr(modifier, switch))

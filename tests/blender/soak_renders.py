@@ -1,4 +1,4 @@
-"""The add-on's engine amid random edits: a render that builds on earlier ones must be that of a fresh add-on."""
+"""Renders by the add-on's engine amid random edits: a render after earlier ones must equal that of a fresh add-on."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from perfect_bvh_addon.image.still import Images
 
 
 def find_different_passes(*, is_stopped_first: bool) -> list[str]:
-    """Names of the passes in which the two renders differ, of renders that failed, and of a stop that did nothing."""
+    """Name the passes in which two renders differ, the renders that failed, and a stop that had no effect."""
     scene = bpy.context.scene
     engine, mode = scene.render.engine, scene.perfect_bvh.mode
     if scene.camera is None:
@@ -36,7 +36,7 @@ def find_different_passes(*, is_stopped_first: bool) -> list[str]:
 def _render(job: RenderJob) -> RenderJob:
     scene = bpy.context.scene
     scene.render.engine = "PERFECT_BVH"
-    scene.perfect_bvh.use_denoising = False  # two images that are alike are so before it already
+    scene.perfect_bvh.use_denoising = False  # the comparison needs no denoising
     with attend(job):
         bpy.ops.render.render()
     return job

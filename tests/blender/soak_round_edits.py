@@ -17,7 +17,7 @@ ROUND_TYPES = ("CURVES", "POINTCLOUD")
 
 
 def some_hair(soak: Soak, name: str) -> Any:
-    """A few curves of as many points each, bent at random."""
+    """A few curves with the same number of points each, bent at random."""
     count, points = int(soak.number(1, 6)), int(soak.number(2, 6))
     strands = _steps(soak, (count, points, 3), 0.6).cumsum(axis=1) + _steps(soak, (count, 1, 3), 1.0)
     data = hair_data(name, strands, _radii(soak, count * points))
@@ -59,7 +59,7 @@ def _steps(soak: Soak, shape: tuple[int, ...], size: float) -> np.ndarray:
 
 
 def _radii(soak: Soak, count: int) -> Any:
-    """One for all, one each, none for some; or no attribute."""
+    """Radii: one for all, one for each, some of them zero, or no attribute."""
     some = np.maximum(_steps(soak, (count,), 0.3), 0.0)
     return soak.pick((0.1, some, some + np.float32(0.05), None))
 
@@ -69,7 +69,7 @@ def _a_round_object(soak: Soak) -> Any:
 
 
 def sway(soak: Soak) -> None:
-    """Its points elsewhere; now and then one where nothing can be."""
+    """Move the points of a round object; now and then one gets a position that is not finite."""
     data = _a_round_object(soak).data
     moved = np.empty(len(data.points) * 3, np.float32)
     data.attributes["position"].data.foreach_get("vector", moved)
@@ -90,7 +90,7 @@ def thicken(soak: Soak) -> None:
 
 
 def grow(soak: Soak) -> None:
-    """More curves in the same data."""
+    """Add curves to the same data."""
     data = soak.an_object("CURVES").data
     if len(data.curves) > 12:
         raise NothingToEditError

@@ -35,7 +35,7 @@ SEEDS_A_PROCESS = 8  # leftovers of a process must not pile up: its memory is re
 
 
 def run_seed(seed: int, steps: int) -> dict[str, Any]:
-    """The steps of one seed; it ends at the first difference. Handlers are on for every other seed."""
+    """Take the steps of one seed, up to the first difference. Handlers are on for every other seed."""
     from blender.soak import KINDS, DifferenceError, Soak
 
     started = time.perf_counter()
@@ -71,7 +71,7 @@ def _resident_megabytes() -> float | None:
 
 
 def work(seeds: Iterable[int], steps: int) -> None:
-    """Announces each seed and then writes its result, a line each."""
+    """Announce each seed and then write its result, one line each."""
     for number, seed in enumerate(seeds):
         _tell({"begins": seed})
         _tell({**run_seed(seed, steps), "seed_of_the_process": number})
@@ -165,7 +165,7 @@ def _kept(path: Path, commit: str | None, seeds: set[int]) -> dict[int, dict[str
 
 def summarise(results: dict[int, dict[str, Any]], wanted: int, wall_seconds: float) -> dict[str, Any]:
     """Summarise the results: sums over the seeds, every difference, and the memory of the processes."""
-    from blender.soak_halves import HALVES  # at the end: it brings Blender along
+    from blender.soak_halves import HALVES  # at the end, because it imports Blender
 
     counts: Counter[str] = Counter()
     for result in results.values():
@@ -197,7 +197,7 @@ def summarise(results: dict[int, dict[str, Any]], wanted: int, wall_seconds: flo
         "read_again": counts["read again"],
         "instances_read_from_geometry": counts["instances read from geometry"],
         "objects_looked_up_in_the_list": counts["objects looked up in the list"],
-        # The middle and the most over the processes, after their first seed, their second, and so on.
+        # The median and the maximum over the processes, after their first seed, their second, and so on.
         "resident_megabytes": [[statistics.median(memory[nth]), max(memory[nth])] for nth in sorted(memory)],
         "seconds_of_all_processes": round(seconds, 1),
         "steps_a_second_and_process": round(steps / seconds, 2) if seconds else None,

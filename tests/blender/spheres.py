@@ -1,4 +1,4 @@
-"""Spheres that are the same in every process."""
+"""Spheres that are identical in every process."""
 
 from __future__ import annotations
 

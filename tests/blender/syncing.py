@@ -25,7 +25,7 @@ def height(sync: SceneSync, x: float = 0.2, y: float = 0.2) -> float:
 
 
 def depsgraph() -> Any:
-    """The viewport's, for both halves of an update."""
+    """Return the viewport's depsgraph, for both halves of an update."""
     return bpy.context.evaluated_depsgraph_get()
 
 
@@ -35,7 +35,7 @@ def move(obj: Any, z: float) -> None:
 
 
 def installed() -> int:
-    """How many of the add-on's functions Blender would call."""
+    """Count the add-on's functions that Blender would call."""
     return sum(handler in getattr(bpy.app.handlers, name) for name, handler in changes._HANDLERS)
 
 
@@ -47,7 +47,7 @@ def assert_stale(sync: SceneSync, message: str) -> None:
 
 
 def reasons(report: SyncReport) -> dict[str, str]:
-    """Why each mesh was read or passed over, by its name."""
+    """Return why each mesh was read or passed over, by its name."""
     return {mesh.name: mesh.reason for mesh in report.meshes}
 
 

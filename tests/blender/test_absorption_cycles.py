@@ -22,7 +22,7 @@ pytestmark = pytest.mark.skipif(bpy.app.version < (5, 0, 0), reason="Blender 4 h
 
 @pytest.fixture
 def glass() -> Iterator[Any]:
-    """The material of a cube and a ball, before a floor of two colours, under an even sky."""
+    """The material of a cube and a sphere, in front of a floor of two colours, under an even sky."""
     perfect_bvh_addon.register()
     bpy.ops.wm.read_factory_settings(use_empty=True)
     scene = bpy.context.scene
@@ -76,7 +76,7 @@ def principled(material: Any) -> None:
 
 
 def added(material: Any) -> None:
-    """Two that absorb, mixed, inside a Refraction BSDF."""
+    """A mix of two absorbing shaders inside a Refraction BSDF."""
     tree = material.node_tree
     tree.links.new(add(tree, "BsdfRefraction", Roughness=0.2, IOR=1.3).outputs[0], surface(material))
     one, other = (

@@ -27,7 +27,7 @@ def empty_file(registered: None) -> None:
 
 @pytest.fixture
 def scene() -> bpy.types.Scene:
-    """A cube that a small camera looks down on."""
+    """A cube under a small camera that looks down."""
     scene = bpy.context.scene
     bpy.ops.mesh.primitive_cube_add()
     bpy.ops.object.camera_add(location=(0.0, 0.0, 8.0))
@@ -40,7 +40,7 @@ def scene() -> bpy.types.Scene:
 
 def save(tmp_path: Path, **options: object) -> Path:
     path = tmp_path / "scene.blend"
-    bpy.ops.wm.save_as_mainfile(filepath=str(path), **({"compress": True} | options))  # Wine reads no other
+    bpy.ops.wm.save_as_mainfile(filepath=str(path), **({"compress": True} | options))  # Wine reads only compressed ones
     return path
 
 
@@ -54,7 +54,7 @@ def render(file: Path, output: Path, *more: str) -> int:
 @pytest.mark.parametrize("suffix", [".png", ".jpg", ".webp", ".tif", ".exr"])
 @pytest.mark.parametrize("is_there", [False, True], ids=["new", "older"])
 def test_a_full_disk_leaves_the_older_image_and_nothing_else(scene, tmp_path, capsys, suffix: str, is_there: bool):
-    """Of the image a part would fit, which Blender's own writers take for all of it."""
+    """A part of the image fits on the disk, which Blender's own writers take for success."""
     file, folder = save(tmp_path), tmp_path / "images"
     output = folder / f"a{suffix}"
     assert render(file, output) == 0
@@ -74,7 +74,7 @@ def test_a_full_disk_leaves_the_older_image_and_nothing_else(scene, tmp_path, ca
 
 
 def test_an_image_of_a_name_that_blender_cannot_reach_is_written(scene, tmp_path: Path, monkeypatch):
-    """As one of more characters than Windows takes without a prefix, which Blender would cut off."""
+    """Names that are too long for Windows without a prefix are an example; Blender would cut them off."""
     file = save(tmp_path)
     assert render(file, tmp_path / "plain.png") == 0
     monkeypatch.setattr(saving, "is_extended", lambda _: True)
@@ -85,7 +85,7 @@ def test_an_image_of_a_name_that_blender_cannot_reach_is_written(scene, tmp_path
 
 
 def test_a_disk_that_ends_with_the_file_is_found(tmp_path: Path):
-    """A writer that says nothing: its file reaches the very end."""
+    """The writer reports no error, because its file ends exactly at the end of the disk."""
     path = tmp_path / "a.bin"
     path.write_text("older")
 
@@ -203,7 +203,7 @@ def test_an_empty_scene_is_rendered(tmp_path: Path, capsys):
 
 
 def test_linked_data_is_rendered_and_scanned_and_not_touched(scene, tmp_path: Path):
-    """The active collection is linked from another file: points go into the scene's own."""
+    """The active collection is linked from another file, so points are added to the scene's own collection."""
     collection = bpy.data.collections.new("Library")
     collection.objects.link(bpy.data.objects["Cube"])
     scene.collection.objects.unlink(bpy.data.objects["Cube"])
@@ -268,7 +268,7 @@ def test_an_image_that_does_not_fit_is_refused(scene, tmp_path: Path, capsys, mo
 
 
 def test_a_render_that_does_not_fit_leaves_the_older_file(scene, tmp_path: Path, monkeypatch):
-    """Blender itself crashes when a file of many layers is written of a render that was begun and has failed."""
+    """Blender itself crashes when it writes a file of many layers of a render that was started and has failed."""
     settings, path = scene.render.image_settings, tmp_path / "layers.exr"
     if hasattr(settings, "media_type"):
         settings.media_type = "MULTI_LAYER_IMAGE"

@@ -31,7 +31,7 @@ needs_matplotlib = pytest.mark.skipif(find_spec("matplotlib") is None, reason="m
 
 @pytest.fixture
 def no_matplotlib(monkeypatch: pytest.MonkeyPatch) -> None:
-    """As where it is not installed: no part of it can be imported."""
+    """Make imports of matplotlib and all of its parts fail, as if it is not installed."""
     for name in [name for name in sys.modules if name.partition(".")[0] == "matplotlib"]:
         monkeypatch.delitem(sys.modules, name)
     monkeypatch.setitem(sys.modules, "matplotlib", None)
@@ -41,7 +41,7 @@ def no_matplotlib(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.fixture
 def moving_ball() -> bpy.types.Scene:
-    """A ball that deforms by a shape key, over a plane."""
+    """A sphere that a shape key deforms, over a plane."""
     bpy.ops.wm.read_factory_settings(use_empty=True)
     bpy.ops.mesh.primitive_plane_add(size=8.0, location=(0, 0, -1.2))
     bpy.ops.mesh.primitive_ico_sphere_add(subdivisions=3)
@@ -98,7 +98,7 @@ def test_charts_are_drawn_where_matplotlib_is(moving_ball: bpy.types.Scene, tmp_
         assert path == tmp_path / f"{name}.png"
         image = load_image(path)
         assert image.size[0] == 1600 and image.size[1] > 700
-        assert np.array(image.pixels).reshape(-1, 4)[:, :3].std() > 0.02  # there is something on the paper
+        assert np.array(image.pixels).reshape(-1, 4)[:, :3].std() > 0.02  # the chart is not empty
     assert results.overview is not None
     image = load_image(results.overview)
     assert image.size[0] == 1600 and image.size[1] > 2800
@@ -264,7 +264,7 @@ def test_the_button_makes_a_table_without_matplotlib(moving_ball: bpy.types.Scen
 
 
 def begin_button(folder: Path) -> tuple[FakeOperator, FakeWindow]:
-    """It measures, and has reached the frames."""
+    """Start a measurement with the button and go on until it has reached the frames."""
     operator, window = FakeOperator(PERFECT_BVH_OT_bench), FakeWindow()
     operator.seconds, operator.folder, operator.for_viewport = 60.0, str(folder), False
     assert operator.invoke(window, None) == {"RUNNING_MODAL"}

@@ -18,7 +18,7 @@ def times(typical: float, spread: float, rounds: int) -> dict[str, float]:
 
 
 def advised(fast_build: float, fast_trace: float, *, spread: float = 0.01, rounds: int = 9) -> dict[str, str]:
-    """Of a scene whose usual trees take 100 ms to build and 10 ms for the bench's rays, and others that take these."""
+    """Give advice for a scene. Usual trees take 100 ms to build and 10 ms for the bench's rays; others take these."""
     rows = [
         {"name": name, "build_ms": times(build, spread, rounds), "trace_ms": times(trace, spread, rounds)}
         for name, build, trace in (("auto", 100.0, 10.0), ("fast", fast_build, fast_trace))

@@ -45,7 +45,7 @@ def scene() -> Iterator[Any]:
 
 
 def bend(kind: str) -> Any:
-    """Give the plane a shader whose normal a node bends; returns that node's colour."""
+    """Give the plane a shader whose normal a node bends; return that node's colour."""
     material = bpy.data.materials.new("Surface")
     material.use_nodes = True
     tree = material.node_tree

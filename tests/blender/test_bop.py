@@ -20,7 +20,7 @@ TRAIN = Path("bop", "train", "000001")
 
 @pytest.fixture
 def file(tmp_path: Path) -> Path:
-    """Two cubes of one mesh, of which one moves and is turned, a stretched ball before one, and a mirrored cone."""
+    """Two cubes of one mesh, one of them moving and turned; a stretched sphere in front of one; and a mirrored cone."""
     bpy.ops.wm.read_factory_settings(use_empty=True)
     scene = bpy.context.scene
     scene.render.resolution_x, scene.render.resolution_y = WIDTH, HEIGHT
@@ -89,7 +89,7 @@ def test_poses_masks_depths_and_models_fit_together(file: Path, tmp_path: Path) 
             pixels = points @ camera.T
             pixels = pixels[:, :2] / pixels[:, 2:]
             left, top, width, height = fact["bbox_obj"]
-            # A mask has the pixels whose centre is met: of a tip less than is there.
+            # A mask has the pixels whose centre hits the object: at a tip fewer than the object covers.
             over = np.array([left, top, -left - width + 1, -top - height + 1]) - [
                 *pixels.min(axis=0),
                 *-pixels.max(axis=0),

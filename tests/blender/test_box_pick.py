@@ -1,4 +1,4 @@
-"""Which box is under the mouse."""
+"""Picking the box under the mouse."""
 
 from __future__ import annotations
 

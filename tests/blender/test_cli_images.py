@@ -56,7 +56,7 @@ def test_blenders_own_command_line_takes_the_same(
 
 @pytest.mark.parametrize("mode", ["normal", "depth"])
 def test_an_image_that_is_cropped_has_its_borders_size(mode: str, small_file: Path, tmp_path: Path) -> None:
-    """The same pixels as of the whole frame, and as many as Blender's own engines write."""
+    """The pixels equal those of the whole frame, and their number is that of Blender's own engines."""
     bpy.ops.wm.open_mainfile(filepath=str(small_file))
     render = bpy.context.scene.render
     render.use_border = True

@@ -108,7 +108,7 @@ def test_a_percentage_that_leaves_no_pixel_is_refused(
 
 
 def test_a_percentage_that_leaves_one_pixel_is_honoured(small_file: Path, tmp_path: Path) -> None:
-    """Blender renders less than its least resolution, if a percentage asks for it."""
+    """Blender renders less than its minimum resolution if a percentage asks for it."""
     bpy.ops.wm.open_mainfile(filepath=str(small_file))
     render = bpy.context.scene.render
     render.resolution_x, render.resolution_y, render.resolution_percentage = 299, 100, 1
@@ -181,7 +181,7 @@ def test_a_folder_of_other_labels_is_refused(small_file: Path, tmp_path: Path, c
 
 
 def test_pieces_together_number_images_and_things_as_one_file(small_file: Path, tmp_path: Path) -> None:
-    """Apart from ids of instances, which are those of a piece."""
+    """Ids of instances are an exception: each chunk has its own."""
     found = []
     for size in (1, 4):
         assert run("labels", small_file, "-o", tmp_path / str(size), "--frames", "1-4", "--piece", size, "-q") == 0

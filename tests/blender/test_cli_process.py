@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 from wine_gaps import console_events
 
-# To Windows' programs a signal is an event of the console, for a whole group of them.
+# On Windows a signal is an event of the console, for a whole group of processes.
 INTERRUPT = getattr(signal, "CTRL_BREAK_EVENT", signal.SIGINT)
 OWN_GROUP = getattr(subprocess, "CREATE_NEW_PROCESS_GROUP", 0)
 RUN_MAIN = "import sys; sys.argv[0] = 'perfect-bvh'; from perfect_bvh_addon.cli import main; sys.exit(main())"

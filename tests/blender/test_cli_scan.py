@@ -1,4 +1,4 @@
-"""`perfect-bvh scan`: pieces that are those of one scan, and are recognised when it is run again."""
+"""`perfect-bvh scan`: its chunks together equal one scan, and a second run recognises them."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def scanned(small_file: Path, folder: Path, *more: object) -> int:
 
 
 def columns(folder: Path) -> dict[str, Any]:
-    """Of all pieces together."""
+    """Concatenate the columns of all chunks."""
     found = [dict(np.load(path)) for path in sorted(folder.glob("*.npz"))]
     return {
         name: np.concatenate([each[name] for each in found]) for name in ("positions", "times", "ring_ids", "ray_ids")
@@ -89,7 +89,7 @@ def test_pieces_have_the_format_that_is_asked_for(small_file: Path, tmp_path: Pa
 
 
 def test_a_seed_makes_the_noise_and_is_told_apart(small_file: Path, tmp_path: Path, capfd: Any) -> None:
-    """Pieces with noise are those of one scan; another seed, or other noise, is another scan."""
+    """Chunks with noise together equal one scan; another seed, or other noise, makes another scan."""
     noisy = SENSOR + "[noise]\nrange = 0.05\ndropout = 0.1\n"
     (tmp_path / "sensor.toml").write_text(noisy)
     assert scanned(small_file, tmp_path / "out", "--seed", 7) == 0
@@ -178,7 +178,7 @@ def test_two_eyes_see_less_than_one(registered: None) -> None:
 
 
 def test_what_is_simulated_is_played_again(small_file: Path, tmp_path: Path) -> None:
-    """A cube that falls is in the last piece where it was, although the pieces before are kept."""
+    """A falling cube has its simulated position in the last chunk, although the earlier chunks are kept."""
     bpy.ops.wm.open_mainfile(filepath=str(small_file))
     bpy.context.view_layer.objects.active = cube = bpy.data.objects["Cube"]
     cube.animation_data_clear()

@@ -1,4 +1,4 @@
-"""Point clouds in the formats of others, read back by the libraries that others read them with."""
+"""Point clouds in other programs' formats, read back with the libraries that those programs use."""
 
 from __future__ import annotations
 
@@ -135,7 +135,7 @@ def test_las_holds_every_column(tmp_path: Path, suffix: str, count: int, far: fl
 @pytest.mark.parametrize("extent", [1.0, 2e5, 4e5, 5e5, 1e9, 1e30, 1.7e308])
 @pytest.mark.parametrize("suffix", [".las", ".laz"])
 def test_las_holds_any_finite_extent(tmp_path: Path, extent: float, suffix: str) -> None:
-    """To half of a step, which is 1e-4 or, of wide clouds, a part of 2^32 - 4 of the extent (and rounding)."""
+    """The error is at most half a step. A step is 1e-4, or for wide clouds the extent / (2^32 - 4), plus rounding."""
     made = cloud(33)
     for seed in range(8):
         random = np.random.default_rng(seed)
@@ -196,7 +196,7 @@ def test_formats_without_a_library(tmp_path: Path, monkeypatch: pytest.MonkeyPat
 
 
 def test_las_counts_points_by_return(tmp_path: Path) -> None:
-    """And says where the points lie; a 16th return is stored as the 15th."""
+    """Bounds are in the header; a 16th return is stored as the 15th."""
     made = cloud()
     numbers = np.where(np.arange(257) % 3 == 2, 20, np.arange(257) % 3).astype(np.int32)
     made = replace(made, return_ids=numbers, return_counts=np.full(257, 21, np.int32))

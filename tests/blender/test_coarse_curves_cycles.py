@@ -44,7 +44,7 @@ def tiles() -> Iterator[Any]:
 
 
 def test_tiles_shade_one_another_as_in_cycles(tiles: Any) -> None:
-    """Were all rays to start on the curved surfaces, the image would be a tenth brighter."""
+    """If all rays started on the curved surfaces, the image would be a tenth brighter."""
     ours, theirs = render_beside(tiles, SAMPLES)
     assert ours[..., :3].mean() == pytest.approx(theirs[..., :3].mean(), rel=0.01)
     patches = [image.reshape(96 // PATCH, PATCH, 160 // PATCH, PATCH, 4).mean(axis=(1, 3)) for image in (ours, theirs)]

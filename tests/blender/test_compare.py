@@ -34,7 +34,7 @@ pytestmark = pytest.mark.usefixtures("scene", "registered")
 
 @pytest.fixture
 def ball(scene: Any) -> Any:
-    """It grows long from frame 1 to 4, and is seen in the third."""
+    """A sphere that is stretched from frame 1 to 4; the scene is at frame 3."""
     bpy.ops.mesh.primitive_ico_sphere_add(subdivisions=4)
     ball = bpy.context.object
     ball.shape_key_add(name="rest")

@@ -1,4 +1,4 @@
-"""The scale of the mode "cost": its numbers are those of its colours, and visits are those of the pixel asked for."""
+"""The scale of the mode "cost": its numbers match its colours, and the visits are those of the chosen pixel."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ class Region:
 
 
 def context_of(mode: str = "RENDER", **shading: Any) -> SimpleNamespace:
-    """mode: the viewport's own."""
+    """mode: the viewport's mode."""
     shown = SimpleNamespace(perfect_bvh=SimpleNamespace(mode=mode), **shading)
     space = SimpleNamespace(shading=shown, overlay=SimpleNamespace(show_overlays=True))
     view = SimpleNamespace(perspective_matrix=np.eye(4))

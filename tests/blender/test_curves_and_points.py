@@ -40,7 +40,7 @@ def updated(sync: SceneSync) -> Any:
 
 
 def assert_as_fresh(sync: SceneSync) -> int:
-    """By the bits. How many rays hit anything."""
+    """Compare the bits of all answers with a fresh sync; return the number of rays that hit."""
     fresh = SceneSync(watch=False)
     try:
         updated(fresh)
@@ -243,7 +243,7 @@ SHAPES = {
 
 
 def test_hair_has_the_shape_that_cycles_settings_ask_for(scene: Any) -> None:
-    """And a change of them is followed, of nothing but hair."""
+    """A change of the settings is followed, and affects nothing but hair."""
     hair_object("Hair", upright())
     poly = hair_object("Poly", upright() + np.float32(0.5))
     make_poly(poly.data)
@@ -290,7 +290,7 @@ def test_more_pieces_than_are_asked_are_named(scene: Any, subdivisions: int, pie
 
 
 def test_hair_that_stays_is_the_same_record(scene: Any) -> None:
-    """Which is not compared where nothing but places changes; another shape makes it another one."""
+    """If only transforms change, its record is kept without a comparison; another shape makes another record."""
     hair_object("Hair", upright())
     mover = mesh_object("Mover")
     sync = SceneSync()
@@ -369,7 +369,7 @@ def test_depth_and_normals_are_those_of_cycles(scene: Any, registered: None, kin
 
 
 class Edits:
-    """Random ones of hair, of a point cloud, and of the objects that show them."""
+    """Random edits of hair, of a point cloud, and of the objects that show them."""
 
     def __init__(self, random: np.random.Generator) -> None:
         self._random = random
@@ -422,7 +422,7 @@ class Edits:
 
 
 def test_random_edits(scene: Any) -> None:
-    """Each synced scene is a fresh one."""
+    """Each synced scene equals a fresh one."""
     edits = Edits(np.random.default_rng(8))
     mesh_object("Mesh")
     sync = SceneSync()

@@ -22,7 +22,7 @@ SIZE = 16, 8
 
 
 def build(folder: Path) -> Any:
-    """A scene with a little of everything that tests change."""
+    """Build a scene with a little of everything that the tests change."""
     bpy.ops.wm.read_factory_settings(use_empty=True)
     scene = bpy.context.scene
     scene.render.resolution_x, scene.render.resolution_y = SIZE
@@ -84,7 +84,7 @@ def change_file(folder: Path) -> None:
 
 
 def merge_two_faces(folder: Path) -> None:
-    """As many corners, of which each has the vertex that it had."""
+    """Flip all faces; the number of corners and the vertices do not change."""
     bpy.context.view_layer.objects.active = grid()
     bpy.ops.object.mode_set(mode="EDIT")
     bpy.ops.mesh.select_all(action="SELECT")
@@ -324,7 +324,7 @@ def test_cycles_renders_once(built: Any, tmp_path: Path, replaced: Callable[[Rec
 
 
 def test_the_summary_says_what_was_rendered(tmp_path: Path, noise: Planes) -> None:
-    """Counts go with the reports, which may come from another process."""
+    """Counts are part of the reports, which may come from another process."""
     worker, controller = Hooks("recall", tmp_path), Hooks("recall", tmp_path)
     worker.pytest_runtest_setup(SimpleNamespace(path=TESTS / "blender" / "test_some.py"))
     assert worker.recordings.current == "blender/test_some"

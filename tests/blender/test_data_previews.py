@@ -1,4 +1,4 @@
-"""Blender's previews of materials, lights and worlds: they show the data-block, and nothing of them stays.
+"""Blender's previews of materials, lights and worlds: they show the data-block and leave nothing behind.
 
 Without a window Blender makes them at once, on the thread that asks for them.
 """
@@ -81,7 +81,7 @@ def test_lights_and_worlds_have_one() -> None:
 
 
 def test_it_is_no_render_of_the_scene() -> None:
-    """Nothing that renders, viewports and panels share is written; nor is Blender asked for more than the stage."""
+    """A preview changes nothing that renders, viewports and panels share, and reads nothing but the preview's stage."""
     scene = bpy.context.scene
     bpy.context.view_layer.update()
     messages.tell(scene, messages.RENDER, "Something went wrong", is_error=True)
@@ -211,7 +211,7 @@ def test_those_that_blender_has_begun_find_it_closed_and_are_waited_for() -> Non
             order.append(is_allowed)
 
     def are_coming() -> bool:
-        """Blender says so once; the preview comes after the gate was closed."""
+        """Say once that previews are coming; the preview itself comes after the gate was closed."""
         if next(is_coming, False):
             threading.Thread(target=preview).start()
             return True

@@ -1,6 +1,6 @@
-"""The trees where no builder is asked for: for sticks and hair, of which builders differ most, those that rays repay.
+"""Trees without a chosen builder: for sticks and hair, on which builders differ most, rays repay the build.
 
-Counted, not timed: boxes and triangles that rays from all around are tested against.
+The tests count and do not time: boxes and triangles that rays from all around are tested against.
 """
 
 from __future__ import annotations
@@ -25,13 +25,13 @@ from perfect_bvh_addon.sync.records import SceneRecord  # noqa: E402
 
 MILLION = 1_000_000
 NOTICEABLE = 1.1
-# The last one cuts as many triangles as are worth it.
+# In the last one, as many triangles are cut as are worth it.
 CONFIGS = (*(BuildConfig(builder=name) for name in BUILDERS), BuildConfig(builder="spatial", duplication_budget=5.0))  # type: ignore[arg-type]
 Rays = tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]
 
 
 def put(name: str, positions: npt.NDArray[Any], triangles: npt.NDArray[Any]) -> None:
-    """Alone into a new scene."""
+    """Put a mesh into a new scene, alone."""
     bpy.ops.wm.read_factory_settings(use_empty=True)
     data = bpy.data.meshes.new(name)
     data.from_pydata(positions, [], triangles)
@@ -68,7 +68,7 @@ def work(scene: perfect_bvh.Scene, rays: Rays) -> float:
 
 
 def least_work(record: SceneRecord, rays: Rays) -> float:
-    """In the best of all builders' trees."""
+    """Return the least work of all builders' trees."""
     found = []
     for config in CONFIGS:
         scene = make_scene(record, config)
@@ -132,7 +132,7 @@ def test_what_the_last_update_was_told_counts_for_what_comes_new(thin: None) -> 
 
 
 def test_hair_that_no_cut_helps_keeps_its_tree() -> None:
-    """Most of its strands' pieces are short: the time of cutting them repays no million rays."""
+    """Most segments of its strands are short: a million rays do not repay the time of cutting them."""
     blender_meshes.hair(0.1)  # leaves its object
     sync = SceneSync()
     assert actions(sync.update(evaluated())) == ["built"]

@@ -1,4 +1,4 @@
-"""OpenImageDenoise as Blender carries it: found, used as Cycles uses it, stopped, and the same for any threads."""
+"""Blender's OpenImageDenoise: found, used as Cycles uses it, stopped, and independent of the number of threads."""
 
 from __future__ import annotations
 
@@ -108,7 +108,7 @@ def test_blender_s_own_library_is_found() -> None:
 
 @pytest.mark.parametrize("prefilter", ["ACCURATE", "FAST", "NONE"])
 def test_it_denoises_as_cycles_does(room: bpy.types.Scene, prefilter: str) -> None:
-    """From the lowest row upwards, as Cycles has its images: the network does not treat all directions alike."""
+    """Rows go from the lowest upwards, as in Cycles' images: the network does not treat all directions alike."""
     theirs = render(room, FEW_SAMPLES, prefilter)
     given = (np.flipud(image) for image in (theirs.noisy, theirs.albedo, theirs.normal))
     ours = np.flipud(denoise(*given, prefilter=prefilter.lower(), quality="high", backend="oidn"))
@@ -154,7 +154,7 @@ def test_what_is_no_number_stays_where_it_is(few: Rendered, wrong: float) -> Non
 
 @pytest.mark.parametrize("size", [(1, 1), (1, 3), (15, 70)])
 def test_the_network_gets_no_images_without_surroundings(size: tuple[int, int]) -> None:
-    """Of a grey pixel it would make a black one."""
+    """The network would make a grey pixel black."""
     color = np.full((size[1], size[0], 3), 0.25, np.float32)
     made = Denoiser(size, backend="auto")
     np.testing.assert_allclose(made.denoise(color, color, np.zeros_like(color)), color, rtol=1e-5)

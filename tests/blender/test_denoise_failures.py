@@ -21,7 +21,7 @@ def scene(registered: None) -> bpy.types.Scene:
 
 
 class Failing:
-    """In place of a denoiser."""
+    """Stands in for a denoiser, and fails."""
 
     complaints = ()
     name = "Failing"

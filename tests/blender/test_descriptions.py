@@ -53,7 +53,7 @@ def call_of(operator: Any) -> Any:
 
 
 def own_properties() -> Iterator[tuple[str, Any]]:
-    """Of everything that the add-on registers, with a name for messages."""
+    """Yield all properties that the add-on registers, with a name for messages."""
     yield "Scene.perfect_bvh", bpy.types.Scene.bl_rna.properties["perfect_bvh"]
     for owner in OWNERS:
         for found in rna_of(owner).properties:
@@ -62,7 +62,7 @@ def own_properties() -> Iterator[tuple[str, Any]]:
 
 
 def find_fault(text: str, name: str) -> str | None:
-    """Why `text` is no tooltip of something called `name`."""
+    """Return why `text` is not a proper tooltip of an item called `name`."""
     if len(text.split()) < 3:
         return "says too little"
     if text.strip() != text or not (text[0].isupper() or not text[0].isalpha()):
@@ -75,7 +75,7 @@ def find_fault(text: str, name: str) -> str | None:
 
 
 def test_every_class_of_operators_is_looked_at() -> None:
-    """A new operator does not get past these tests."""
+    """Fails if a new operator is missing in these tests."""
     known = {name for name in dir(bpy.types) if name.startswith("PERFECT_BVH_OT_")}
     assert known == {operator.__name__ for operator in OPERATORS}
 

@@ -38,7 +38,7 @@ def ball() -> Iterator[Any]:
 
 
 def shown(ball: Any, kind: str, distribution: str, **values: float) -> Any:
-    """Make the ball white, of one shader with this distribution."""
+    """Make the sphere white, with one shader of this distribution."""
     material = ball.data.materials[0]
     node = shader(material) if kind == "Principled" else add(material.node_tree, f"Bsdf{kind}")
     node.inputs["Base Color" if "Base Color" in node.inputs else "Color"].default_value = WHITE
@@ -54,7 +54,7 @@ GLAZED = {"IOR": 2.5, "Specular_IOR_Level": 0.5}
 
 
 def render_means(scene: Any) -> tuple[float, float]:
-    """The mean brightness of our image and of that of Cycles."""
+    """Return the mean brightness of our image and of Cycles'."""
     ours, theirs = render_beside(scene, SAMPLES)
     return float(ours[..., :3].mean()), float(theirs[..., :3].mean())
 
@@ -74,7 +74,7 @@ def render_means(scene: Any) -> tuple[float, float]:
 def test_facets_lose_as_much_light_as_in_cycles(
     ball: Any, kind: str, roughness: float, values: dict[str, float], distribution: str
 ) -> None:
-    """GGX loses 10 to 55 % of it, Multiscatter GGX at most 7 %."""
+    """GGX loses 10 to 55 % of the light, Multiscatter GGX at most 7 %."""
     ours, theirs = render_means(shown(ball, kind, distribution, Roughness=roughness, **values))
     assert ours == pytest.approx(theirs, rel=0.01)
 
@@ -95,7 +95,7 @@ def test_other_distributions_are_those_of_cycles(ball: Any, kind: str, distribut
 @pytest.mark.parametrize("distribution", ["GGX", "BECKMANN", "ASHIKHMIN_SHIRLEY"])
 @pytest.mark.parametrize("anisotropy", [0.0, 0.5])
 def test_highlights_have_the_shape_of_those_of_cycles(ball: Any, distribution: str, anisotropy: float) -> None:
-    """Of a sun, in patches of four by four pixels; each distribution has another one."""
+    """The highlight of a sun is compared in patches of four by four pixels; each distribution has another shape."""
     scene = shown(ball, "Anisotropic", distribution, Roughness=0.5, Anisotropy=anisotropy)
     bpy.ops.object.light_add(type="SUN", rotation=(0.5, -0.4, 0.0))
     bpy.context.object.data.angle = 0.2

@@ -32,7 +32,7 @@ def rays() -> tuple[np.ndarray, np.ndarray]:
 
 
 def both(kind: str, monkey: Any) -> tuple[Any, Any]:
-    """Our tree and Blender's."""
+    """Build our tree and Blender's."""
     depsgraph = bpy.context.evaluated_depsgraph_get()
     if kind == "object":
         return BVHTree.FromObject(monkey, depsgraph), BlendersTree.FromObject(monkey, depsgraph)

@@ -1,4 +1,4 @@
-"""Echoes of beams: merged and chosen as loops over single beams do it."""
+"""Echoes of beams: they are merged and chosen as by a loop over single beams."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from perfect_bvh_addon.scanning.light.model import Detection
 
 
 def arrivals(seed: int, count: int = 400) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Of 60 beams, in no order; ranges in tenths, so that many are the same; some return nothing."""
+    """Arrivals of 60 beams in random order. Ranges are in tenths, so that many are equal; some beams return nothing."""
     random = np.random.default_rng(seed)
     energies = random.integers(0, 9, count) / 8.0
     return random.integers(0, 60, count), random.integers(10, 90, count) / 10.0, energies
@@ -44,7 +44,7 @@ def test_echoes_are_runs_of_arrivals(seed: int, resolution: float) -> None:
 @pytest.mark.parametrize("most", [1, 2, 3, 15])
 def test_rules_take_turns(rules: tuple[str, ...], most: int) -> None:
     beams, ranges, _ = arrivals(9)
-    energies = np.random.default_rng(1).uniform(0.1, 1.0, len(beams))  # no two are alike
+    energies = np.random.default_rng(1).uniform(0.1, 1.0, len(beams))  # all are distinct
     echoes = merge(beams, ranges, energies, 0.0)
     expected = []
     for beam in range(60):

@@ -275,7 +275,7 @@ def test_progress_rises_to_one_and_cancel_stops(scene) -> None:
 
 
 def test_a_render_says_what_it_does(scene, monkeypatch) -> None:
-    """Each stage once at least, in order, and the bar moves while it denoises."""
+    """Each stage is reported at least once, in order, and the bar moves during denoising."""
     told: list[str] = []
     moments: list[float] = []
     monkeypatch.setattr(engine, "STATUS_SECONDS", 0.0)

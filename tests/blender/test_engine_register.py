@@ -156,7 +156,7 @@ print("survived")
 
 
 def test_an_engine_of_another_version_is_named_and_not_used() -> None:
-    """Such as one that was loaded before an update, whose files Blender could not replace."""
+    """For example an engine that was loaded before an update, whose files Blender could not replace."""
     arguments = [sys.executable, "-c", OTHER_ENGINE, perfect_bvh.__version__]
     done = subprocess.run(arguments, capture_output=True, text=True, timeout=300)
     assert "survived" in done.stdout, done.stderr

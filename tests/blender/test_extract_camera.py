@@ -20,7 +20,7 @@ from perfect_bvh_addon.sync.records import CameraRecord
 
 
 def projection_of(camera: CameraRecord) -> npt.NDArray[np.float64]:
-    """The OpenGL projection matrix of a camera record."""
+    """Return the OpenGL projection matrix of a camera record."""
     left, right, bottom, top = camera.window
     near, far = camera.clip_start, camera.clip_end
     matrix = np.zeros((4, 4))

@@ -1,4 +1,4 @@
-"""Every way in which Blender shows an object more than once, against the plainest reading and against counts."""
+"""Every way in which Blender shows an object more than once, compared with the simplest reading and with counts."""
 
 from __future__ import annotations
 
@@ -104,7 +104,7 @@ def nodes_within_a_collection() -> Expectation:
 
 
 def nodes_made_curves() -> Expectation:
-    """A text object whose nodes show its letters: an instance whose mesh belongs to no object."""
+    """A text object whose nodes show its letters as instances; their mesh belongs to no object."""
     bpy.ops.object.text_add()
     obj = bpy.context.object
     obj.data.body = "aba"
@@ -184,7 +184,7 @@ def test_every_kind_of_instance(scene: Any, kind: str) -> None:
 
 
 def assert_identified(record: SceneRecord) -> None:
-    """Object, instancer and persistent id together name an instance; plain objects have no persistent id."""
+    """Check that object, instancer and persistent id together identify an instance; plain objects have no such id."""
     instances = record.instances
     names = {
         (
@@ -225,7 +225,7 @@ def test_keys_and_ids_are_the_same_at_every_evaluation(scene: Any, kind: str) ->
 @pytest.mark.parametrize("setting", [None, "is_holdout", "visible_camera"])
 @pytest.mark.parametrize("kind", KINDS)
 def test_references_that_others_hold_change_nothing(scene: Any, kind: str, setting: str | None) -> None:
-    """Where Python holds an evaluated object, Blender hands it out in place of its duplicates."""
+    """If Python holds an evaluated object, Blender returns it in place of the object's duplicates."""
     KINDS[kind]()
     for obj in bpy.data.objects:
         if setting:

@@ -37,7 +37,7 @@ def mesh_of(sync: SceneSync, name: str = "one") -> MeshRecord:
 
 
 def layers_of(mesh: MeshRecord) -> set[str]:
-    """Names of all that was read; "uv" and "color" for those that are active."""
+    """Return the names of all layers that were read; active ones are "uv" and "color"."""
     unnamed = {"uv": mesh.corner_uvs, "color": mesh.corner_colors}
     return {name for name, array in unnamed.items() if array is not None} | {*mesh.named_uvs, *mesh.named_colors}
 
@@ -57,7 +57,7 @@ def show_color(material: Any, name: str = "Paint") -> Any:
 
 
 def show_image(material: Any, uv_map: str | None = None, socket: str = "Base Color") -> Any:
-    """With the active map if none is named."""
+    """Show an image with this uv map, or with the active one."""
     tree = material.node_tree
     image = image_node(tree)
     tree.links.new(image.outputs[0], shader(material).inputs[socket])

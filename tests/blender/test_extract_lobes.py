@@ -46,7 +46,7 @@ def mix(material: Any, first: Any, second: Any, share: float) -> Any:
 
 
 def albedos(record: MaterialRecord) -> dict[str, np.ndarray]:
-    """How much of each lobe there is on the whole surface, colours included, before any Fresnel term."""
+    """Return the share of each lobe in the whole surface, including colours, before any Fresnel term."""
     base = np.array(record.base_color)
     below_metal = 1.0 - record.metallic
     below_clear = below_metal * (1.0 - record.transmission)
@@ -135,7 +135,7 @@ def test_a_mix_of_mixes_keeps_what_its_shaders_are_made_of(material) -> None:
 
 
 def test_a_mix_loses_light_between_facets_by_what_of_it_may_keep_it(material) -> None:
-    """Refraction BSDFs always lose it, so they have no say."""
+    """Refraction BSDFs always lose it, so they do not count."""
     gloss, glass, plain = (bsdf(material, kind, Roughness=0.3) for kind in ("Anisotropic", "Glass", "Refraction"))
     assert show(material, mix(material, gloss, plain, 0.5)).lossy_facets == 0.0
     glass.distribution = "GGX"
@@ -195,7 +195,7 @@ def test_a_finish_counts_where_its_shader_is_in_a_mix(material: Any) -> None:
 def test_anisotropy_stretches_facets(
     material: Any, kind: str, names: tuple[str, ...], amount: float, stretch: float
 ) -> None:
-    """By the same number where it is driven by a node."""
+    """A node that drives the input gives the same result as a number."""
     tree = material.node_tree
     node = shader(material) if kind == "Principled" else bsdf(material, kind)
     for name, value in zip(names, (amount, 1.0), strict=False):

@@ -189,7 +189,7 @@ def test_records_own_their_arrays(scene: Any) -> None:
 
 @pytest.mark.parametrize("failure", ["stride", "values"])
 def test_an_unexpected_layout_falls_back_to_foreach_get(scene: Any, failure: str) -> None:
-    """A collection whose elements lie elsewhere, or hold something else, than a plain array would."""
+    """The elements of such a collection lie elsewhere, or have another content, than those of a plain array."""
     from perfect_bvh_addon.extract.pointer_views import ArrayKind
 
     real = np.arange(12, dtype=np.float32).reshape(4, 3)

@@ -168,7 +168,7 @@ def shown_image(image: Any) -> ImageRecord:
 
 
 def test_bytes_that_are_data_stay_bytes() -> None:
-    """All values of a byte are those that Blender has of them."""
+    """Each value of a byte is converted to Blender's own value."""
     image = bpy.data.images.new("data", 16, 16, is_data=True)
     image.pixels.foreach_set(np.repeat(np.arange(256, dtype=np.float32) / 255.0, 4))
     record = shown_image(image)
@@ -225,7 +225,7 @@ def test_a_loop_of_nodes_ends() -> None:
 
 
 def test_branches_that_meet_again_and_again_take_no_time() -> None:
-    """60 mixes of the one before with itself: 2 to the power of 60 ways through them."""
+    """60 mixes, each of the previous one with itself: there are 2 to the power of 60 paths through them."""
     material = new_material()
     last = add_node(material, "ShaderNodeRGB")
     for _ in range(60):

@@ -1,4 +1,4 @@
-"""Who is seen, in viewports and in renders, and by which rays; holdouts and camera rays as Cycles has them."""
+"""Visibility of objects in viewports, in renders and to rays; holdouts and camera rays as in Cycles."""
 
 from __future__ import annotations
 
@@ -191,7 +191,7 @@ def test_a_background_scene_is_rendered(scene: Any) -> None:
 
 @pytest.fixture
 def viewport(scene: Any) -> Any:
-    """(screen, area) of a 3D viewport, in a scene with two objects and an instance."""
+    """Return (screen, area) of a 3D viewport, in a scene with two objects and an instance."""
     for name in ("a", "b"):
         mesh_object(name)
     shown = collection("shown", linked=False)
@@ -202,7 +202,7 @@ def viewport(scene: Any) -> Any:
 
 
 def inside(screen: Any, area: Any) -> Any:
-    """The context of a 3D viewport."""
+    """Make the 3D viewport the context."""
     region = next(region for region in area.regions if region.type == "WINDOW")
     window = bpy.context.window_manager.windows[0]
     return bpy.context.temp_override(window=window, screen=screen, area=area, region=region)
@@ -225,7 +225,7 @@ def test_local_view_shows_only_its_objects(viewport: Any) -> None:
 
 
 def test_local_view_is_that_of_the_viewport_that_is_asked_and_not_of_the_contexts(viewport: Any) -> None:
-    """Scripts and operators bring all viewports in step in the context of one of them."""
+    """In the context of one viewport, scripts and operators update all viewports."""
     screen, area = viewport
     others = ((one, other) for one in bpy.data.screens for other in one.areas if other.type == "VIEW_3D")
     _, other = next(pair for pair in others if pair[1] != area)

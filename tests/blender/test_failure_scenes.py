@@ -38,7 +38,7 @@ def open_zoo(path: Path) -> Any:
 
 
 def evaluated_corners() -> np.ndarray:
-    """(T, 3, 3): the triangles of all that is shown, in world space, object by object as Blender lists them."""
+    """Return the triangles of all shown objects in world space, (T, 3, 3), in the order of Blender's list."""
     parts = [np.empty((0, 3, 3))]
     for item in bpy.context.evaluated_depsgraph_get().object_instances:
         if item.show_self and isinstance(item.object.data, bpy.types.Mesh):
@@ -55,7 +55,7 @@ def evaluated_corners() -> np.ndarray:
 
 
 def assert_same_triangles(found: np.ndarray, state: State) -> None:
-    """As often, and each as near to one of the state's as roundings allow."""
+    """Check that the number of triangles is the state's, and that coordinates are equal except for rounding."""
     wanted = world_corners(state)
     assert len(found) == len(wanted)
     if len(wanted) == 0:
@@ -82,7 +82,7 @@ def assert_alike(hits: Any, rays: Any, state: State) -> None:
 
 
 def assert_frames_are_the_states(case: FailureCase) -> None:
-    """One sync, frame after frame, forwards and then from the last straight to the first."""
+    """Update one sync from frame to frame, first forwards, then from the last frame to the first."""
     sync, states = perfect_bvh_addon.SceneSync(), stored_states(case)
     for index in (*range(len(states)), 0):
         bpy.context.scene.frame_set(frame_of(index))
@@ -137,7 +137,7 @@ def test_a_file_opens_on_what_fails(case: FailureCase, blend_file: Callable[[str
 
 
 def assert_shows_the_usual_method(image: Any, method: str) -> None:
-    """By its name; and it is in the file, with something to be seen, or nothing where all rays are lost."""
+    """Check its name, that it is packed in the file, and that it is not uniform, unless all of its rays are lost."""
     assert image.name == f"The usual method: {method}"
     assert image.packed_file is not None
     shades = np.unique(np.array(image.pixels[:]).reshape(-1, 4), axis=0)
@@ -147,7 +147,7 @@ def assert_shows_the_usual_method(image: Any, method: str) -> None:
 
 
 def shades_of_a_render(scene: Any, path: Path) -> int:
-    """Different colours in a small render: one, if nothing is seen but the background."""
+    """Count the different colours in a small render: one, if only the background is visible."""
     scene.render.resolution_x, scene.render.resolution_y = 64, 36
     scene.render.filepath = str(path)
     assert bpy.ops.render.render(write_still=True) == {"FINISHED"}
@@ -169,15 +169,15 @@ def test_a_script_shows_what_fails_and_how_it_is_answered(name: str, blend_file:
     (text,) = bpy.data.texts
     exec(compile(text.as_string(), text.name, "exec"), {"__name__": "__main__"})
     answers = [int(number.replace(",", "")) for number in COUNT.findall(bpy.data.texts["Answers"].as_string())]
-    if name == "one_frame_late":  # wrong from the trees of the frame before, of all, right after update()
+    if name == "one_frame_late":  # wrong with the trees of the frame before; all; right after update()
         wrong, count, right = answers
         assert 0 < wrong < count
         assert right > 0
-    elif name == "edited_while_traced":  # from another scene, of all; torn in our snapshot
+    elif name == "edited_while_traced":  # from another scene; all; torn in our snapshot
         mixed, count, torn = answers
         assert 0 < mixed < count
         assert torn == 0
-    else:  # changed in the snapshot, of all; changed after update()
+    else:  # changed in the snapshot; all; changed after update()
         kept, count, changed = answers
         assert kept == 0 < changed < count
 

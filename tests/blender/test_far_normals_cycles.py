@@ -1,7 +1,7 @@
-"""Custom corner normals that lie far off their triangles, under suns low over the triangles and below them.
+"""Custom corner normals that differ strongly from their triangles', under suns low over the triangles and below them.
 
-There a shadow ray starts on the curved surface that the normals suggest, and whether it meets a triangle, its own or a
-neighbour, decides all of the light.
+A shadow ray starts there on the curved surface that the normals suggest. All of the light depends on whether the ray
+hits a triangle, its own or a neighbour.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ ELEVATIONS = [5, -5, -15, -30]  # degrees over the triangles
 
 @pytest.fixture
 def scene() -> Iterator[Any]:
-    """Sixteen level squares of 2 x 2 metres in all, seen from straight above, and a sun."""
+    """Sixteen level squares, 2 x 2 metres in all, seen from straight above, and a sun."""
     perfect_bvh_addon.register()
     bpy.ops.wm.read_factory_settings(use_empty=True)
     scene = bpy.context.scene
@@ -46,7 +46,7 @@ def scene() -> Iterator[Any]:
 
 
 def lean(tilts: tuple[int, ...]) -> None:
-    """Turn the normals of the grid's corners about y, in turn."""
+    """Turn the normals of the grid's corners about y, by these angles in turn."""
     mesh = bpy.data.objects["Grid"].data
     angles = np.radians([tilts[i % len(tilts)] for i in range(len(mesh.loops))])
     normals = np.stack([np.sin(angles), np.zeros_like(angles), np.cos(angles)], axis=-1)

@@ -70,7 +70,7 @@ if "perfect_bvh_addon.cli.piece_child" in sys.orig_argv and "MALLOC_TRIM_THRESHO
 
 
 def save_with_script(folder: Path, to: Path, script: str) -> None:
-    """A copy of the scene that runs a script when it is opened."""
+    """Save a copy of the scene that runs a script when it is opened."""
     bpy.ops.wm.open_mainfile(filepath=str(folder / "small.blend"))
     text = bpy.data.texts.new("script.py")
     text.write(script)
@@ -140,7 +140,7 @@ def test_a_worker_that_is_killed_while_it_starts_is_started_again(folder: Path, 
 
 
 def test_workers_run_no_modules_of_the_users(folder: Path, tmp_path: Path) -> None:
-    """Neither those in the current folder, which have names of Python's, nor a script that has no guard."""
+    """This concerns modules in the current folder with names of Python's own modules, and a script without a guard."""
     for name in ("random", "queue", "socket", "numpy"):
         (tmp_path / f"{name}.py").write_text("raise SystemExit('the user's own module')")
     script = tmp_path / "scripts" / "run.py"
@@ -210,7 +210,7 @@ def test_what_workers_cannot_see_is_said_before_anything_starts(folder: Path, tm
 
 @pytest.fixture
 def scheduler(tmp_path: Path) -> Iterator[tuple[str, subprocess.Popen[bytes], subprocess.Popen[bytes]]]:
-    """Of the user's own: its address, its process, and that of a worker whose Perfect BVH says another version."""
+    """A user's scheduler: its address, its process, and the process of a worker with another version of Perfect BVH."""
     file = tmp_path / "scheduler.json"
     quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
     options = ["--no-dashboard", "--host", "127.0.0.1", "--port", "0", "--scheduler-file", str(file)]
@@ -275,13 +275,13 @@ def test_without_dask_it_says_what_to_install(
 
 
 def temporary_folders(place: Path) -> list[str]:
-    """Blender's, and those around them."""
+    """Return the temporary folders of Blender, and those around them."""
     found = [name for _, folders, _ in os.walk(place) for name in folders]
     return sorted(name for name in found if name.startswith(("blender_", "perfect_bvh_")))
 
 
 def start_with_temporary(place: Path, folder: Path, out: Path, frames: str) -> subprocess.Popen[str]:
-    """A scan by two workers, which has `place` for temporary files."""
+    """Start a scan by two workers that use `place` for temporary files."""
     place.mkdir()
     environment = {**os.environ, **dict.fromkeys(("TMPDIR", "TEMP", "TMP"), str(place))}
     arguments = command("scan", out, "--workers", 2, frames=frames)
@@ -318,7 +318,7 @@ def test_a_killed_run_leaves_no_process_and_no_temporary_folder_but_its_own(fold
 
 @pytest.fixture
 def blender(folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[worker.BlenderProcess]:
-    """A process with a Blender in it, which has found no scene."""
+    """A process with a Blender inside that has not opened a scene."""
     import perfect_bvh
     from perfect_bvh_addon.cli import build_parser
 
@@ -336,7 +336,7 @@ def blender(folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> It
 
 
 def test_a_blender_that_is_alone_removes_its_temporary_folder(blender: worker.BlenderProcess, tmp_path: Path) -> None:
-    """As when its worker was killed."""
+    """This happens when its worker was killed."""
     blender._process.stdin.close()
     assert blender._process.wait(60) == child.EXIT_ALONE
     assert temporary_folders(tmp_path) == []
@@ -360,7 +360,7 @@ def test_a_blender_that_is_busy_is_ended_with_its_temporary_folder(
 
 
 def test_workers_that_end_late_are_no_error(monkeypatch: pytest.MonkeyPatch) -> None:
-    """As on a machine that is busy with something else, when the answers are there already."""
+    """This happens on a busy machine, when all answers have already arrived."""
     from distributed import LocalCluster
 
     close = LocalCluster.close
@@ -454,7 +454,7 @@ def test_a_blender_that_has_left_for_idleness_is_no_death(
 @pytest.mark.skipif(sys.platform == "win32", reason="process groups that a terminal interrupts, which Windows has not")
 @pytest.mark.usefixtures("hears_ctrl_c")
 def test_ctrl_c_leaves_whole_files(folder: Path, tmp_path: Path, whole: dict[str, dict[str, bytes]]) -> None:
-    """It comes to all processes of a terminal at once."""
+    """Ctrl+C reaches all processes of a terminal at once."""
     out = tmp_path / "out"
     with subprocess.Popen(
         command("labels", out, "--workers", 2), cwd=folder, stderr=subprocess.PIPE, text=True, start_new_session=True
@@ -486,7 +486,7 @@ def test_a_full_disk_ends_the_run(folder: Path, tmp_path: Path) -> None:
 
 
 def test_greys_of_pieces_are_on_the_scale_of_the_first_frame(folder: Path, tmp_path: Path) -> None:
-    """Frames in pieces are those of a render in one go, and those that are there are not rendered again."""
+    """Frames in chunks equal those of a single render, and existing frames are not rendered again."""
     asked = ("render", folder / "small.blend", "--frames", "1-3", "--mode", "depth", "-q")
     assert run(*asked, "-o", f"{tmp_path}/whole/") == 0
     assert run(*asked, "-o", f"{tmp_path}/out/", "--resume", "--piece", 1) == 0

@@ -24,7 +24,7 @@ SAMPLES = 128
 
 @pytest.fixture
 def floor() -> Iterator[Any]:
-    """White, below a ball of glass that fills most of the sky; the camera sees the floor alone."""
+    """A white floor below a glass sphere that fills most of the sky; the camera sees the floor only."""
     perfect_bvh_addon.register()
     bpy.ops.wm.read_factory_settings(use_empty=True)
     scene = bpy.context.scene

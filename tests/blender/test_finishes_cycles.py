@@ -58,7 +58,7 @@ def check(ball: Any, setup: Callable[[Any], None], within: float = 0.02, of_patc
 
 
 def principled(**values: Any) -> Callable[[Any], None]:
-    """Inputs of the Principled BSDF, by names."""
+    """Set inputs of the Principled BSDF by name."""
 
     def setup(material: Any) -> None:
         inputs = shader(material).inputs
@@ -69,7 +69,7 @@ def principled(**values: Any) -> Callable[[Any], None]:
 
 
 def node(kind: str, distribution: str | None = None, **values: Any) -> Callable[[Any], None]:
-    """One shader alone."""
+    """Use a single shader."""
 
     def setup(material: Any) -> None:
         made = add(material.node_tree, kind, **values)
@@ -123,7 +123,7 @@ def test_rough_diffuse_surfaces_look_as_in_cycles(ball: Any, roughness: float, c
     ],
 )
 def test_brushed_surfaces_look_as_in_cycles(ball: Any, setup: Callable[[Any], None]) -> None:
-    """At the strongest anisotropy to 2.5 %."""
+    """At the strongest anisotropy within 2.5 %."""
     check(ball, setup, within=0.025, of_patch=0.06)
 
 
@@ -142,7 +142,7 @@ def sheen_mixed_with_gloss(material: Any) -> None:
 
 
 def driven_by_images(material: Any) -> None:
-    """Each parameter another one from place to place."""
+    """Each parameter varies over the surface."""
     tree, inputs = material.node_tree, shader(material).inputs
     parts = add(tree, "SeparateColor", (image_node(tree).outputs[0], 0))
     names = ("Sheen Weight", "Coat Weight", "Diffuse Roughness"), ("Sheen Roughness", "Coat Roughness", "Anisotropic")
@@ -170,7 +170,7 @@ def bumpy_coat(material: Any) -> None:
 
 
 def brushed_along(direction: str, axis: str = "Z") -> Callable[[Any], None]:
-    """By a Tangent node."""
+    """The direction comes from a Tangent node."""
 
     def setup(material: Any) -> None:
         principled(Anisotropic=0.9, Roughness=0.5, **METAL)(material)
@@ -195,5 +195,5 @@ def brushed_along(direction: str, axis: str = "Z") -> Callable[[Any], None]:
     ],
 )
 def test_finishes_by_nodes_look_as_in_cycles(ball: Any, setup: Callable[[Any], None]) -> None:
-    """Bumps below a coat are up to 3 % darker than in Cycles, as a coat mirrors nothing from below the bent surface."""
+    """Bumps below a coat are up to 3 % darker than in Cycles: a coat reflects nothing from below the bent surface."""
     check(ball, setup, within=0.03, of_patch=0.11)

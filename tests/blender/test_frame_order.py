@@ -15,7 +15,7 @@ from perfect_bvh_addon import SceneSync
 
 
 def test_each_frame_is_that_frame_and_none_is_one_late(scene: Any) -> None:
-    """A square that lies at the height of the frame's number, by keyframes, and one whose vertices do."""
+    """One square is at the height of the frame's number by keyframes, and the vertices of another one are."""
     moved = mesh_object("moved", mesh_data("moved", *SQUARE))
     bent = mesh_object("bent", mesh_data("bent", *SQUARE), location=(5, 0, 0))
     bent.shape_key_add(name="Basis")
@@ -37,7 +37,7 @@ def test_each_frame_is_that_frame_and_none_is_one_late(scene: Any) -> None:
 
 
 def test_a_frame_set_within_a_handler_is_seen(scene: Any) -> None:
-    """Another add-on's handler moves things once more after the frame was evaluated."""
+    """Another add-on's handler moves objects again after the frame was evaluated."""
     obj = mesh_object("a", mesh_data("a", *SQUARE))
 
     def follow(changed: Any, *_: Any) -> None:

@@ -1,4 +1,4 @@
-"""Instances read from evaluated geometry, against Blender's own list of them, column by column and bit by bit."""
+"""Instances read from evaluated geometry, compared with Blender's own list, column by column and bit by bit."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def list_of(depsgraph: Any) -> SceneRecord:
 
 @pytest.fixture
 def no_list(monkeypatch: pytest.MonkeyPatch) -> list[str]:
-    """Notes each use of the list by a reading that should do without."""
+    """Record each use of the list by a reading that should not need it."""
     used: list[str] = []
     original = listing.list_instances
 

@@ -35,7 +35,7 @@ MATERIALS: dict[str, dict[str, Any]] = {
 
 @pytest.fixture(params=EYE_HEIGHTS)
 def scene(request: Any) -> Iterator[Any]:
-    """Large faces like waves whose corner normals are turned at random, from low above and from higher up."""
+    """A mesh of large faces like waves, with corner normals turned at random, from low above and from higher up."""
     perfect_bvh_addon.register()
     bpy.ops.wm.read_factory_settings(use_empty=True)
     scene = bpy.context.scene
@@ -57,7 +57,7 @@ def scene(request: Any) -> Iterator[Any]:
 
 
 def normals_of_both(scene: Any) -> tuple[Vectors, Vectors, npt.NDArray[np.bool_]]:
-    """(H, W, 3) twice, and where both see the surface, away from its outline."""
+    """Return both normals, (H, W, 3), and a mask of pixels where both see the surface, away from its outline."""
     with preserved(
         (scene.cycles, "samples", 1),
         (scene.cycles, "use_denoising", False),
@@ -75,7 +75,7 @@ def normals_of_both(scene: Any) -> tuple[Vectors, Vectors, npt.NDArray[np.bool_]
 
 
 def angles(one: Vectors, other: Vectors) -> Vectors:
-    """Degrees between vectors."""
+    """Return degrees between vectors."""
     sizes = np.linalg.norm(one, axis=-1) * np.linalg.norm(other, axis=-1)
     cosines = (one * other).sum(axis=-1) / np.maximum(sizes, 1e-12)  # there are none on the background
     return np.degrees(np.arccos(np.clip(cosines, -1.0, 1.0)))
@@ -102,7 +102,7 @@ def bent(normals: Vectors, flat: Vectors, view: Vectors) -> Vectors:
 
 
 def flatten(scene: Any) -> Vectors:
-    """(H, W, 3): the triangles' own normals, towards the viewer. The mesh has no others from then on."""
+    """Flatten the mesh and return the triangles' own normals towards the viewer, (H, W, 3)."""
     mesh = bpy.data.objects["Grid"].data
     mesh.attributes.remove(mesh.attributes["custom_normal"])
     mesh.shade_flat()
@@ -110,7 +110,7 @@ def flatten(scene: Any) -> Vectors:
 
 
 def view_of(scene: Any) -> Vectors:
-    """(H, W, 3): from each pixel's surface to the camera, unit length."""
+    """Return unit vectors from each pixel's surface to the camera, (H, W, 3)."""
     width, height = SIZE
     corners = np.array([tuple(corner) for corner in scene.camera.data.view_frame(scene=scene)])
     low, high = corners.min(axis=0), corners.max(axis=0)

@@ -35,7 +35,7 @@ FIBERS: dict[str, dict[str, Any]] = {
 
 
 def strands() -> npt.NDArray[np.float64]:
-    """(STRANDS, 5, 3): bent, out of a ball all round."""
+    """(STRANDS, 5, 3): bent strands that grow out of a sphere in all directions."""
     random = np.random.default_rng(0)
     out = random.normal(size=(STRANDS, 3))
     out /= np.linalg.norm(out, axis=1)[:, None]
@@ -91,7 +91,7 @@ def make_hair(scene: Any, **values: Any) -> Any:
 
 
 def means(scene: Any) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.float32]]:
-    """(3,): of the fur, ours and that of Cycles."""
+    """Return the fur's mean colours, (3,) each, ours and Cycles'."""
     ours, theirs = (image[..., :3].sum(axis=(0, 1)) / image[..., 3].sum() for image in render_beside(scene, SAMPLES))
     return ours, theirs
 
@@ -117,7 +117,7 @@ def test_fur_of_ribbons_has_the_colour_that_cycles_gives_it(scene: Any, light: s
 
 @pytest.mark.parametrize(("shape", "offset"), [("THICK", 0.0), ("THICK", 0.035), ("RIBBONS", 0.035)])
 def test_white_fur_in_a_white_room_is_not_to_be_seen(scene: Any, shape: str, offset: float) -> None:
-    """Rays to the room, which shines, and rays that find it by themselves lose no light on their way out of strands."""
+    """Rays to the bright room, and rays that find it by themselves, lose no light on their way out of strands."""
     scene.cycles_curves.shape = shape
     shine(scene, "none")
     bpy.ops.mesh.primitive_ico_sphere_add(radius=10.0, subdivisions=3)
@@ -140,7 +140,7 @@ def test_white_fur_in_a_white_room_is_not_to_be_seen(scene: Any, shape: str, off
 
 
 def test_linked_colours_count(scene: Any) -> None:
-    """A colour by way of nodes counts as one that is typed in."""
+    """A colour from nodes counts like a constant one."""
     shine(scene, "world")
     node = make_hair(scene, model="CHIANG", **COLOR)
     typed, _ = means(scene)

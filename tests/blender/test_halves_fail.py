@@ -32,7 +32,7 @@ def fail_in_reports(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.mark.parametrize("in_halves", [True, False])
 def test_unreported_trees_are_reported_by_the_next(box, sync: SceneSync, monkeypatch, in_halves) -> None:
-    """Or an image from before would be kept: it depends on the revision."""
+    """Otherwise an old image would be kept, because images depend on the revision."""
     sync.update(depsgraph())
     move(box, 2.0)
     with monkeypatch.context() as patched:

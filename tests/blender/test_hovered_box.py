@@ -1,4 +1,4 @@
-"""The box under the mouse: which it is through any view of any placing, and which triangles it holds."""
+"""The box under the mouse: it is found in any view and for any transform, with the triangles that it holds."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def trees_of(sync: Any, level: int) -> tuple[tree_lines.TreeLines, int, Any]:
 
 
 def looking_down(is_perspective: bool) -> SimpleNamespace:
-    """From above onto (4, 0, 0), 4 units wide there."""
+    """A view from above onto (4, 0, 0), 4 units wide there."""
     view = Matrix.Translation((4.0, 0.0, 10.0)).inverted()
     if is_perspective:
         window = Matrix(((5.0, 0, 0, 0), (0, 10.0, 0, 0), (0, 0, -1.0, -0.2), (0, 0, -1.0, 0)))

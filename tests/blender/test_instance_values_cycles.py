@@ -226,7 +226,7 @@ def test_instances_have_their_instancers_color(build: Callable[[], object], name
 
 
 def stored(kind: str, name: str = "mark") -> None:
-    """Geometry nodes leave an attribute on their instances that is another one for each."""
+    """Geometry nodes leave an attribute on their instances, with another value for each."""
     obj = instances_on_grid("field", made_cube, 3)
     store_index(obj, kind, name, bpy.data.node_groups["field"].nodes["Group Output"].inputs[0])
 

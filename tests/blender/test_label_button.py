@@ -21,7 +21,7 @@ COUNT = 3  # frames of the file
 
 @pytest.fixture
 def scene_file(registered: None, tmp_path: Path) -> Path:
-    """A cube that moves before a plane."""
+    """A cube that moves in front of a plane."""
     bpy.ops.wm.read_factory_settings(use_empty=True)
     scene = bpy.context.scene
     bpy.ops.mesh.primitive_plane_add(size=8.0)

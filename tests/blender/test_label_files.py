@@ -35,7 +35,7 @@ def labels(registered: None) -> Labels:
 
 
 def read_png(path: Path) -> npt.NDArray[np.uint16]:
-    """(H, W), row 0 on top, as Blender reads it, whose reader is another than Pillow."""
+    """Read (H, W), row 0 on top, with Blender's reader, which is independent of Pillow."""
     image = load_image(path)
     image.colorspace_settings.name = "Non-Color"
     width, height = image.size
@@ -43,7 +43,7 @@ def read_png(path: Path) -> npt.NDArray[np.uint16]:
     image.pixels.foreach_get(pixels)
     bpy.data.images.remove(image)
     numbers = pixels.reshape(height, width, 4)[::-1] * 65535.0
-    assert np.abs(numbers - np.rint(numbers)).max() < 0.02  # of 8 bits they would be multiples of 257
+    assert np.abs(numbers - np.rint(numbers)).max() < 0.02  # if they had 8 bits they would be multiples of 257
     assert (numbers[..., :3] == numbers[..., :1]).all()
     return np.rint(numbers[..., 0]).astype(np.uint16)
 
@@ -54,7 +54,7 @@ def test_images_and_things_have_labels_as_a_scan_has_them(labels: Labels) -> Non
     assert np.array_equal(np.flatnonzero(hit), cloud.ray_ids)
     for name in NAMES:
         found, expected = labels.labels[name], cloud.labels[name]
-        assert found.table == expected.table or name == "weight"  # whose NaN is not itself
+        assert found.table == expected.table or name == "weight"  # its NaN does not equal itself
         is_float = found.values.dtype.kind == "f"
         assert np.array_equal(found.values.ravel()[hit], expected.values, equal_nan=is_float)
         assert {found.table.value_of(value) for value in found.values.ravel()[~hit]} == {None}

@@ -25,7 +25,7 @@ OUTDATED = "The scene has changed since"
 
 @pytest.fixture(autouse=True)
 def rendered(registered: None) -> None:
-    """A cube in a scene that was rendered."""
+    """A cube in a rendered scene."""
     bpy.ops.wm.read_factory_settings(use_empty=True)
     scene = bpy.context.scene
     bpy.ops.mesh.primitive_cube_add()
@@ -149,7 +149,7 @@ def test_what_was_done_goes_with_its_scene_and_its_file() -> None:
 
 
 def test_panels_are_drawn_again_by_the_main_thread_alone(monkeypatch) -> None:
-    """A render's thread leaves a note; only who looks for it touches areas."""
+    """A render's thread leaves a note; only the thread that looks for notes touches areas."""
     drawn: list[tuple[str, threading.Thread]] = []
     regions: list[tuple[str, threading.Thread]] = []
 

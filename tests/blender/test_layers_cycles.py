@@ -51,7 +51,7 @@ def patches(image: np.ndarray) -> np.ndarray:
 
 
 def check(scene: Any) -> np.ndarray:
-    """Patches of our picture, which are those of Cycles."""
+    """Return the patches of our picture, after a comparison with those of Cycles."""
     cycles = scene.cycles
     with preserved(
         (cycles, "samples", SAMPLES), (cycles, "use_denoising", False), (cycles, "use_adaptive_sampling", False)
@@ -68,7 +68,7 @@ def floor_mesh(scene: Any) -> Any:
 
 
 def emissive(scene: Any, output: Callable[[Any], Any]) -> Any:
-    """A new material of the floor that shines with an output of nodes that are made for it."""
+    """Give the floor a new material that emits an output of the nodes that `make` adds."""
     material = new_red()
     tree = material.node_tree
     tree.links.new(add(tree, "Emission", (output(tree), 0)).outputs[0], surface(material))
@@ -77,7 +77,7 @@ def emissive(scene: Any, output: Callable[[Any], Any]) -> Any:
 
 
 def looked_up(tree: Any, coordinates: Any) -> Any:
-    """A corner is one pixel, not four of the corners mixed."""
+    """Without blending, a corner is one pixel and not a mix of four corners."""
     image = image_node(tree)
     image.extension = "EXTEND"
     tree.links.new(coordinates, image.inputs[0])
@@ -136,7 +136,7 @@ def test_two_materials_of_a_mesh_have_maps_of_their_own(scene) -> None:
 
 
 def test_two_images_of_a_material_have_maps_of_their_own(scene) -> None:
-    """One shines, the other cuts holes."""
+    """One image is the emission, the other one cuts holes."""
     material = new_red()
     tree, inputs = material.node_tree, shader(material).inputs
     inputs["Base Color"].default_value, inputs["Emission Strength"].default_value = (0.0, 0.0, 0.0, 1.0), 1.0
@@ -149,7 +149,7 @@ def test_two_images_of_a_material_have_maps_of_their_own(scene) -> None:
 
 
 def test_edits_of_maps_and_of_what_names_them_show(scene) -> None:
-    """Each in the next picture, which is Cycles' again."""
+    """Each edit shows in the next picture, which equals Cycles' again."""
     material = emissive(scene, lambda tree: looked_up(tree, uv_map(tree, "Turned")))
     mesh = floor_mesh(scene)
     node = next(node for node in material.node_tree.nodes if node.type == "UVMAP")
@@ -170,7 +170,7 @@ def test_edits_of_maps_and_of_what_names_them_show(scene) -> None:
 
 
 def diffuse(scene: Any, output: Callable[[Any], Any]) -> None:
-    """The floor in white light from all around."""
+    """A diffuse floor in white light from all around."""
     scene.world = bpy.data.worlds.new("World")
     scene.world.color, scene.world.use_nodes = (1.0, 1.0, 1.0), False
     material = new_red()

@@ -71,7 +71,7 @@ def ours(scene: Any) -> Image:
 
 
 def render_both(scene: Any) -> tuple[Image, Image]:
-    """(H, W, 4), ours and that of Cycles."""
+    """Return our image and Cycles', (H, W, 4) each."""
     return render_beside(scene, SAMPLES)
 
 
@@ -81,7 +81,7 @@ def patches(image: Image) -> Image:
 
 
 def moments(image: Image) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
-    """Where the light is and how far it spreads each way, in pixels; how it leans, relative to that."""
+    """Return the light's centre and spread along each axis, in pixels, and its skewness relative to the spread."""
     light = image[..., 1].astype(np.float64) / image[..., 1].sum()
     y, x = np.mgrid[:SIZE, :SIZE]
     middle_x, middle_y = (light * x).sum(), (light * y).sum()

@@ -1,4 +1,4 @@
-"""Light's ways through hundreds of sheets, and between mirrors, compared with lists of all that is on rays."""
+"""Paths of light through hundreds of sheets, and between mirrors, compared with lists of all surfaces on the rays."""
 
 from __future__ import annotations
 
@@ -79,7 +79,7 @@ def test_mirrors_send_light_where_a_loop_sends_it() -> None:
         last = -1
         for number in range(7):
             listed, _ = sync.scene.list_intersections(place[None], ahead[None], t_min=0.0, t_max=1e4)
-            others = np.flatnonzero(listed.primitive_ids != last)  # a plane is not met twice in a row
+            others = np.flatnonzero(listed.primitive_ids != last)  # a ray does not hit a plane twice in a row
             first = others[0] if len(others) else None
             length += 0.0 if first is None else float(listed.t_hit[first])
             is_met = first is not None and length < 500.0 * np.linalg.norm(directions[row])

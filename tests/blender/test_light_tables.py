@@ -99,7 +99,7 @@ def test_what_tables_may_not_say_is_named(tmp_path: Path, text: str, said: str) 
 
 
 def test_what_is_stated_is_all_that_there_is(tmp_path: Path) -> None:
-    """The file in the rules names every table and every name, with its default in brackets, and can be loaded."""
+    """The file in the rules names every table and every name, with its default in brackets, and it can be loaded."""
     (text,) = re.findall(r"^```toml\n(.*?)^```$", RULES.read_text(encoding="utf-8"), re.MULTILINE | re.DOTALL)
     (tmp_path / "stated.toml").write_text(text)
     assert load_sensor(tmp_path / "stated.toml").light is not None

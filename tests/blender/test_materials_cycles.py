@@ -50,7 +50,7 @@ def patches(image: np.ndarray) -> np.ndarray:
 
 
 def render_both(scene: bpy.types.Scene) -> tuple[np.ndarray, np.ndarray]:
-    """Patches, ours and those of Cycles."""
+    """Return the patches of our image and of Cycles'."""
     ours, theirs = render_beside(scene, SAMPLES)
     return patches(ours), patches(theirs)
 
@@ -138,7 +138,7 @@ def test_a_lights_own_nodes_count(scene, kind: str, inputs: dict[str, float]) ->
     for name, value in inputs.items():
         node.inputs[name].default_value = value
     tree.links.new(node.outputs[0], emission.inputs["Color" if kind == "ShaderNodeBlackbody" else "Strength"])
-    unused = tree.nodes.new("ShaderNodeEmission")  # of which nothing goes anywhere
+    unused = tree.nodes.new("ShaderNodeEmission")  # its output is not linked
     unused.inputs["Strength"].default_value = 50.0
     assert check(scene).max() > 0.2
 
@@ -158,7 +158,7 @@ MULTIPLE = bpy.app.version >= (5, 0, 0)
 
 
 def new_sky(scene: bpy.types.Scene, model: str, strength: float) -> Any:
-    """A Sky Texture node, which is the world's background."""
+    """Make a Sky Texture node the world's background."""
     if scene.world.node_tree is None:
         scene.world.use_nodes = True
     tree = scene.world.node_tree
@@ -209,7 +209,7 @@ def test_a_sky_of_multiple_scattering_is_as_near_to_cycles_as_the_readme_says(sc
 
 
 def test_a_backdrop_for_the_camera_alone_looks_as_in_cycles(scene) -> None:
-    """As studio pictures are made: one background gives the light, another is seen."""
+    """Studio pictures use this: one background gives the light, and the camera sees another one."""
     scene.camera.rotation_euler.x = 1.45
     if scene.world.node_tree is None:
         scene.world.use_nodes = True

@@ -19,7 +19,7 @@ from perfect_bvh_addon import SceneSync
 from perfect_bvh_addon.live.sync_cache import syncs_of
 
 SIZE = (160, 90)
-# To where Cycles' ray may go instead, in pixels.
+# Offsets in pixels that Cycles' ray may have.
 STEPS = [(x, y) for x in np.linspace(-0.005, 0.005, 7) for y in np.linspace(-0.005, 0.005, 7)]
 SWAYING = {"Fresh grass", "Young grass", "Dry grass", "Dandelions", "Daisies", "Clover"}
 REFITS = {"refitted", "rotated", "partly_rebuilt"}
@@ -28,7 +28,7 @@ FIELDS = ("t_hit", "primitive_ids", "primitive_uvs", "geometric_normals")
 
 @pytest.fixture
 def meadow(registered: None, blend_file: Callable[[str], Path]) -> Any:
-    """The scene on its first frame, small."""
+    """The scene at its first frame, in a small size."""
     bpy.ops.wm.open_mainfile(filepath=str(blend_file("meadow")))
     scene = bpy.context.scene
     scene.frame_set(1)
@@ -67,7 +67,7 @@ def test_what_sways_is_refitted_and_the_rest_kept(meadow: Any) -> None:
 
 
 def test_a_fringe_is_followed_while_it_is_combed(meadow: Any) -> None:
-    """Its points move, another grows: each time as if it was read for the first time."""
+    """Points are moved and a strand grows: each time the result equals a first reading."""
     sync, random = SceneSync(), np.random.default_rng(9)
     sync.update(evaluated())
     data = bpy.data.objects["Ewe fringe"].data

@@ -92,7 +92,7 @@ def test_the_same_is_told_once_and_errors_first() -> None:
 
 
 class View:
-    """A viewport, of which nothing is known but that it is there."""
+    """A viewport of which only the address is known."""
 
 
 def test_each_viewport_has_messages_of_its_own_and_renders_end_none_of_them() -> None:
@@ -127,7 +127,7 @@ def test_what_a_render_complains_of_stays_when_a_view_is_done_after_it(monkeypat
 
 
 def complaining(*arguments: Any, **options: Any) -> Any:
-    """An image that is there, with something wrong."""
+    """An existing image with a complaint."""
     made = still.render_frame(*arguments, **options)
     return dataclasses.replace(made, statistics=dataclasses.replace(made.statistics, complaints=("No denoiser",)))
 

@@ -10,9 +10,9 @@ from blender.builders import evaluated
 from blender.moving_scenes import EVEN, FRAME, SCENES, SHUTTER, Told, at_frame, frozen, make
 from perfect_bvh_addon import SceneSync
 
-# Blender's own numbers between two moments are float32, and so are those at them.
+# Between two moments, Blender's own values are float32, as those at the moments are.
 ROUNDING = 2e-5
-# Of rays, those that pass by an edge more closely than that.
+# The share of rays that pass an edge more closely than that.
 PASSING = 0.002
 
 
@@ -147,7 +147,7 @@ def test_times_of_rays_go_each_to_its_own(scene: Any) -> None:
 
 
 def test_a_render_s_own_frames_are_read(scene: Any) -> None:
-    """Its depsgraph is evaluated by its engine, and no other."""
+    """Only the render's engine may evaluate its depsgraph."""
     from blender.builders import _ProbeEngine, in_render
 
     make("a_keyed_shape")
@@ -177,7 +177,7 @@ def test_a_render_s_own_frames_are_read(scene: Any) -> None:
 
 
 def test_the_oracle_sees_a_motion_that_is_off(scene: Any) -> None:
-    """By a hundredth of a frame."""
+    """The motion is off by a hundredth of a frame."""
     make("a_keyed_cube")
     sync = at_frame(0.01)
     off = Told(sync, sync.scene.snapshot())

@@ -36,7 +36,7 @@ def set_size(scene: Any) -> None:
 
 
 def check_alike(scene: Any, samples: int) -> Image:
-    """Ours, if it looks as Cycles' does."""
+    """Check that our image looks like Cycles'; return ours."""
     image, theirs = render_beside(scene, samples)
     ours, expected = patches(image), patches(theirs)
     np.testing.assert_allclose(ours.mean(axis=(0, 1)), expected.mean(axis=(0, 1)), rtol=0.015)
@@ -61,7 +61,7 @@ def test_an_example_is_blurred_as_in_cycles(registered: None, name: str) -> None
 
 @pytest.fixture
 def scene(registered: None) -> Any:
-    """A bright cube that flies and turns before a wall, and a camera; frame 5 of ten."""
+    """A bright cube that flies and turns in front of a wall, and a camera; frame 5 of ten."""
     bpy.ops.wm.read_factory_settings(use_empty=True)
     scene = bpy.context.scene
     set_size(scene)
@@ -142,7 +142,7 @@ def test_a_view_layer_may_be_without(scene: Any) -> None:
 
 
 def vectors(scene: Any, engine: str) -> Image:
-    """(H, W, 4) of the Vector pass, row 0 on top."""
+    """Return the Vector pass, (H, W, 4), row 0 on top."""
     layer, cycles = scene.view_layers[0], scene.cycles
     with preserved(
         (layer, "use_pass_vector", True),
@@ -206,7 +206,7 @@ def move_camera(scene: Any, move: str) -> None:
 
 @pytest.mark.parametrize("move", ["sideways", "forwards", "wider"])
 def test_vectors_of_orthographic_cameras_are_exact(scene: Any, move: str) -> None:
-    """Cycles projects them as if the camera that moves had a perspective, and overlooks a change of scale."""
+    """Cycles projects them as if the moving camera had a perspective, and ignores a change of scale."""
     scene.camera.data.type, scene.camera.data.ortho_scale = "ORTHO", 6.0
     move_camera(scene, move)
     width, height = SIZE
@@ -219,7 +219,7 @@ def test_vectors_of_orthographic_cameras_are_exact(scene: Any, move: str) -> Non
     scene.frame_set(5)
     here_x, here_scale = at_frames[1]
     points = pixels / here_scale + [here_x, 0.0]
-    # Of the wall's points, in pixels to the right and up from the image's centre, in frames 4, 5, 6.
+    # The wall's points in frames 4, 5, 6, in pixels to the right and up from the image's centre.
     places = [(points - [where, 0.0]) * scale for where, scale in at_frames]
     expected = np.concatenate([places[0] - places[1], places[1] - places[2]], axis=-1)
     np.testing.assert_allclose(vectors(scene, "PERFECT_BVH"), expected, atol=1e-3)
@@ -227,7 +227,7 @@ def test_vectors_of_orthographic_cameras_are_exact(scene: Any, move: str) -> Non
 
 
 def test_vectors_take_the_short_way_over_the_seam_of_a_panorama(scene: Any) -> None:
-    """Cycles' go once round the whole image there."""
+    """There Cycles' vectors go once round the whole image."""
     data = scene.camera.data
     data.type = "PANO"
     if hasattr(data, "panorama_type"):

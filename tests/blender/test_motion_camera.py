@@ -97,7 +97,7 @@ def test_another_camera_may_look(camera: Any) -> None:
 
 
 def test_a_function_is_asked_at_each_moment(camera: Any) -> None:
-    """As an engine does for each eye of a stereo pair."""
+    """An engine does so for each eye of a stereo pair."""
     keyed(camera, "location", [(0.0, 0.0, 5.0), (3.0, 0.0, 9.0)])
     bpy.context.scene.frame_set(FRAME)
     base = read().record.camera
@@ -115,7 +115,7 @@ def test_a_function_is_asked_at_each_moment(camera: Any) -> None:
 
 
 def test_a_marker_s_cut_does_not_jump_within_a_frame(camera: Any) -> None:
-    """As in Cycles the frame's own camera looks all the time."""
+    """As in Cycles, the frame's own camera is used during the whole shutter."""
     other = camera_object("other")
     other.location.x = 50.0
     scene = bpy.context.scene

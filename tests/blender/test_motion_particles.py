@@ -16,7 +16,7 @@ from perfect_bvh_addon.sync.keys import instance_keys, match_keys
 
 @pytest.fixture
 def spray(scene: Any) -> Any:
-    """Cubes that are thrown upwards, born and gone in every frame; played up to the frame and beyond."""
+    """Cubes that are thrown upwards; in every frame some appear and some vanish. It is played beyond the frame."""
     bpy.ops.mesh.primitive_cube_add(size=0.5)
     cube = bpy.context.object
     scene.collection.objects.unlink(cube)
@@ -87,7 +87,7 @@ def grown_on(path: str) -> Any:
 
 
 def test_hair_goes_with_an_emitter_that_moves_as_a_whole(scene: Any) -> None:
-    """Blender has its strands in the world, where each moment rounds them in its own way: they do not move by that."""
+    """Blender stores the strands in world space, with other rounding at each moment; that must not count as motion."""
     grown_on("place")
     sync = SceneSync()
     sync.update(evaluated(), shutter=SHUTTER)

@@ -22,7 +22,7 @@ def place() -> tuple[int, float]:
 
 @pytest.fixture
 def visited() -> Iterator[list[float]]:
-    """The frames that Blender has evaluated since."""
+    """Collect the frames that Blender evaluates from now on."""
     frames: list[float] = []
 
     def note(scene: Any, depsgraph: Any) -> None:
@@ -95,7 +95,7 @@ def test_a_handler_that_changes_the_frame_is_told_of(scene: Any) -> None:
 
 
 class StopError(Exception):
-    """Of a caller's function."""
+    """The error of a caller's function."""
 
 
 @pytest.mark.parametrize("error", [StopError, KeyboardInterrupt, MemoryError])

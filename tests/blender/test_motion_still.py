@@ -32,7 +32,7 @@ def read(shutter: tuple[float, float] = SHUTTER, **how: Any) -> SceneSync:
 
 
 def moving_names(sync: SceneSync) -> set[str]:
-    """Objects of instances that move, and meshes that deform with an arrow before."""
+    """Return objects of moving instances, and deforming meshes, which are marked with an arrow."""
     record = sync.record
     rows = [row for motions in record.motion.instances for row in motions.rows]
     names = {record.objects[record.instances.object_indices[row]].name for row in rows}

@@ -57,7 +57,7 @@ def output_of(tree: Any) -> Any:
 
 
 def shine(tree: Any, color: tuple[float, float, float] = OWN) -> Any:
-    """An Emission of this colour into the output."""
+    """Link an Emission of this colour to the output."""
     node = tree.nodes.new("ShaderNodeEmission")
     node.inputs["Color"].default_value = (*color, 1.0)
     tree.links.new(node.outputs[0], output_of(tree).inputs["Surface"])
@@ -72,7 +72,7 @@ def feed(tree: Any, kind: str, socket: Any, output: int = 0, *, mute: bool = Tru
 
 
 def make_group(tree: Any, fill: Callable[[Any], None]) -> Any:
-    """A node of a group with an input and an output of colours."""
+    """Make a node of a group with a colour input and a colour output."""
     group = bpy.data.node_groups.new("Group", "ShaderNodeTree")
     for in_out in ("INPUT", "OUTPUT"):
         group.interface.new_socket("Color", in_out=in_out, socket_type="NodeSocketColor")
@@ -96,7 +96,7 @@ def texture(tree: Any) -> None:
 
 
 def unfed_gamma(tree: Any) -> None:
-    """Its own input does not count."""
+    """The value of its own unlinked input does not count."""
     feed(tree, "ShaderNodeGamma", shine(tree).inputs["Color"]).inputs["Color"].default_value = (*OTHER, 1.0)
 
 
@@ -111,7 +111,7 @@ def muted_link(tree: Any) -> None:
 
 
 def shader_into_a_color(tree: Any) -> None:
-    """Blender shows such a link in red."""
+    """Blender draws such a link in red."""
     feed(tree, "ShaderNodeBsdfDiffuse", shine(tree).inputs["Color"], mute=False)
 
 
@@ -138,7 +138,7 @@ def before_a_group(tree: Any) -> None:
 
 
 def passed_through(tree: Any) -> None:
-    """A Checker Texture hands on its first colour."""
+    """A Checker Texture passes on its first colour."""
     checker = feed(tree, "ShaderNodeTexChecker", shine(tree).inputs["Color"])
     feed(tree, "ShaderNodeRGB", checker.inputs["Color1"], mute=False).outputs[0].default_value = (*OTHER, 1.0)
 
@@ -173,7 +173,7 @@ def color_into_surface(tree: Any) -> None:
 
 
 def output_within(tree: Any, *, target: str = "ALL", mute: bool = False) -> None:
-    """An output of the same kind within a group, whose colour is OTHER."""
+    """A group contains an output of the same kind, whose colour is OTHER."""
     kind = output_of(tree).bl_idname
 
     def fill(group: Any) -> None:

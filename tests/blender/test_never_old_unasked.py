@@ -96,14 +96,14 @@ def test_a_handler_that_asks_during_a_change_is_refused(
         else:
             bpy.context.view_layer.update()
     assert answers and set(answers) == {"stale"}
-    assert len(seen) <= 2  # at most the handler before ours, which knows of nothing, has asked
+    assert len(seen) <= 2  # at most one query by the handler before ours, which does not know about the change
 
 
 @pytest.mark.parametrize("event", ["depsgraph_update_post", "frame_change_post"])
 def test_a_handler_that_updates_may_ask_and_never_evaluates_inside(
     square: Any, watching: SceneSync, event: str
 ) -> None:
-    """An edit inside the handler waits: the query that follows it must not evaluate for the second time."""
+    """An edit inside the handler waits: the query that follows it must not evaluate a second time."""
     answers: list[float | str] = []
 
     def follow(_scene: Any, depsgraph: Any) -> None:

@@ -18,7 +18,7 @@ from perfect_bvh_addon.extract.looks.node_colors import read_surface  # noqa: E4
 from perfect_bvh_addon.extract.looks.node_values import ValueReader  # noqa: E402
 from perfect_bvh_addon.extract.looks.values import Value, constant  # noqa: E402
 
-FAR = 50.0  # points lie in a cube of twice that
+FAR = 50.0  # points lie in a cube of twice this size
 WITHIN = 1e-3
 STEPS = 2  # of the points, which may lie on a step where Cycles' last digit is another on another processor
 
@@ -44,7 +44,7 @@ class NoImages:
 
 
 def our_values(points: np.ndarray, w: np.ndarray) -> list[np.ndarray]:
-    """Of the AOVs of the scene that `cycles_values` leaves, in the same order."""
+    """Return our values of the AOVs of the scene that `cycles_values` leaves, in the same order."""
     tree = bpy.data.materials["Texture"].node_tree
     given = [np.zeros((len(points), 4), np.float32) for _ in "pw"]
     given[0][:, :3], given[1][:] = points, w[:, None]
@@ -62,7 +62,7 @@ def our_values(points: np.ndarray, w: np.ndarray) -> list[np.ndarray]:
 
 
 def made(kind: str, properties: dict[str, Any] | None = None, **values: Any) -> Callable[[Any], Any]:
-    """Makes a node with these properties and values of inputs."""
+    """Return a function that makes a node with these properties and values of inputs."""
 
     def make(tree: Any) -> Any:
         node = tree.nodes.new(f"ShaderNode{kind}")
@@ -168,7 +168,7 @@ def _patterns() -> Iterator[Case]:
 
 
 def vector_range(kind: str) -> Callable[[Any], Any]:
-    """Of a range that is none along y."""
+    """A range that has no extent along y."""
     ends = {"From_Min": (-20.0, 3.0, -20.0), "From_Max": (30.0, 3.0, 30.0), "To_Min": (2.0,) * 3, "To_Max": (-1.0,) * 3}
 
     def made(tree: Any) -> Any:

@@ -25,7 +25,7 @@ def test_an_object_of_which_nothing_is_shown_is_named(material: Any) -> None:
         "Cube: its material has a volume and no surface; nothing of it is shown",
         "Red: Volume Scatter is not shown; nothing is",
     ]
-    bpy.data.objects["Cube"].data.materials.append(new_red("Shell"))  # in a slot that no face has
+    bpy.data.objects["Cube"].data.materials.append(new_red("Shell"))  # in a slot that no face uses
     assert [row.kind for row in rows()] == ["material"]
 
 
@@ -107,7 +107,7 @@ def new_world() -> Any:
         ("AmbientOcclusion", "Color", "Ambient Occlusion is not shown; its flat colour is"),
         ("AmbientOcclusion", "Strength", "Ambient Occlusion is not shown; Strength 1 is"),
         ("TexSky", "Color", None),
-        ("LightPath", "Strength", None),  # whether the camera looks
+        ("LightPath", "Strength", None),  # depends on the camera's rays
     ],
 )
 def test_what_of_the_world_is_not_shown(kind: str, socket: str, told: str | None, material: Any) -> None:

@@ -16,7 +16,7 @@ from oracles.cycles import FILTER_WIDTH, preserved, render_noisy  # noqa: E402
 from perfect_bvh_addon.live.sync_cache import clear_syncs  # noqa: E402
 
 WIDTH, HEIGHT = 32, 16
-FINER = 27  # our pixels in each of Cycles', of which it has the middle alone
+FINER = 27  # our pixels in each of Cycles' pixels; Cycles samples only the middle
 # Elevation, azimuth, turbidity, albedo.
 SUNS = [
     (90.0, 0.0, 2.2, 0.3),
@@ -36,7 +36,7 @@ SUNS = [
 
 @pytest.fixture
 def sky() -> Iterator[Any]:
-    """A Sky Texture that is all that a panorama shows."""
+    """A Sky Texture that fills the whole panorama."""
     perfect_bvh_addon.register()
     bpy.ops.wm.read_factory_settings(use_empty=True)
     scene = bpy.context.scene

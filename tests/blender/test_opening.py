@@ -22,7 +22,7 @@ def viewports(screen: Any) -> list[Any]:
 
 
 def shadings() -> dict[str, set[str]]:
-    """Of the 3D viewports of each screen."""
+    """Return the shadings of the 3D viewports of each screen."""
     return {screen.name: {space.shading.type for space in viewports(screen)} for screen in bpy.data.screens}
 
 

@@ -1,4 +1,4 @@
-"""The tree overlay without a screen: which boxes it takes from which tree, where it puts them, how it colours them."""
+"""The tree overlay without a screen: the choice of trees and boxes, the boxes' positions, and their colours."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The tree overlay while trees are built: the last boxes in grey, none of another frame, and Blender waits for none."""
+"""The tree overlay during builds: the last boxes in grey, none of another frame, and Blender never waits."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ class Screen:
         return SimpleNamespace(draw=lambda shader: self.drawn.append(lines))
 
     def take(self) -> tuple[list[float], bool]:
-        """How high the drawn boxes reach, and whether they all are grey."""
+        """Return the top of the drawn boxes, and whether all of them are grey."""
         drawn, self.drawn = self.drawn, []
         greys = {bool((lines.colors == np.float32(tree_lines.GREY)).all()) for lines in drawn}
         assert len(greys) <= 1
@@ -92,7 +92,7 @@ def test_the_last_boxes_are_drawn_in_grey_until_the_new_ones_are_there(scene, mo
 
 
 def test_no_frame_of_an_animation_that_plays_shows_the_boxes_of_another(scene, monkeypatch, overlay) -> None:
-    """Not in grey either: each frame waits for its trees, however long that takes."""
+    """Old boxes are not shown in grey either: each frame waits for its trees."""
     monkeypatch.setattr(pending_commit, "BUILDING_SECONDS", 0.0)
     commit = perfect_bvh.Scene.commit
 
@@ -117,7 +117,7 @@ def test_no_frame_of_an_animation_that_plays_shows_the_boxes_of_another(scene, m
 
 
 class PlayingContext:
-    """Of a window in which an animation plays."""
+    """The context of a window in which an animation plays."""
 
     screen = SimpleNamespace(is_animation_playing=True)
 

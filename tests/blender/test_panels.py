@@ -29,7 +29,7 @@ def test_a_panel_can_be_drawn_after_a_render(panel: type) -> None:
 
 
 def test_light_paths_say_where_they_can_be_set(monkeypatch) -> None:
-    """Cycles keeps them, and may be disabled."""
+    """Cycles stores them, and Cycles may be disabled."""
     paths, *others = panels.render.LIGHT_PATHS_CLASSES
     assert drawn(paths) == [] and all(drawn(panel) for panel in others)
     monkeypatch.setattr(panels.render, "light_path_settings", lambda scene: None)

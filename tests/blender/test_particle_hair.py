@@ -102,7 +102,7 @@ def test_depth_and_index_are_those_of_cycles(scene: Any, registered: None, child
 
 
 def test_radii_are_those_of_the_settings(scene: Any) -> None:
-    """By the lengths of Blender's own strands."""
+    """Computed with the lengths of Blender's own strands."""
     obj = emitter(radius_scale=0.4, root_radius=0.5, tip_radius=0.1, **BENT)
     settings = obj.particle_systems[0].settings
     for shape, use_close_tip in ((0.0, False), (0.5, False), (-0.7, True), (0.0, True)):
@@ -124,7 +124,7 @@ def test_radii_are_those_of_the_settings(scene: Any) -> None:
 @pytest.mark.parametrize("emit_from", ["FACE", "VERT"])
 @pytest.mark.parametrize("children", CHILDREN)
 def test_uvs_are_those_at_the_root(scene: Any, children: str, emit_from: str, use_views: bool) -> None:
-    """Of squares, a triangle and a hexagon, with two maps; the other one is active."""
+    """The faces are squares, a triangle and a hexagon, with two maps; the second map is active."""
     obj = emitter(**kind_settings(children), emit_from=emit_from)
     cut(obj.data)
     other = obj.data.uv_layers.new(name="Other")
@@ -155,7 +155,7 @@ def test_uvs_are_those_at_the_root(scene: Any, children: str, emit_from: str, us
 
 
 def cut(data: Any) -> None:
-    """Of the first squares a triangle and, of two, a hexagon."""
+    """Make two triangles of the first square, and a hexagon of two other squares."""
     made = bmesh.new()
     made.from_mesh(data)
     made.faces.ensure_lookup_table()
@@ -194,7 +194,7 @@ def test_what_is_combed_is_named(scene: Any) -> None:
 
 
 def test_memory_of_another_layout_is_not_read(scene: Any, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The fields around the pointers say so; then Blender is asked point by point."""
+    """The fields around the pointers show the difference; then Blender is asked point by point."""
     emitter(**kind_settings("SIMPLE"))
     expected = hair_of(read_scene(evaluated(), reader=ArrayReader(use_views=False)))
     fields = strand_cache._SYSTEM.fields

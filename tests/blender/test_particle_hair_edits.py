@@ -134,7 +134,7 @@ def test_instances_share_the_strands(scene: Any) -> None:
 
 
 def test_hair_beside_instances_of_nodes(scene: Any) -> None:
-    """Which are read as arrays, and objects with particles from Blender's list; in the same order in either way."""
+    """Instances are read as arrays, objects with particles from Blender's list; the order is the same either way."""
     obj = emitter()
     instances_on_grid("grid", made_cube)
     mesh_object("z last")
@@ -155,7 +155,7 @@ def test_hair_beside_instances_of_nodes(scene: Any) -> None:
 
 
 def test_verified_updates_find_nothing(scene: Any) -> None:
-    """Whichever way strands are read."""
+    """This holds for both ways of reading strands."""
     obj = emitter(**kind_settings("INTERPOLATED"))
     obj.location, obj.rotation_euler = (300.0, 20.0, 0.0), (0.3, 0.2, 0.1)
     sync = SceneSync()
@@ -164,7 +164,7 @@ def test_verified_updates_find_nothing(scene: Any) -> None:
 
 
 def test_verify_finds_other_radii_far_away(scene: Any) -> None:
-    """Where places are known to a hundredth alone."""
+    """Positions are known only to a hundredth there."""
     obj = emitter(**kind_settings("INTERPOLATED"))
     obj.location = (1000.0, 20.0, 0.0)
     record = read_scene(evaluated())
@@ -175,7 +175,7 @@ def test_verify_finds_other_radii_far_away(scene: Any) -> None:
 
 
 def test_frames_are_followed(scene: Any) -> None:
-    """Of a surface that waves below the hair, and of settings that are animated."""
+    """The surface below the hair waves, or the settings are animated."""
     obj = emitter(**kind_settings("SIMPLE"))
     wave = obj.modifiers.new("wave", "WAVE")
     wave.height, wave.start_position_x = 0.4, 1.5
@@ -195,7 +195,7 @@ def test_frames_are_followed(scene: Any) -> None:
 
 
 class Edits:
-    """Random ones of particle hair, its emitter and its materials."""
+    """Random edits of particle hair, its emitter and its materials."""
 
     def __init__(self, random: np.random.Generator) -> None:
         self._random = random
@@ -261,7 +261,7 @@ class Edits:
 
 
 def test_random_edits(scene: Any) -> None:
-    """Each synced scene is a fresh one."""
+    """Each synced scene equals a fresh one."""
     edits = Edits(np.random.default_rng(8))
     mesh_object("Mesh", location=(0.0, 0.0, -2.0))
     sync = SceneSync()

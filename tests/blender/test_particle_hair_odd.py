@@ -1,4 +1,4 @@
-"""Old particle hair that is odd: layers that come later, memory that is not as expected, numbers of no use."""
+"""Odd legacy particle hair: layers that are added later, unexpected memory, and useless numbers."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ def test_maps_that_come_after_the_particles_are_missing(scene: Any, count: int, 
 def test_layers_are_asked_for_that_particles_saw(
     scene: Any, before: list[str], after: list[str], is_final: bool, can_ask: bool
 ) -> None:
-    """Modifiers that change the mesh later leave those that it had all the time."""
+    """Modifiers that change the mesh later do not affect layers that the mesh had from the start."""
     obj = emitter()
     for kind in (*before, *after):
         obj.modifiers.new(kind, kind)
@@ -77,7 +77,7 @@ def test_layers_are_asked_for_that_particles_saw(
 
 
 def nodes_after(obj: Any, name: str) -> None:
-    """A modifier that gives each corner of the mesh a place on a map of this name."""
+    """Add a modifier that stores a map of this name on the corners of the mesh."""
     tree = bpy.data.node_groups.new("later", "GeometryNodeTree")
     for direction in ("INPUT", "OUTPUT"):
         tree.interface.new_socket("Geometry", in_out=direction, socket_type="NodeSocketGeometry")
@@ -93,7 +93,7 @@ def nodes_after(obj: Any, name: str) -> None:
 @pytest.mark.parametrize("use_views", [True, False])
 @pytest.mark.parametrize("scale", [(1.0, 1.0, 0.0), (0.0, 0.0, 0.0)])
 def test_emitters_may_be_scaled_to_nothing(scene: Any, scale: tuple[float, float, float], use_views: bool) -> None:
-    """Whose matrix has no inverse. Blender itself has their strands in one place, where there is nothing to show."""
+    """Such a matrix has no inverse. Blender itself puts the strands into one point, where nothing is visible."""
     obj = emitter(**kind_settings("SIMPLE"))
     obj.location, obj.scale = (1.0, 2.0, 3.0), scale
     depsgraph, reader = evaluated(), ArrayReader(use_views)
@@ -108,7 +108,7 @@ def test_emitters_may_be_scaled_to_nothing(scene: Any, scale: tuple[float, float
 
 
 def test_names_may_be_no_text(scene: Any) -> None:
-    """Old files have such, of bytes that are no UTF-8; their strands are asked of Blender."""
+    """Old files have such names, with bytes that are not UTF-8; Blender is asked for their strands."""
     obj, reader = emitter(), ArrayReader()
     depsgraph = evaluated()
     shown = obj.evaluated_get(depsgraph).particle_systems[0]
@@ -141,7 +141,7 @@ def test_numbers_of_strands_and_points_tell_readings_apart(scene: Any) -> None:
 
 
 def test_an_odd_system_does_not_condemn_the_others(scene: Any) -> None:
-    """Its strands are said to be longer than the settings have them, and are read one by one."""
+    """Its strands claim to be longer than the settings say, and are read one by one."""
     obj, reader = emitter(), ArrayReader()
     shown = obj.evaluated_get(evaluated())
     system = shown.particle_systems[0]
@@ -159,7 +159,7 @@ def test_an_odd_system_does_not_condemn_the_others(scene: Any) -> None:
 
 
 def test_heads_are_read_before_what_follows_them() -> None:
-    """Strands that say to be longer than they lie apart, or than there are steps, are not read."""
+    """Strands are not read if they claim to be longer than their distance in memory, or than the number of steps."""
     records = np.zeros((6, 3), strand_cache._RECORD)
     records["point"] = np.arange(54).reshape(6, 3, 3)
     begins = records.ctypes.data + np.arange(6) * 3 * records.itemsize
@@ -252,7 +252,7 @@ def test_colors_that_hair_cannot_show_are_named(scene: Any, kind: Any, domain: A
 
 
 class _OneStrand:
-    """Of two steps, whose tip is in the world's origin."""
+    """A strand of two steps whose tip is in the world's origin."""
 
     def co_hair(self, obj: Any, particle_no: int, step: int) -> tuple[float, ...]:
         if step > 1 or particle_no > 0:

@@ -38,10 +38,10 @@ from oracles.exr import read_exr  # noqa: E402
 from perfect_bvh_addon.extract.camera import panorama_settings  # noqa: E402
 from perfect_bvh_addon.live.sync_cache import syncs_of  # noqa: E402
 
-# The judge here knows triangles alone: hair and points are compared in `test_meadow.py`.
+# The judge here supports triangles only: hair and points are compared in `test_meadow.py`.
 FILES = (Path(__file__).resolve().parents[2] / "blend_scenes").glob("*.blend")
 SCENES = sorted(path.stem for path in FILES if path.stem != "meadow")
-# Failure cases on which Cycles itself does not fail.
+# Failure cases that Cycles itself handles.
 ZOO = (
     "teapot_in_stadium",
     "ground_under_gravel",
@@ -78,7 +78,7 @@ def scene(registered: None) -> bpy.types.Scene:
 
 
 def unlike(ours: Surfaces, theirs: Surfaces) -> npt.NDArray[np.bool_]:
-    """Where the passes differ by more than the tolerances: arrays of one shape, or broadcast."""
+    """Return where the passes differ by more than the tolerances; arrays have one shape, or broadcast."""
     hit, hit_ours = theirs.depth < BACKGROUND, ours.depth < BACKGROUND
     depth = np.abs(ours.depth - theirs.depth) > DEPTH_TOLERANCE * np.abs(theirs.depth)
     # A normal of no length has no direction to compare: on the background, and of triangles without area.
@@ -121,7 +121,7 @@ def wrong_pixels(sync: perfect_bvh_addon.SceneSync, pixels: list[tuple[int, int]
 
 
 def check(scene: bpy.types.Scene, *, objects: int, size: tuple[int, int] = (320, 180)) -> Comparison:
-    """Compare; objects: how many distinct objects at least must be seen, so that nothing is compared with nothing."""
+    """Compare the passes. objects: the least number of distinct objects that must be visible."""
     result = compare(scene, size)
     assert result.wrong == []
     assert len(result.disputed) <= DISPUTED_SHARE * size[0] * size[1]
@@ -131,7 +131,7 @@ def check(scene: bpy.types.Scene, *, objects: int, size: tuple[int, int] = (320,
 
 
 def test_the_judge_of_pixels_tells_wrong_hits(scene) -> None:
-    """Moved, of another triangle, or left out: each is wrong at each pixel, and the engine's own hits are right."""
+    """Hits that are moved, of another triangle, or missing are wrong at each pixel; the engine's own hits are right."""
     add("Ball", bpy.ops.mesh.primitive_uv_sphere_add, radius=2.0)
     add("Wall", bpy.ops.mesh.primitive_plane_add, size=9.0, location=(0.0, 5.0, 0.0), rotation=(1.5, 0.0, 0.0))
     scene.render.resolution_x, scene.render.resolution_y, scene.perfect_bvh.samples = 96, 54, 1
@@ -179,7 +179,7 @@ def test_failure_cases_look_the_same_to_cycles(name: str, scene, blend_file: Cal
 
 
 def sampled_frames(scene: bpy.types.Scene) -> list[int]:
-    """The first, the one in the middle and the last."""
+    """Return the first frame, the one in the middle and the last."""
     return sorted({scene.frame_start, (scene.frame_start + scene.frame_end) // 2, scene.frame_end})
 
 
@@ -413,7 +413,7 @@ def test_modifiers_take_their_render_settings(scene) -> None:
 
 
 def depths_of_views(scene: bpy.types.Scene, engine: str, folder: Path) -> dict[str, npt.NDArray[np.float32]]:
-    """(H, W) by the end of the file's name, of which Blender writes one for each view."""
+    """Return (H, W) by the end of the file's name; Blender writes one file for each view."""
     with preserved(
         (scene.cycles, "samples", 1), (scene.cycles, "use_denoising", False), (scene.cycles, "filter_width", 0.01)
     ):

@@ -1,4 +1,4 @@
-"""Meshes that a sync passes over because Blender did not evaluate them again, and everything that forbids it."""
+"""Meshes that a sync skips because Blender did not evaluate them again, and everything that prevents skipping."""
 
 from __future__ import annotations
 
@@ -98,7 +98,7 @@ def test_a_reason_to_read(sync: SceneSync, name: str) -> None:
 
 
 def test_each_uncertainty_alone_is_a_reason_to_read(sync: SceneSync) -> None:
-    """Mostly several come together."""
+    """In most cases several reasons occur together."""
     plain = thing("plain").data
     token, uids = ("mesh", plain.session_uid, 0), (thing("plain").session_uid, plain.session_uid)
     mesh, other = (thing(name).evaluated_get(evaluated()).data for name in ("plain", "smooth"))
@@ -198,7 +198,7 @@ def interrupted(*_: Any) -> Any:
 
 
 def test_verification_finds_what_blender_was_not_told(sync: SceneSync) -> None:
-    """A script that writes into evaluated data is the one thing that passing over misses."""
+    """Skipping misses only scripts that write into evaluated data."""
     data = thing("smooth").evaluated_get(evaluated()).data
     sync.update(evaluated())
     points = np.zeros(len(data.vertices) * 3, np.float32)

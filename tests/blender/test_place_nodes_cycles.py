@@ -18,7 +18,7 @@ from perfect_bvh_addon.live.sync_cache import clear_syncs  # noqa: E402
 
 SIZE = (80, 60)
 WITHIN = 1e-3
-OTHERS = 0.02  # of pixels, at outlines and edges
+OTHERS = 0.02  # the share of pixels, at outlines and edges
 SCALE = 0.1  # of values around a half, so that all are light
 Output = Callable[[Any], Any]
 
@@ -46,7 +46,7 @@ def scene() -> Iterator[Any]:
 
 
 def show(output: Output, scale: float = SCALE) -> Any:
-    """Give all meshes a material that shines by an output's value."""
+    """Give all meshes a material that emits an output's value."""
     material = new_red("Shown")
     tree = material.node_tree
     scaled = add(tree, "VectorMath", (output(tree), 0))
@@ -183,7 +183,7 @@ def bumped(width: float) -> Output:
 
 @pytest.mark.skipif(bpy.app.version < (4, 3, 0), reason="Blender before 4.3 has no such input")
 def test_a_bump_looks_as_many_pixels_aside_as_in_cycles(scene) -> None:
-    """As near as two ways across a surface let it be; of another width it is another."""
+    """The agreement is limited by the surface's two footprints; another filter width gives another result."""
     found = []
     for width in (0.1, 3.0):
         show(bumped(width), 0.4)

@@ -1,4 +1,4 @@
-"""Colours of a scan's points: by each column, alike when they are made and when they are coloured again."""
+"""Colours of a scan's points, by each column: new points and recoloured points get the same colours."""
 
 from __future__ import annotations
 

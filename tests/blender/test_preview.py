@@ -1,4 +1,4 @@
-"""The Preview button without windows: it renders through the camera, leaves the render engine alone, and says no."""
+"""The Preview button without windows: it renders through the camera, keeps the render engine, and reports errors."""
 
 from __future__ import annotations
 
@@ -90,7 +90,7 @@ def test_it_says_what_is_missing(scene) -> None:
 
 @pytest.fixture
 def shading(scene, cube, monkeypatch: pytest.MonkeyPatch):
-    """Of the only 3D viewport, which looks through the scene's camera and is as large as its picture."""
+    """The shading of the only 3D viewport, which looks through the scene's camera and has the picture's size."""
     areas = [area for screen in bpy.data.screens for area in screen.areas if area.type == "VIEW_3D"]
     space = areas[0].spaces.active
     space.region_3d.view_perspective = "CAMERA"

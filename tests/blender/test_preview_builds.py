@@ -1,4 +1,4 @@
-"""Previews whose trees take long: Blender goes on, Esc ends them, and viewports that share the trees do no harm."""
+"""Previews whose trees take long: Blender stays responsive, Esc ends them, and viewports can share the trees."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ NAME = "Perfect BVH View"
 @pytest.fixture(autouse=True)
 def registered(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     perfect_bvh_addon.register()
-    # There is no window: an editor is taken to show the image.
+    # There is no window: an editor stands in for the one that shows the image.
     monkeypatch.setattr(preview, "show_in_editor", lambda context, image: None)
     monkeypatch.setattr(preview.PERFECT_BVH_OT_preview, "_tell_where", lambda operator, context, what: None)
     yield
@@ -121,7 +121,7 @@ def test_escape_while_it_is_refined_keeps_what_there_is(cube, scene) -> None:
 
 
 def test_closing_the_window_of_the_image_stops_it(cube, scene, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Esc over that window closes it, and no one else hears of it."""
+    """Esc over that window closes it, and no other handler gets the event."""
     scene.perfect_bvh.samples, scene.perfect_bvh.use_noise_threshold = 4096, False
     operator, window = press()
     main, opened = (SimpleNamespace(screen=SimpleNamespace(areas=()), as_pointer=lambda at=at: at) for at in (1, 2))

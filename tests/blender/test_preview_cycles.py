@@ -47,7 +47,7 @@ def scene(registered: None) -> bpy.types.Scene:
 
 
 def paint(obj: bpy.types.Object, color: tuple[float, float, float]) -> None:
-    """Matt, so that Cycles' picture has no highlights either."""
+    """Paint the object matt, so that Cycles' picture has no highlights either."""
     material = bpy.data.materials.new(obj.name)
     material.use_nodes = True
     nodes = material.node_tree.nodes
@@ -59,7 +59,7 @@ def paint(obj: bpy.types.Object, color: tuple[float, float, float]) -> None:
 
 
 def render_both(scene: bpy.types.Scene) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.float32]]:
-    """(H, W, 4), ours and that of Cycles."""
+    """Return our image and Cycles', (H, W, 4) each."""
     return render_beside(scene, SAMPLES)
 
 
@@ -74,7 +74,7 @@ def check(
 ) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.float32]]:
     """alpha_tolerance: for a single pixel."""
     ours, theirs = render_both(scene)
-    # Both filters are as wide, but the samples are others: a pixel that an edge crosses differs a little.
+    # Both filters have the same width, but other samples: a pixel on an edge differs a little.
     assert np.abs(ours[..., 3] - theirs[..., 3]).max() < alpha_tolerance
     assert np.abs(ours[..., 3] - theirs[..., 3]).mean() < 0.002
     alphas = (np.repeat(image[..., 3:], 3, axis=2) for image in (ours, theirs))
@@ -207,7 +207,7 @@ def test_shiny_things_shine_as_in_cycles(scene, metallic: float, roughness: floa
 
 
 def test_emission_lights_as_in_cycles(scene) -> None:
-    """A small bright ball between the cubes, and no other light: its light, and that without specks."""
+    """The only light is a small bright sphere between the cubes; its light is compared, and there are no specks."""
     bpy.data.objects.remove(scene.objects["Sun"])
     scene.world.color = (0.0, 0.0, 0.0)
     bpy.ops.mesh.primitive_ico_sphere_add(radius=0.1, location=(-2.0, -3.0, 1.5), subdivisions=2)

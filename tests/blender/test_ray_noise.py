@@ -24,7 +24,7 @@ MOST_SEED = 2**31 - 1
 
 
 def mixed(value: int) -> int:
-    """SplitMix64's finaliser, in whole numbers of Python."""
+    """SplitMix64's finaliser, in Python's integers."""
     value = (value ^ (value >> 30)) * 0xBF58476D1CE4E5B9 & MASK
     value = (value ^ (value >> 27)) * 0x94D049BB133111EB & MASK
     return value ^ (value >> 31)
@@ -33,7 +33,7 @@ def mixed(value: int) -> int:
 def test_numbers_are_mixed_as_splitmix64_mixes_them() -> None:
     values = np.array([0, 1, 2, MASK, 1 << 63, 0x9E3779B97F4A7C15], np.uint64)
     assert _mixed(values).tolist() == [mixed(int(value)) for value in values]
-    # The published generator: its state of 0 gives this first.
+    # The published generator gives this number first if its state is 0.
     assert mixed(0x9E3779B97F4A7C15) == 0xE220A8397B1DCDAF
 
 
@@ -67,20 +67,20 @@ def test_a_seed_is_a_whole_number(seed: Any) -> None:
 
 @pytest.fixture
 def head() -> Any:
-    """Before a wall at 10."""
+    """A mount in front of a wall at distance 10."""
     made = empty_scene()
     add_plate(10.0, diffuse(0.5), size=400.0)
     return made
 
 
 def wall_points(head: Any, noise: Noise, seed: int = 3) -> PointCloud:
-    """20,000 rays in a cone so narrow that all are 10 long, within a millionth."""
+    """Cast 20,000 rays in a cone so narrow that all are 10 long, within a millionth."""
     narrow = Raster(width=200, height=100, horizontal=0.02, vertical=0.02)
     return scan(narrow, head, light=Light(noise=noise), seed=seed)
 
 
 def assert_normal(values: np.ndarray, mean: float, sigma: float) -> None:
-    """Mean and standard deviation within four standard errors."""
+    """Check mean and standard deviation within four standard errors."""
     count = len(values)
     assert abs(values.mean() - mean) < 4.0 * sigma / math.sqrt(count)
     assert abs(values.std(ddof=1) - sigma) < 4.0 * sigma / math.sqrt(2.0 * count)
@@ -129,7 +129,7 @@ LIGHT = Light(Beam(divergence=5.0, rays=7, returns=3, keep=("strongest", "last")
 
 @pytest.fixture
 def moving() -> tuple[Any, SpinningLidar]:
-    """A head that flies past panes, mirrors and walls, of which one moves."""
+    """A mount that flies past panes, mirrors and walls, one of which moves."""
     head = empty_scene()
     add_plate(3.0, simple("ShaderNodeBsdfGlass", Roughness=0.0, IOR=1.4), size=3.0, turn=0.3)
     add_plate(-4.0, simple("ShaderNodeBsdfAnisotropic", Roughness=0.0), size=8.0, turn=0.5)

@@ -46,7 +46,7 @@ def add_box(name: str, place: tuple[float, float, float], size: tuple[float, flo
 
 
 def counted(cloud: Any) -> dict[str, int]:
-    """The counts that are not 0; all of them add up to the rays cast."""
+    """Return the counts that are not 0, and check that all add up to the number of rays."""
     assert cloud.ray_outcomes.cast == sum(cloud.ray_outcomes.named.values()) == cloud.ray_count
     assert cloud.ray_outcomes.with_points == len(np.unique(cloud.ray_ids))
     return {name: count for name, count in cloud.ray_outcomes.named.items() if count}
@@ -61,7 +61,7 @@ def test_outcomes_are_the_fields_of_counts() -> None:
 
 
 def test_rays_without_light_hit_miss_or_are_out_of_range(head) -> None:
-    """A plate in range to the right, one too far to the left, one too near in the middle; each ray by its angle."""
+    """A plate on the right is in range, one on the left too far, one in the middle too near; rays have known angles."""
     add_plate(5.0, x=2.5, size=4.0)
     add_plate(20.0, x=-10.0, size=16.0)
     add_plate(0.5, size=0.1)

@@ -1,4 +1,4 @@
-"""Scenes that are read again without asking every object everything, and all that forbids it."""
+"""Scenes that are read again without asking every object everything, and all changes that prevent this."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def thing(name: str) -> Any:
 
 @pytest.fixture
 def readings(monkeypatch: pytest.MonkeyPatch) -> list[bool]:
-    """For each reading with a cache, whether all was read again."""
+    """Record for each reading with a cache whether everything was read again."""
     made: list[bool] = []
     again = reading.read_again
 
@@ -107,7 +107,7 @@ def remove() -> None:
 
 
 def swap_one() -> None:
-    """As many objects as before."""
+    """Replace an object, so that the number of objects is unchanged."""
     remove()
     mesh_object("new", mesh_data("new"))
 
@@ -188,7 +188,7 @@ def test_whatever_else_changes_all_is_read_again(sync: SceneSync, readings: list
     assert report.mismatches == ()
     assert True in readings
     assert_as_fresh(sync)
-    # And the next change of places is seen upon that.
+    # The next change of transforms is applied on top of that.
     thing("square 1").location.z = 6.0
     assert sync.update(evaluated(), verify=True).mismatches == ()
     assert_as_fresh(sync)
@@ -218,7 +218,7 @@ def test_a_changed_image_is_read(sync: SceneSync, readings: list[bool]) -> None:
 
 
 def test_an_object_that_coordinates_follow_is_never_old(sync: SceneSync, readings: list[bool]) -> None:
-    """Nor does one that is scaled to nothing end the reading."""
+    """An object that is scaled to nothing does not end the reading either."""
     paint = bpy.data.materials["paint"]
     if not paint.node_tree:
         paint.use_nodes = True
@@ -274,7 +274,7 @@ def test_the_log_tells_what_it_does_not_know() -> None:
 
 
 def assert_as_fresh(sync: SceneSync) -> None:
-    """Everything that was read, and rays from above."""
+    """Compare the whole record, and rays from above, with a fresh sync."""
     fresh = SceneSync(sync._attributes, watch=False)
     fresh.update(bpy.context.evaluated_depsgraph_get())
     one, other = sync.record, fresh.record

@@ -1,4 +1,4 @@
-"""How often viewports are drawn again while their images are traced: counted on a clock of the test's own."""
+"""How often viewports are redrawn while their images are traced, measured with the test's own clock."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A viewport's image, refined step by step: the same as a render's in the end, and bounded work on the way."""
+"""A viewport's image, refined step by step: in the end it equals a render, and the work on the way is bounded."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def view() -> View:
 
 
 def finish(refinement: Refinement, seconds: float) -> int:
-    """How many steps it takes."""
+    """Refine to the end; return the number of steps."""
     steps = 0
     while not refinement.is_finished:
         refinement.step(seconds)
@@ -49,7 +49,7 @@ def test_it_ends_as_a_render_does(view: View, border: tuple[float, ...], mode: s
 
 @pytest.mark.parametrize("border", [(0.0, 1.0, 0.0, 1.0), (0.2, 0.71, 0.33, 0.9)])
 def test_coarse_pixels_stand_for_exactly_so_many(view: View, border: tuple[float, ...]) -> None:
-    """One of an odd number of pixels lies where the middle one of those is; parts of an image fit together so."""
+    """A coarse pixel shows the middle one of an odd number of pixels, so that parts of an image fit together."""
     camera = replace(view.camera, border=border)
     plan = replace(view.plan, settings=replace(view.plan.settings, mode="normal", samples=1))
     full = perfect_bvh.render(view.snapshot, camera, "normal", (96, 63))
@@ -166,7 +166,7 @@ def trace_coarse(view: View) -> dict[int, list[Any]]:
 
 
 def test_coarse_images_are_denoised_but_for_the_coarsest(view: View, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Their rows come in parts: each is shown at once, and again when it is denoised."""
+    """Their rows come in parts: each part is shown at once, and again after denoising."""
     found = trace_coarse(view)
     assert max(found) > COARSEST_DENOISED >= min(found) > 1
     for divisor, shown in found.items():

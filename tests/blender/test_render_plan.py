@@ -1,4 +1,4 @@
-"""The plan of an image asks for all that its mode shows: reading more changes no pixel."""
+"""The plan of an image requests everything that its mode shows: reading more changes no pixel."""
 
 from __future__ import annotations
 

@@ -50,7 +50,7 @@ def shown(kind: str) -> Any:
 
 
 def pictures(scene: Any) -> tuple[np.ndarray, np.ndarray]:
-    """(H, W, 4) ours and that of Cycles."""
+    """Return our image and Cycles', (H, W, 4) each."""
     cycles = scene.cycles
     with preserved(
         (cycles, "samples", SAMPLES), (cycles, "use_denoising", False), (cycles, "use_adaptive_sampling", False)
@@ -92,7 +92,7 @@ def ramp(size: int = 64) -> Any:
 
 
 def show_image(data: Any, output: Callable[[Any], Any] | None = None) -> None:
-    """It shines. output: where in the image; None: as Blender has it."""
+    """Let the material emit an image. output: the lookup's position; None: Blender's default."""
     material = new_red()
     tree = material.node_tree
     image = add(tree, "TexImage")
@@ -113,7 +113,7 @@ def named(name: str, output: str = "Color") -> Callable[[Any], Any]:
 
 
 def store(data: Any, name: str, kind: str, domain: str, seed: int = 1) -> None:
-    """Of numbers by chance."""
+    """Store random numbers as an attribute."""
     properties = {"FLOAT": ("value", 1), "FLOAT2": ("vector", 2), "FLOAT_VECTOR": ("vector", 3)}
     prop, width = properties.get(kind, ("color", 4))
     attribute = data.attributes.get(name) or data.attributes.new(name, kind, domain)

@@ -1,4 +1,4 @@
-"""Samples, seeds and time limits, as settings and on the command line."""
+"""Samples, seeds and time limits, in settings and on the command line."""
 
 from __future__ import annotations
 

@@ -20,14 +20,14 @@ pytestmark = pytest.mark.usefixtures("registered")
 
 
 def expected_point(scene, origin, direction, distance=1e6):
-    """(position, normal, name) by Blender's own ray, or None."""
+    """Return (position, normal, name) by Blender's own ray, or None."""
     depsgraph = bpy.context.evaluated_depsgraph_get()
     hit, place, normal, _, obj, _ = scene.ray_cast(depsgraph, origin, direction, distance=distance)
     return (np.array(place), np.array(normal), obj.name) if hit else None
 
 
 def compare_with_blender(scene, cloud, rays) -> int:
-    """Each ray's point (or none) must be Blender's; how many hits there were. rays: (origin, direction, distance)."""
+    """Check that each ray's point (or none) equals Blender's; return the number of hits."""
     rows = {int(ray): row for row, ray in enumerate(cloud.ray_ids)}
     for ray, (origin, direction, distance) in enumerate(rays):
         expected = expected_point(scene, origin, direction, distance)
@@ -129,7 +129,7 @@ def test_a_frame_range_follows_the_animation_and_spins_on(room) -> None:
             expected, row = expected_point(room, origin, direction), rows.get(4 * column + ring)
             assert (expected is None) == (row is None)
             if row is not None:
-                # The way of the cube is curved, most where it begins, and met aslant.
+                # The cube's path is curved, most at its start, and rays hit it at an angle.
                 bound = 1e-4 + 1.5 * cloud.scene_error / cloud.incidences[row]
                 assert np.linalg.norm(cloud.positions[row] - expected[0]) < bound
     assert len(rows) > 50 and 0.03 < cloud.scene_error < 0.05
@@ -173,7 +173,7 @@ def test_a_full_disk_leaves_the_old_file_and_nothing_else(room, tmp_path: Path) 
 
 
 def drive(head, speed: float, turns: float, tilt: float = 0.0) -> None:
-    """Along the x axis, in units a second at 24 frames, turning about z so often a second; at even speeds."""
+    """Move along the x axis, in units a second at 24 frames, and turn about z so often a second, evenly."""
     for frame in (1, 49):
         head.location = (speed * (frame - 1) / 24, 0.0, 2.0)
         head.rotation_euler = (tilt, 0.0, 2 * math.pi * turns * (frame - 1) / 24)
@@ -188,7 +188,7 @@ def drive(head, speed: float, turns: float, tilt: float = 0.0) -> None:
 
 @pytest.mark.parametrize(("speed", "turns", "steps"), [(30.0, 0.0, 1), (30.0, 0.25, 1), (30.0, 2.0, 4)])
 def test_a_lidar_that_drives_and_turns_returns_the_closed_form(speed: float, turns: float, steps: int) -> None:
-    """Over a plane, at 10 turns a second: each ray from where the sensor is at that ray's time, to a millimetre."""
+    """Over a plane, at 10 turns a second: each ray starts at the sensor's position at its time, to a millimetre."""
     bpy.ops.wm.read_factory_settings(use_empty=True)
     bpy.ops.mesh.primitive_plane_add(size=4000.0)
     head = bpy.data.objects.new("Head", None)
@@ -212,7 +212,7 @@ def test_a_lidar_that_drives_and_turns_returns_the_closed_form(speed: float, tur
 
 
 def test_a_curved_way_is_as_far_off_as_the_cloud_says() -> None:
-    """The sensor goes in a circle; with more steps a frame it is followed more closely, and less is said."""
+    """The sensor goes in a circle; more steps a frame follow it more closely, and the reported error is smaller."""
     bpy.ops.wm.read_factory_settings(use_empty=True)
     bpy.ops.mesh.primitive_plane_add(size=4000.0)
     scene, head = bpy.context.scene, bpy.data.objects.new("Head", None)

@@ -73,7 +73,7 @@ def undisturbed(gate: Gate, **options: object) -> PointCloud:
 
 
 def begin(gate: Gate, **options: object) -> tuple[Scanner, Iterator[float]]:
-    """A scan that is building its first trees."""
+    """Start a scan that is building its first trees."""
     scanner = Scanner(LIDAR, bpy.data.objects["Head"], **options)
     steps = scanner.steps()
     while scanner.built_share != HALF:
@@ -100,7 +100,7 @@ def test_closing_stops_the_build_and_sets_the_frame_back(room, gate: Gate) -> No
     expected = undisturbed(gate, frames=(1, 3))
     room.frame_set(2)
     scanner, steps = begin(gate, frames=(3, 5))
-    assert room.frame_current == 4  # where the stretch under way ends
+    assert room.frame_current == 4  # the end of the current interval
     steps.close()
     assert (room.frame_current, scanner.built_share, building_threads()) == (2, None, 0)
     assert_same(undisturbed(gate, frames=(1, 3)), expected)
@@ -238,7 +238,7 @@ def test_what_the_engine_raises_in_a_build_ends_the_scan(room, monkeypatch: pyte
 
 @pytest.fixture
 def pressed(room) -> tuple[FakeOperator, FakeWindow]:
-    """The button in a window, pressed."""
+    """The pressed button, in a window."""
     operator, window = FakeOperator(PERFECT_BVH_OT_scan), FakeWindow()
     room.perfect_bvh.scan.width, room.perfect_bvh.scan.height = 32, 18
     assert operator.invoke(window, MOUSE) == {"RUNNING_MODAL"}

@@ -1,4 +1,4 @@
-"""The Scan button's files: those of the command line, byte for byte; gone on with, refused, stopped by Esc."""
+"""The Scan button's files: equal to the command line's byte for byte; resumed, refused, and stopped by Esc."""
 
 from __future__ import annotations
 
@@ -246,7 +246,7 @@ def test_points_are_added_as_well_if_that_is_chosen_an_object_a_piece(small_file
         places = np.empty(written.size, np.float32)
         bpy.data.objects[name].data.attributes["position"].data.foreach_get("vector", places)
         np.testing.assert_array_equal(places.reshape(-1, 3), written)
-    operator, window = started()  # the points themselves are no other scene
+    operator, window = started()  # the scan's own points do not make it another scene
     for _ in patiently("it does not end"):
         if operator.modal(window, TIMER) != {"RUNNING_MODAL"}:
             break

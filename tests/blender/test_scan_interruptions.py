@@ -1,4 +1,4 @@
-"""Scans that are interrupted, or cast in pieces: nothing is half done, and the frame is set back."""
+"""Scans that are interrupted, or cast in chunks: nothing is half done, and the frame is restored."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ def test_a_sensor_deleted_during_the_scan_is_named_and_the_frame_set_back(room) 
     room.frame_set(2)
     steps = Scanner(LIDAR, bpy.data.objects["Head"], frames=(1, 3)).steps()
     next(steps)
-    assert room.frame_current == 2  # where the stretch under way ends
+    assert room.frame_current == 2  # the end of the current interval
     bpy.data.objects.remove(bpy.data.objects["Head"])
     with pytest.raises(ValueError, match="the sensor 'Head' was deleted during the scan"):
         list(steps)
@@ -46,7 +46,7 @@ def test_giving_up_sets_the_frame_back(room) -> None:
 
 
 def test_a_scan_can_be_given_up_before_its_first_ray(room, monkeypatch) -> None:
-    """Once the scene is read, which may take long; the operator heeds Esc between any two steps."""
+    """A scan can be stopped once the scene is read, which may take long; the operator checks Esc between steps."""
     monkeypatch.setattr(CameraGrid, "cast", None)
     steps = Scanner(CameraGrid(32, 18)).steps()
     assert next(steps) == 0.0
@@ -68,7 +68,7 @@ def test_progress_can_stop_a_scan(room) -> None:
 def test_large_scans_are_cast_in_pieces(room, monkeypatch) -> None:
     whole = scan(CameraGrid(32, 18))
     monkeypatch.setattr(stretch_sync, "RAYS_IN_A_STEP", 100)
-    monkeypatch.setitem(scan.__globals__, "BUILD_STEP_SECONDS", 60.0)  # the trees are no step, however slow the machine
+    monkeypatch.setitem(scan.__globals__, "BUILD_STEP_SECONDS", 60.0)  # builds end at no step
     scanner = Scanner(CameraGrid(32, 18))
     done = list(scanner.steps())
     assert len(done) == 7 and done == sorted(done) and (done[0], done[-1]) == (0.0, 1.0)

@@ -109,7 +109,7 @@ def test_each_key_moment_is_evaluated_and_read_once(
 
 
 def test_what_rests_has_no_motion_and_one_tree(head: Any, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Nor do rays have times where nothing moves."""
+    """Rays have no times either if nothing moves."""
     times: list[Any] = []
     cast = perfect_bvh.Snapshot.cast_rays
 
@@ -126,7 +126,7 @@ def test_what_rests_has_no_motion_and_one_tree(head: Any, monkeypatch: pytest.Mo
 
 
 def test_a_single_moment_has_no_shutter(head: Any, counts: Counts) -> None:
-    """The current frame alone, and each picture of a camera grid."""
+    """This is the current frame alone, and each picture of a camera grid."""
     move_the_box()
     scene = bpy.context.scene
     scene.frame_set(3)
@@ -159,7 +159,7 @@ def test_between_steps_it_is_where_the_stretch_ends(head: Any) -> None:
     number = 0
     for done in steps:
         assert bpy.context.scene.frame_current == number + 2
-        number += done == (number + 1) / 4  # the last of a stretch
+        number += done == (number + 1) / 4  # the last step of an interval
     assert number == 4
     assert bpy.context.scene.frame_current == 9
 

@@ -29,7 +29,7 @@ def room(registered: None) -> Any:
 
 
 def by_place(cloud: PointCloud, name: str) -> dict[float, set[Any]]:
-    """All values of a label on each square, by its x."""
+    """Return all values of a label on each square, by the square's x."""
     column = cloud.labels[name]
     places = np.round(cloud.positions[:, 0] / 3.0) * 3.0
     return {float(x): {column.value_at(row) for row in np.flatnonzero(places == x)} for x in np.unique(places)}

@@ -1,4 +1,4 @@
-"""Scans of a million triangles, whose build is interrupted inside the engine: stopped, or by the end of the process."""
+"""Scans of a million triangles. The build is interrupted inside the engine by a stop, or by the end of the process."""
 
 from __future__ import annotations
 

@@ -79,7 +79,7 @@ def test_a_pane_returns_its_share_and_lets_the_rest_pass_twice(head, turn: float
 
 
 def test_a_slab_that_refracts_shifts_the_beam_by_snells_law(head) -> None:
-    """A slab of thickness h at an angle moves the ray by h sin(a - b) / cos b, and it is slower in it."""
+    """A slab of thickness h at an angle moves the ray by h sin(a - b) / cos b, and slows it inside."""
     turn, ior, thick = 0.5, 1.5, 0.4
     bpy.ops.mesh.primitive_cube_add(size=1.0, location=(0.0, 3.0, 0.0), rotation=(0.0, 0.0, turn))
     slab = bpy.context.object
@@ -91,7 +91,7 @@ def test_a_slab_that_refracts_shifts_the_beam_by_snells_law(head) -> None:
     # Where the ray arrives on the wall there is a strip as thin as a hair; the wall is a little behind it.
     strip = add_plate(8.0, diffuse(0.5), size=2e-5, x=-aside)
     wall = add_plate(9.0, diffuse(0.5), size=40.0)
-    strongest = Beam(keep=("strongest",))  # there are ghosts, of light that went to and fro in the slab
+    strongest = Beam(keep=("strongest",))  # there are ghosts of light that is reflected back and forth in the slab
     cloud = scan(ONE_RAY, head, light=Light(strongest, Optics(refract=True)))
     assert names_of(cloud) == [strip.name]
     expected = 8.0 - in_glass * math.cos(turn - inner) + ior * in_glass
@@ -99,13 +99,13 @@ def test_a_slab_that_refracts_shifts_the_beam_by_snells_law(head) -> None:
     passed = (1.0 - fresnel(ior, math.cos(turn))) ** 2  # the same on the way out
     assert cloud.intensities == pytest.approx([passed**2 * 0.5 / expected**2], rel=1e-5)
     assert cloud.positions == pytest.approx(np.array([(0.0, expected, 0.0)]), abs=1e-5)
-    # Thin glass leaves it where it is.
+    # Thin glass does not shift the ray.
     thin = scan(ONE_RAY, head, light=Light(strongest))
     assert names_of(thin) == [wall.name] and thin.distances == pytest.approx([9.0])
 
 
 def test_light_that_cannot_leave_glass_is_mirrored_in_it(head) -> None:
-    """A prism whose cut meets the ray at 45 degrees, beyond glass's critical angle: all goes to the side."""
+    """The cut of a prism is at 45 degrees to the ray, beyond glass's critical angle: all light goes to the side."""
     corners = [(x, y, z) for z in (-1.0, 1.0) for x, y in ((-1.0, 2.0), (1.0, 2.0), (-1.0, 4.0))]
     faces = [(0, 1, 4, 3), (1, 2, 5, 4), (2, 0, 3, 5), (0, 2, 1), (3, 4, 5)]
     mesh = bpy.data.meshes.new("Prism")
@@ -134,7 +134,7 @@ def test_alpha_lets_light_pass_straight_on_in_either_mode(head) -> None:
 
 
 def test_a_leafs_alpha_texture_has_holes(head) -> None:
-    """Of a checked alpha of 4 x 4 pixels, rays through the middles of the pixels; the colours are the image's."""
+    """Rays pass through the pixel centres of a checked alpha of 4 x 4 pixels; the colours are the image's."""
     pixels = np.ones((4, 4, 4), np.float32)
     pixels[..., :3] = (0.2, 0.4, 0.1)
     pixels[..., 3] = (np.indices((4, 4)).sum(axis=0) % 2).astype(np.float32)
@@ -192,7 +192,7 @@ def test_a_mirror_makes_a_ghost_on_the_beams_own_line(head, roughness: float) ->
 
 
 def test_light_between_mirrors_stops_after_so_many_bounces(head) -> None:
-    """The head is between two mirrors that face each other."""
+    """The sensor is between two mirrors that face each other."""
     mirror = simple("ShaderNodeBsdfAnisotropic", Color=(1.0, 1.0, 1.0, 1.0), Roughness=0.0)
     add_plate(2.0, mirror)
     add_plate(-1.0, mirror)

@@ -23,7 +23,7 @@ STEPS = (1, 2, 5)
 
 @pytest.fixture(autouse=True)
 def audits(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
-    """Every answer of the scans is judged in double precision and without a tree; none may be wrong."""
+    """Judge every answer of the scans in double precision and without a tree; none may be wrong."""
     cast = perfect_bvh.Snapshot.cast_rays
     judged: list[Any] = []
 
@@ -47,13 +47,13 @@ def sensor(**place: Any) -> Any:
 
 
 def rotated(angles: np.ndarray, vectors: np.ndarray) -> np.ndarray:
-    """About z."""
+    """Rotate vectors about z."""
     c, s = np.cos(angles), np.sin(angles)
     return np.stack([c * vectors[:, 0] - s * vectors[:, 1], s * vectors[:, 0] + c * vectors[:, 1], vectors[:, 2]], 1)
 
 
 def error(cloud: PointCloud, rows: np.ndarray, expected: np.ndarray) -> float:
-    """Of all points, which must be those of these rays."""
+    """Return the largest error of the points, which must belong to these rays."""
     assert np.array_equal(cloud.ray_ids, rows) and len(rows) > 500
     return float(np.linalg.norm(cloud.positions - expected, axis=1).max())
 
@@ -75,7 +75,7 @@ def test_a_wall_that_comes_at_30_metres_a_second(scene: Any, steps: int) -> None
 
 
 def box_hits(origins: np.ndarray, away: np.ndarray, half: np.ndarray) -> np.ndarray:
-    """(R,) how far along each ray a box around the origin begins, inf for a miss."""
+    """Return the distance along each ray to a box around the origin, (R,); inf for a miss."""
     with np.errstate(divide="ignore"):
         sides = np.stack([(-half - origins) / away, (half - origins) / away])
     first, last = sides.min(axis=0).max(axis=1), sides.max(axis=0).min(axis=1)
@@ -84,7 +84,7 @@ def box_hits(origins: np.ndarray, away: np.ndarray, half: np.ndarray) -> np.ndar
 
 @pytest.mark.parametrize("steps", STEPS)
 def test_a_head_that_drives_and_turns_past_a_box_that_does(scene: Any, steps: int) -> None:
-    """The head by 30 units and a quarter of a turn a second, the box by 20 the other way, twice around."""
+    """The mount moves by 30 units and a quarter turn a second, the box by 20 the other way and two turns."""
     head = sensor()
     keyed(head, "location", [(0.0, 0.0, 0.0), (30.0, 0.0, 0.0)], (1, 25))
     keyed(head, "rotation_euler", [(0.0, 0.0, 0.0), (0.0, 0.0, math.pi / 2)], (1, 25))
@@ -103,7 +103,7 @@ def test_a_head_that_drives_and_turns_past_a_box_that_does(scene: Any, steps: in
     turn = -(0.3 + 4.0 * math.pi * t)
     local = rotated(turn, origins - centre), rotated(turn, away)
     far = box_hits(*local, half)
-    # Who passes by an edge within a tenth of a millimetre may meet it or not.
+    # A ray that passes an edge within a tenth of a millimetre may hit it or not.
     sure = np.isfinite(box_hits(*local, half - 1e-4)) | ~np.isfinite(box_hits(*local, half + 1e-4))
     met = np.zeros(len(t), np.bool_)
     met[cloud.ray_ids] = True
@@ -116,7 +116,7 @@ def test_a_head_that_drives_and_turns_past_a_box_that_does(scene: Any, steps: in
 
 @pytest.mark.parametrize("steps", STEPS)
 def test_a_ground_that_deforms(scene: Any, steps: int) -> None:
-    """Its one side sinks by 6 units a second, the other by 12: a plane at every time, and straight for each vertex."""
+    """One side sinks by 6 units a second, the other by 12: the ground is always a plane, and vertices move straight."""
     bpy.ops.mesh.primitive_grid_add(x_subdivisions=10, y_subdivisions=10, size=100.0)
     ground = bpy.context.object
     ground.shape_key_add(name="Basis")
@@ -137,7 +137,7 @@ def test_a_ground_that_deforms(scene: Any, steps: int) -> None:
 
 @pytest.mark.parametrize("name", EVEN)
 def test_each_column_sees_what_a_scene_that_stands_still_there_shows(scene: Any, name: str) -> None:
-    """Instances, shapes, curves, points, text: against single scans of Blender's frames between."""
+    """Instances, shapes, curves, points and text are compared with single scans of Blender's frames in between."""
     make(name)
     head = sensor(location=(0.5, -9.0, 1.0))
     lidar = SpinningLidar(elevations=tuple(np.linspace(-25.0, 20.0, 61)), columns=12, rate=20.0, sweep=50.0)
@@ -204,7 +204,7 @@ def test_an_even_turn_is_no_curved_way(scene: Any) -> None:
     bpy.ops.mesh.primitive_cube_add(size=2.0, location=(0.0, 6.0, 0.0))
     wheel, lidar, head = bpy.context.object, SpinningLidar(elevations=(0.0,), columns=360), sensor()
     by_frame(wheel, "rotation_euler", "frame*frame/50", 2)
-    # A second difference of 1 / 25, of corners that are the root of two from the axis.
+    # A second difference of 1 / 25, of corners at a distance of the root of two from the axis.
     assert scan(lidar, head, frames=(1, 6)).scene_error == pytest.approx(math.sqrt(2) / 25 / 8, rel=0.01)
     wheel.driver_remove("rotation_euler", 2)
     keyed(wheel, "rotation_euler", [(0.0, 0.0, 0.0), (9.0, 0.0, 0.0)], (1, 25))
@@ -216,7 +216,7 @@ def test_an_even_turn_is_no_curved_way(scene: Any) -> None:
 
 
 def points_sorted_anew(scene: Any, *, with_ids: bool) -> None:
-    """Cubes on the points of a row, which nodes sort by random numbers of each frame; with ids of the unsorted ones."""
+    """Cubes on points of a row, which nodes sort by random numbers in each frame; with ids of the unsorted points."""
     bpy.ops.mesh.primitive_cube_add(size=0.5, location=(0.0, 0.0, -50.0))
     group = NodeGroup("sorted")
     line = group.node("GeometryNodeMeshLine", Count=40, Start_Location=(-20.0, 8.0, 0.0), Offset=(1.0, 0.0, 0.0))

@@ -1,4 +1,4 @@
-"""A scan's points in Blender: their attributes and colours, where they are drawn, and that they are not rendered."""
+"""A scan's points in Blender: their attributes and colours, where they are drawn, and that renders omit them."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The sensors of the Scan panel: those that are brought, by their titles, and one's own files."""
+"""The sensors of the Scan panel: the built-in ones, by their titles, and users' own files."""
 
 from __future__ import annotations
 

@@ -38,7 +38,7 @@ def test_the_button_scans_with_a_lidar_over_frames(room) -> None:
 
 @pytest.mark.parametrize("use_files", [False, True])
 def test_the_mount_is_chosen_and_the_panel_counts_the_rays(room, tmp_path: Path, use_files: bool) -> None:
-    """The cube is around the sensor: automatically left out."""
+    """The cube is around the sensor, so it is excluded automatically."""
     settings = room.perfect_bvh.scan
     settings.pattern, settings.sensor, settings.columns = "LIDAR", bpy.data.objects["Red"], 36
     settings.use_files, settings.folder = use_files, str(tmp_path)

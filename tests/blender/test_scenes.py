@@ -204,13 +204,13 @@ def test_a_planet_gear_meshes_with_the_sun_on_every_frame(blend_file: Callable[[
         bpy.context.scene.frame_set(frame)
         angles = {name: world_angle(name) for name in ("Sun", "Carrier", "Planet 0")}
         sun, carrier, planet = angles["Sun"], angles["Carrier"], angles["Planet 0"]
-        # Both gears' phase along the line of centres, in teeth: a tooth of one faces a gap of the other.
+        # The phase of both gears along the line of centres, in teeth: a tooth of one faces a gap of the other.
         phase = (carrier - sun) / 20.0 + (carrier + 180.0 - planet) / 30.0
         assert phase % 1.0 == pytest.approx(0.5, abs=0.01)
 
 
 def world_angle(name: str) -> float:
-    """Degrees by which an object's X axis has turned counter-clockwise, seen from -Y."""
+    """Return the degrees by which an object's X axis has turned counter-clockwise, seen from -Y."""
     matrix = np.array(bpy.data.objects[name].matrix_world)
     return float(np.degrees(np.arctan2(matrix[2, 0], matrix[0, 0])))
 

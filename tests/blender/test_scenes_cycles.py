@@ -1,4 +1,4 @@
-"""The example scenes as Cycles shows them: the same light in the same places, within the noise of few samples."""
+"""The example scenes compared with Cycles: the same light at the same places, within the noise of few samples."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def test_an_example_scene_looks_as_in_cycles(registered: None, name: str) -> Non
     scene = bpy.context.scene
     scene.render.resolution_x, scene.render.resolution_y = SIZE
     scene.render.resolution_percentage = 100
-    scene.render.use_motion_blur = False  # which `test_motion_blur_cycles.py` compares
+    scene.render.use_motion_blur = False  # `test_motion_blur_cycles.py` compares it
     ours, theirs = map(patches, render_beside(scene, SAMPLES))
     np.testing.assert_allclose(ours.mean(axis=(0, 1)), theirs.mean(axis=(0, 1)), rtol=MEAN)
     difference = np.abs(ours - theirs).mean(axis=-1) / (theirs.mean(axis=-1) + 0.05 * theirs.mean())

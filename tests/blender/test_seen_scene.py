@@ -1,4 +1,4 @@
-"""Every rule of visibility, level and camera, with every command: all see a render's scene, or that of viewports."""
+"""Every rule of visibility, level and camera, with every command: all see the scene of a render, or of viewports."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from perfect_bvh_addon.bench.measurements import subject_of  # noqa: E402
 
 HALF = 0.4  # of a cube's side
 SIDE = 64  # pixels
-# Of the camera of the frame's marker. The other one, which the file was saved with, looks at nothing.
+# The camera of the frame's marker is here. The other one, active when the file was saved, looks at nothing.
 PLACE = (0.0, -12.0, 0.0)
 SENSOR = 'kind = "raster"\nwidth = 96\nheight = 96\nhorizontal = 40.0\nvertical = 40.0\nrate = 24.0\n'
 
@@ -39,13 +39,13 @@ BEHIND = Shape(-HALF + 0.2, 12)
 
 
 def evaluated(obj: Any) -> Shape:
-    """As Blender makes it for viewports."""
+    """Evaluate the scene as Blender does for viewports."""
     mesh = obj.evaluated_get(bpy.context.evaluated_depsgraph_get()).to_mesh()
     return Shape(min((obj.matrix_world @ vertex.co).y for vertex in mesh.vertices), len(mesh.loop_triangles))
 
 
 def in_collection(obj: Any) -> tuple[Any, Any]:
-    """Moves it into a collection for it alone; that, and that of the view layer."""
+    """Move an object into a new collection; return the collection and its layer collection."""
     made = bpy.data.collections.new(obj.name)
     bpy.context.scene.collection.children.link(made)
     bpy.context.scene.collection.objects.unlink(obj)
@@ -194,7 +194,7 @@ class Table:
     rows: tuple[dict[str, Shape], dict[str, Shape]]
 
     def run(self, into: Path, command: str, for_viewport: bool, *arguments: object) -> Path:
-        """The command's output."""
+        """Run the command; return its output."""
         output = into / f"{command}_{for_viewport}{'.exr' if command == 'render' else ''}"
         line = [command, self.file, *(["-o", output] if command != "info" else []), *arguments]
         assert run(*line, *(["--viewport"] if for_viewport else [])) == 0
@@ -211,7 +211,7 @@ def add_camera(name: str, frame: int, turn: float) -> Any:
 
 @pytest.fixture(scope="module")
 def table(tmp_path_factory: pytest.TempPathFactory) -> Table:
-    """The file is saved at frame 3, with the camera of frame 1, as a script may leave it."""
+    """The file is saved at frame 3 with the camera of frame 1, as scripts may do."""
     folder = tmp_path_factory.mktemp("seen")
     bpy.ops.wm.read_factory_settings(use_empty=True)
     scene = bpy.context.scene
@@ -309,7 +309,7 @@ def test_a_markers_camera_alone_is_enough(table: Table, tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("for_viewport", [False, True])
 def test_functions_see_it(table: Table, for_viewport: bool) -> None:
-    """Without the add-on registered, and at frame 3, to which the scene is set: its camera is that of the marker."""
+    """The add-on is not registered, and the scene is set to frame 3: the camera is that of the marker."""
     bpy.ops.wm.open_mainfile(filepath=str(table.file))
     bpy.context.scene.frame_set(3)
     expected = table.rows[for_viewport]
@@ -325,7 +325,7 @@ def test_functions_see_it(table: Table, for_viewport: bool) -> None:
 
 @pytest.mark.parametrize("for_viewport", [False, True])
 def test_a_scan_changes_to_the_camera_of_a_marker(table: Table, for_viewport: bool) -> None:
-    """Frame 2 is still seen by the camera that looks away."""
+    """Frame 2 still uses the camera that looks away."""
     bpy.ops.wm.open_mainfile(filepath=str(table.file))
     bpy.context.scene.frame_set(1)
     cloud = scan(load_sensor(table.folder / "sensor.toml"), frames=(2, 3), for_viewport=for_viewport)
@@ -350,7 +350,7 @@ def test_a_sensor_that_renders_hide_is_where_it_would_be(table: Table) -> None:
 
 
 def test_a_reading_leaves_the_scene_as_it_was(table: Table) -> None:
-    """Without a camera, and with another engine: Blender renders nothing then by itself."""
+    """There is no camera and another engine: Blender renders nothing by itself then."""
     bpy.ops.wm.open_mainfile(filepath=str(table.file))
     scene = bpy.context.scene
     scene.timeline_markers.clear()

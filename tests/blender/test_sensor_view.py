@@ -1,4 +1,4 @@
-"""The scan's sensor in a viewport: where *Add Sensor* puts it, and which lines and range are drawn."""
+"""The scan's sensor in a viewport: its position after *Add Sensor*, and the lines and the range that are drawn."""
 
 from __future__ import annotations
 

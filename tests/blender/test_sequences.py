@@ -45,7 +45,7 @@ def shown(scene: Any, image: Any) -> Any:  # noqa: F811
 
 
 def first_pixels(frames: range, sync: SceneSync) -> list[int]:
-    """The red byte of the image that is shown in each frame."""
+    """Return the red byte of the image's first pixel in each frame."""
     found = []
     for frame in frames:
         bpy.context.scene.frame_set(frame)
@@ -74,7 +74,7 @@ def sync(scene: Any) -> Any:  # noqa: F811
 def test_each_frame_shows_its_file(
     sequence: Any, sync: SceneSync, settings: dict[str, Any], numbers: list[int]
 ) -> None:
-    """As Blender counts: frames before the first show the file before it, those after the last the last."""
+    """As in Blender, frames before the first show the previous file, and frames after the last show the last file."""
     for name, value in settings.items():
         setattr(sequence, name, value)
     assert first_pixels(range(-1, 6), sync) == [round(255 * REDS[number]) for number in numbers]
@@ -96,7 +96,7 @@ def test_a_query_right_after_the_update_is_answered(sequence: Any, sync: SceneSy
 
 
 def test_a_packed_image_that_was_painted_shows(scene: Any, sync: SceneSync) -> None:  # noqa: F811
-    """Packed again it has as many bytes as before."""
+    """Packed a second time, it has the same number of bytes."""
     image = bpy.data.images.new("painted", 8, 8)
     shown(scene, image)
     found = []
@@ -110,7 +110,7 @@ def test_a_packed_image_that_was_painted_shows(scene: Any, sync: SceneSync) -> N
 
 
 def test_a_movie_is_named(scene: Any, sync: SceneSync, tmp_path: Path) -> None:  # noqa: F811
-    """Blender shows Python no other frame of it than the first."""
+    """Blender gives Python only the first frame of a movie."""
     image = bpy.data.images.new("clip", 8, 8)
     image.source, image.filepath = "MOVIE", str(tmp_path / "clip.avi")
     shown(scene, image)

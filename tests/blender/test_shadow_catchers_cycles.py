@@ -53,7 +53,7 @@ def scene() -> Iterator[Any]:
 
 
 def render_both(scene: Any) -> tuple[Image, Image]:
-    """(H, W, 4), ours and that of Cycles."""
+    """Return our image and Cycles', (H, W, 4) each."""
     return render_beside(scene, SAMPLES)
 
 
@@ -63,7 +63,7 @@ def patches(image: Image) -> Image:
 
 
 def check(scene: Any, most: float = 0.06, mean: float = 0.004) -> Image:
-    """Ours, which looks like Cycles'. most, mean: how far patches may be off."""
+    """Compare our image with Cycles'; return ours. most, mean: the largest and the mean difference of patches."""
     ours, theirs = render_both(scene)
     difference = np.abs(patches(ours) - patches(theirs))
     assert difference.max() < most

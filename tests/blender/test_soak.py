@@ -1,4 +1,4 @@
-"""A share of the random edits that `nox -s soak` goes on with: see `soak.py`."""
+"""A small part of the random edits that `nox -s soak` runs: see `soak.py`."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ USUAL_EDITS = {
     *("change_frame", "undo", "redo", "edit_in_edit_mode", "rename", "reopen"),
 }
 
-# To the updates in halves.
+# Events in the updates in halves.
 HAPPENED = {"hold", "look", "look_all", "stop", "ask_to_stop", "update", "linger", "joined", "not yet", "WorkerError"}
 
 

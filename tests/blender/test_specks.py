@@ -45,7 +45,7 @@ def ball(place: tuple[float, float, float], radius: float, material: bpy.types.M
 
 @pytest.fixture
 def shop(scene: bpy.types.Scene) -> bpy.types.Scene:
-    """Balls of metal and plastic, smooth to rough, on a floor before a wall of metal; nothing shines yet."""
+    """Spheres of metal and plastic, smooth to rough, on a floor in front of a metal wall; there is no light yet."""
     bpy.ops.mesh.primitive_plane_add(size=40.0)
     bpy.context.object.data.materials.append(principled((0.4, 0.4, 0.4), 0.0, 0.45))
     bpy.ops.mesh.primitive_plane_add(size=40.0, location=(0.0, 5.0, 0.0), rotation=(math.pi / 2, 0.0, 0.0))
@@ -109,7 +109,7 @@ LIGHTS: dict[str, Callable[[bpy.types.Scene], None]] = {
 
 
 def previews(paths: perfect_bvh.LightPaths) -> tuple[Image, Image]:
-    """(H, W, 3): of few samples, and converged with other random numbers."""
+    """Render (H, W, 3): with few samples, and converged with other random numbers."""
     sync = SceneSync(attributes=AttributeRequest(material_slots=True, corner_normals=True, shading=True))
     sync.update(bpy.context.evaluated_depsgraph_get())
     few, converged = (
@@ -122,7 +122,7 @@ def previews(paths: perfect_bvh.LightPaths) -> tuple[Image, Image]:
 
 
 def specks(image: Image, converged: Image) -> npt.NDArray[np.float64]:
-    """(H, W): how far each pixel is brighter than the converged ones around it, in parts of these and the mean."""
+    """(H, W): the excess of each pixel over the converged pixels around it, relative to these and the mean."""
     brightness, wanted = (each.max(axis=-1).astype(np.float64) for each in (image, converged))
     padded = np.pad(wanted, 1, mode="edge")
     height, width = wanted.shape
@@ -139,7 +139,7 @@ def test_shiny_things_beside_small_bright_ones_show_no_specks(shop: bpy.types.Sc
 
 @pytest.mark.parametrize("lit_by", LIGHTS)
 def test_shiny_things_look_as_in_cycles_under_small_bright_ones(shop: bpy.types.Scene, lit_by: str) -> None:
-    """By the light of larger patches."""
+    """The lights are larger patches."""
     LIGHTS[lit_by](shop)
     _, ours = previews(read_light_paths(shop))
     cycles = shop.cycles

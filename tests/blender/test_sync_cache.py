@@ -109,7 +109,7 @@ def test_cached_syncs_used_longest_ago_go_beyond_the_limit(
     assert one.byte_count == two.byte_count > 40 * 40 * 2 * 12
     limit_cache(2 * one.byte_count)
     assert update(first) is one
-    three = update(third)  # `two` was used longest ago
+    three = update(third)  # `two` was the least recently used
     assert syncs_of(scene) == (one, three)
     assert cast(two), "what holds it may go on"
     limit_cache(1)

@@ -1,4 +1,4 @@
-"""After each kind of change a synced scene equals one that is read afresh, and rays through both agree."""
+"""After each kind of change a synced scene equals a fresh reading, and rays through both agree."""
 
 from __future__ import annotations
 
@@ -74,7 +74,7 @@ def test_all_changes_one_after_the_other(village: Any, rng: np.random.Generator)
 
 
 def assert_equal_to_a_fresh_one(sync: SceneSync, depsgraph: Any) -> None:
-    """The synced scene against one that has never seen anything else."""
+    """Compare the synced scene with one that has never seen anything else."""
     fresh = SceneSync(sync._attributes, watch=False)
     fresh.update(depsgraph)
     assert_equal_records(sync, fresh)
@@ -96,7 +96,7 @@ def assert_equal_records(sync: SceneSync, fresh: SceneSync) -> None:
 
 
 def rays() -> tuple[np.ndarray, np.ndarray]:
-    """Rays all through the village: from above on a grid, and crosswise at random."""
+    """Return rays through the whole village: from above on a grid, and random ones in all directions."""
     x, y = np.meshgrid(np.linspace(-20, 20, 120), np.linspace(-10, 24, 100))
     above = np.stack([x.ravel(), y.ravel(), np.full(x.size, 15.0)], axis=1)
     rng = np.random.default_rng(3)
@@ -106,7 +106,7 @@ def rays() -> tuple[np.ndarray, np.ndarray]:
 
 
 def assert_equal_answers(sync: SceneSync, fresh: SceneSync) -> None:
-    """Every ray: the same t, triangle, object, instance, polygon and material."""
+    """Check every ray: the same t, triangle, object, instance, polygon and material."""
     origins, directions = rays()
     fields = ("t_hit", "instance_ids", "mesh_ids", "primitive_ids", "primitive_uvs", "geometric_normals", "positions")
     one, other = (item.scene.cast_rays(origins, directions, fields=fields) for item in (sync, fresh))

@@ -102,7 +102,7 @@ def test_an_update_in_one_go_stops_it_and_is_right(box, sync: SceneSync, gate: G
 
 
 def test_one_that_ended_unseen_is_not_forgotten(box, sync: SceneSync) -> None:
-    """Its result was not asked for: the next update must know that the scene changed, or show an old image."""
+    """Its result was never requested: the next update must know that the scene changed, or show an old image."""
     sync.begin_update(depsgraph()).settle()
     assert sync.revision == 1
     move(box, 3.0)

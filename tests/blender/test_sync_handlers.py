@@ -1,4 +1,4 @@
-"""Blender's handlers and the add-on's own syncs: who lives how long, through file loads and reloads."""
+"""Blender's handlers and the add-on's own syncs: their lifetimes, through file loads and reloads."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def test_handlers_live_as_long_as_somebody_watches(scene: Any) -> None:
 
 
 def test_a_forgotten_sync_is_freed_and_costs_others_no_call(scene: Any) -> None:
-    """Blender passes over the next handler of a list if one removes itself from it."""
+    """Blender skips the next handler of a list if a handler removes itself from the list."""
     sync = SceneSync()
     calls: list[Any] = []
     handlers = bpy.app.handlers.depsgraph_update_post
@@ -94,7 +94,7 @@ TELLING = (  # all except those that only report where Blender must not be asked
     ],
 )
 def test_each_event_alone_makes_it_stale(scene: Any, event: str, message: str) -> None:
-    """Mostly several of them come together."""
+    """In most cases several events occur together."""
     mesh_object("a", mesh_data("a", *SQUARE))
     sync = SceneSync()
     sync.update(evaluated())
@@ -214,7 +214,7 @@ def test_a_closed_sync_answers_nothing_until_it_is_updated(scene: Any) -> None:
 
 
 def test_a_sync_outlives_a_reload_of_the_add_on(scene: Any) -> None:
-    """It goes on following; only the add-on's own syncs go, and come back when they are asked for."""
+    """It is still kept current; only the add-on's own syncs are dropped, and made again on request."""
     import perfect_bvh_addon
 
     obj = mesh_object("a", mesh_data("a", *SQUARE))

@@ -15,7 +15,7 @@ from perfect_bvh_addon.sync.report import SyncReport
 
 
 def test_switching_scenes_shows_each_its_own(scene: Any) -> None:
-    """One sync that follows the window, and one for each scene that does not care."""
+    """One sync follows the window; each scene has another one that does not depend on the window."""
     mesh_object("a", mesh_data("a", *SQUARE), location=(0, 0, 1))
     other = bpy.data.scenes.new("other")
     there = bpy.data.objects.new("b", mesh_data("b", *SQUARE))
@@ -34,7 +34,7 @@ def test_switching_scenes_shows_each_its_own(scene: Any) -> None:
 
 
 def test_scenes_and_view_layers_side_by_side(scene: Any) -> None:
-    """Edits of one between updates of the other; each goes by its own evaluations, and both share a mesh."""
+    """One is edited between updates of the other. Each depends on its own evaluations, and both share a mesh."""
     shared = mesh_data("shared", *SQUARE)
     mesh_object("a", shared)
     layered = mesh_object("layered", mesh_data("layered", *SQUARE), collection=collection("only"))
@@ -82,7 +82,7 @@ def test_two_depsgraphs_at_once(scene: Any, keeps_syncs: None) -> None:
 
 
 def test_linked_objects_and_overrides(scene: Any, keeps_syncs: None, tmp_path: Path) -> None:
-    """Another file's objects, reloaded from a changed file as well."""
+    """Objects come from another file, which is also reloaded after a change."""
     path = str(tmp_path / "library.blend")
     mesh_object("linked", mesh_data("linked", *SQUARE))
     bpy.ops.wm.save_as_mainfile(filepath=path)

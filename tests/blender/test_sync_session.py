@@ -124,7 +124,7 @@ def test_an_empty_scene_answers_with_misses(scene: Any) -> None:
 
 
 def test_equal_distances_are_settled_alike_whatever_the_history(scene: Any) -> None:
-    """Two objects in one place: which is hit must not depend on which was synced first."""
+    """Two objects are in one place: the hit one must not depend on the order of syncing."""
     for name in ("one", "two", "three"):
         mesh_object(name, mesh_data(name, *SQUARE))
     sync = SceneSync()

@@ -1,4 +1,4 @@
-"""A thread that refines images: to the end by itself, no further once stopped, and never two at once."""
+"""A thread that refines images: it runs to the end by itself, ends once stopped, and never runs twice at once."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def view() -> View:
 
 
 class Gate:
-    """Before each call of the renderer. calls: how many there were; at_once: the most that were under way together.
+    """Holds calls of the renderer before they start. calls: their number. at_once: the most that ran at the same time.
 
     closes_at: the call before which it closes by itself; 0 for none.
     """
@@ -62,7 +62,7 @@ def gate(monkeypatch: pytest.MonkeyPatch) -> Iterator[Gate]:
 
 
 def slow() -> Pace:
-    """So that an image is made in many steps."""
+    """Slow the renderer down, so that an image takes many steps."""
     return Pace(seconds_per_pixel=1e-3)
 
 

@@ -28,7 +28,7 @@ SQUARES = SIDE // PATCH // 4  # patches of a tile's square, of which the floor s
 
 
 def save(path: Path, *color: float, size: int = 8) -> None:
-    """A tile whose right half is darker."""
+    """Save a tile whose right half is darker."""
     image = bpy.data.images.new("tile", size, size)
     pixels = np.ones((size, size, 4), np.float32)
     pixels[..., :3] = color
@@ -62,7 +62,7 @@ def shown(scene: Any, image: Any, extension: str = "EXTEND") -> Any:  # noqa: F8
 
 
 def in_square(picture: Any, column: int, row: int) -> Any:
-    """The colour in the middle of a tile's left half."""
+    """Return the colour in the middle of a tile's left half."""
     return picture[-1 - (SQUARES * (row + 1) + SQUARES // 2), SQUARES * (column + 1) + 1]
 
 
@@ -105,7 +105,7 @@ def records(sync: SceneSync) -> tuple[ImageRecord, ...]:
 
 @plain_files
 def test_edits_of_tiles_show(scene, image, tmp_path: Path) -> None:  # noqa: F811
-    """Of files, of the list of tiles, of pixels."""
+    """Files, the list of tiles, and pixels are edited."""
     shown(scene, image)
     sync = SceneSync(AttributeRequest(shading=True))
     try:
@@ -126,7 +126,7 @@ def test_edits_of_tiles_show(scene, image, tmp_path: Path) -> None:  # noqa: F81
         check(scene)
 
         image.tiles.remove(next(tile for tile in image.tiles if tile.number == 1012))
-        (tmp_path / "t.1012.png").unlink()  # or to reload would bring it back
+        (tmp_path / "t.1012.png").unlink()  # a reload would restore it otherwise
         assert [*records(sync)[0].tiles] == [1001, 1002]
         check(scene)
 
@@ -142,7 +142,7 @@ def test_edits_of_tiles_show(scene, image, tmp_path: Path) -> None:  # noqa: F81
 
 @plain_files
 def test_strokes_that_were_not_saved_show(scene, image) -> None:  # noqa: F811
-    """Cycles is not asked: it shows the files, and throws the strokes away."""
+    """No comparison with Cycles: it shows the files, and discards the strokes."""
     shown(scene, image)
     sync = SceneSync(AttributeRequest(shading=True))
     try:
@@ -160,7 +160,7 @@ def test_strokes_that_were_not_saved_show(scene, image) -> None:  # noqa: F811
 @plain_files
 @pytest.mark.parametrize("is_painted", [False, True])
 def test_reading_tiles_is_no_change(scene, image, is_painted: bool) -> None:  # noqa: F811
-    """Else a viewport would read them for ever; they are taken for numbers as the image is."""
+    """Otherwise a viewport would read them for ever. Tiles are read as data if the image is data."""
     image.colorspace_settings.name = "Non-Color"
     shown(scene, image)
     if is_painted:
@@ -198,7 +198,7 @@ def test_a_file_that_is_missing_is_named(scene, image, tmp_path: Path) -> None: 
     reason="Blender 4.2 writes no copies of tiles: they are warned of",
 )
 def test_tiles_in_memory_alone_are_read(scene) -> None:  # noqa: F811
-    """As new images are, before anybody saves them."""
+    """New images are in memory only until they are saved."""
     image = bpy.data.images.new("new", 8, 8, tiled=True)
     image.tiles.new(1002)
     image.tiles.active_index = 1
@@ -217,7 +217,7 @@ def test_tiles_in_memory_alone_are_read(scene) -> None:  # noqa: F811
 
 @plain_files
 def test_a_tile_that_was_never_filled_is_named(scene, image) -> None:  # noqa: F811
-    """Blender cannot write it, nor the others then: those that have files are shown."""
+    """Blender can write neither that tile nor the others then; tiles that have files are shown."""
     image.pixels.foreach_set(np.tile(np.float32((0.2, 0.4, 0.6, 1.0)), 64))
     image.tiles.new(tile_number=1003)
     shown(scene, image)

@@ -23,7 +23,7 @@ from perfect_bvh_addon.statistics import update_list  # noqa: E402
 
 @pytest.fixture
 def listed(registered: None, scene: Any) -> Any:
-    """A function that renders and gives the scene's list."""
+    """Return a function that renders and returns the scene's list."""
     camera_object().location.z = 9.0
     scene.render.engine = "PERFECT_BVH"
 

@@ -145,7 +145,7 @@ def test_a_hundred_thousand_objects_become_few_rows() -> None:
 
 
 def cut_object() -> Any:
-    """A cube that another one is cut out of, which moves."""
+    """A cube with another cube cut out of it; the latter moves."""
     bpy.ops.mesh.primitive_cube_add(size=2.0)
     cube = bpy.context.object
     cube.name = "Wall"

@@ -23,7 +23,7 @@ ATTRIBUTES = AttributeRequest(corner_normals=True, shading=True)
 
 @pytest.fixture(autouse=True)
 def shading(registered: None) -> Any:
-    """Of a viewport with the scene's light; the scene has a cube, a camera above it, a lamp and a bluish world."""
+    """The shading of a viewport with the scene's light. The scene: a cube, a camera above, a lamp, a bluish world."""
     bpy.ops.wm.read_factory_settings()
     scene = bpy.context.scene
     scene.render.resolution_x, scene.render.resolution_y = 48, 32
@@ -55,7 +55,7 @@ def load(shading: Any) -> None:
 
 
 def turn_world(path: str, angle: float) -> None:
-    """The scene's own world shows the image of a file, turned as a studio light is."""
+    """Show the image of a file in the scene's own world, turned as a studio light is."""
     tree = bpy.context.scene.world.node_tree
     texture, mapping, place = (
         tree.nodes.new(f"ShaderNode{kind}") for kind in ("TexEnvironment", "Mapping", "TexCoord")

@@ -34,7 +34,7 @@ def cube(scene: bpy.types.Scene) -> bpy.types.Object:
 
 
 def test_an_image_of_quick_trees_comes_in_the_redraw_of_the_edit(cube, gate: Gate, monkeypatch) -> None:
-    monkeypatch.setattr(pending_commit, "BUILDING_SECONDS", PATIENCE)  # however slow this machine is
+    monkeypatch.setattr(pending_commit, "BUILDING_SECONDS", PATIENCE)  # does not depend on the machine's speed
     shown = Shown()
     for x in (0.0, 1.0):
         move(cube, x)
@@ -79,7 +79,7 @@ def test_trees_of_a_filter_that_is_lifted_are_built_no_further(cube, gate: Gate,
 
 
 def test_another_sync_at_the_same_address_is_another(cube, gate: Gate, monkeypatch) -> None:
-    """Python gives addresses out again: a sync that was dropped and its successor may both be at their first update."""
+    """Python reuses addresses: a dropped sync and its successor may both be at their first update."""
     monkeypatch.setattr(viewport, "id", lambda _: 7, raising=False)
     shown = Shown()
     shown.update()
@@ -158,7 +158,7 @@ def test_viewports_that_share_the_trees_wait_for_the_same(cube, gate: Gate) -> N
 
 
 def test_a_view_without_updates_waits_for_what_another_has_begun(cube, gate: Gate) -> None:
-    """The Preview button, for one, may ask for attributes that take the scene out of step."""
+    """The Preview button, for example, may request attributes, which makes the scene stale."""
     first, second = Shown(), Shown()
     first.update()
     before = first.finish()

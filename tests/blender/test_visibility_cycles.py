@@ -1,4 +1,4 @@
-"""Who is seen by the camera, with Cycles as the judge."""
+"""Visibility to the camera, compared with Cycles."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ def instanced_in_indirect_collection() -> None:
 
 
 def shown_by_nodes(change: Callable[[], None]) -> Callable[[], None]:
-    """The square stays in the view layer, behind the wall, and nodes show it before the wall."""
+    """The square is in the view layer, behind the wall, and nodes show it in front of the wall as well."""
 
     def act() -> None:
         square = bpy.data.objects["square"]
@@ -105,7 +105,7 @@ CHANGES = {
 
 @pytest.mark.parametrize("change", CHANGES)
 def test_the_camera_sees_what_cycles_sees(scene: Any, change: str) -> None:
-    """A square before an opaque wall: Cycles shows the square, a hole, or the wall."""
+    """A square is in front of an opaque wall: Cycles shows the square, a hole, or the wall."""
     squares = collection("squares")
     mesh_object("square", painted("square", (1, 0, 0, 1)), collection=squares)
     mesh_object("wall", painted("wall", (0, 1, 0, 1)), location=(0, 0, -1)).scale = (9, 9, 9)
@@ -130,7 +130,7 @@ def test_the_camera_sees_what_cycles_sees(scene: Any, change: str) -> None:
 
 
 def painted(name: str, color: tuple[float, ...]) -> Any:
-    """A square that shines in one colour, so that no light is needed."""
+    """Paint the square with an emission of one colour, so that no light is needed."""
     data = mesh_data(name, *SQUARE)
     material = bpy.data.materials.new(name)
     if material.node_tree is None:  # before Blender 5 nodes had to be switched on

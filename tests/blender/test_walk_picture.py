@@ -114,7 +114,7 @@ def test_one_box_of_a_step_is_bright(crowd: perfect_bvh.Snapshot) -> None:
 
 
 def test_a_long_sentence_is_broken_where_there_is_little_room(monkeypatch: pytest.MonkeyPatch) -> None:
-    # "W" is wider than others: lines of as many characters are not of the same width.
+    # "W" is wider than other characters: lines of equal length differ in width.
     width = lambda text, *_: (sum(9.0 if letter == "W" else 6.0 for letter in text), 12.0)  # noqa: E731
     monkeypatch.setattr("perfect_bvh_addon.view3d.drawing.text_size", width)
     sentence = "Step 2 of 3: Enters a box of WWWWW WWWWW WWWW and tests 8 inside: 8 missed"

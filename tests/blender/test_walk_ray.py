@@ -22,7 +22,7 @@ pytestmark = pytest.mark.usefixtures("scene", "registered")
 
 @pytest.fixture
 def viewport(box: Any) -> Any:
-    """Over a cube from -1 to 1."""
+    """A viewport over a cube from -1 to 1."""
     found = Viewport()
     found.start()
     yield found
@@ -31,7 +31,7 @@ def viewport(box: Any) -> Any:
 
 def test_a_click_walks_the_pixels_ray(viewport: Viewport) -> None:
     assert viewport.cursor == "CROSSHAIR" and "click a pixel" in viewport.context.status
-    assert viewport.send("LEFTMOUSE", 270, 100) == {"PASS_THROUGH"}  # a panel's
+    assert viewport.send("LEFTMOUSE", 270, 100) == {"PASS_THROUGH"}  # the panel's
     assert viewport.send("RIGHT_ARROW") == {"PASS_THROUGH"}
     assert walk_view.shown() is None
     viewport.click()

@@ -14,7 +14,7 @@ import bpy
 import numpy as np
 from oracles.cycles import FILTER_WIDTH, preserved, render_planes
 
-LEAST_SIZE = 4  # of an image, in pixels: Blender renders none that is smaller
+LEAST_SIZE = 4  # of an image, in pixels: Blender's minimum
 Array = np.ndarray
 MakeNode = Callable[[Any], Any]
 
@@ -71,7 +71,7 @@ def _grid_of_quads(columns: int, rows: int, points: Array, w: Array) -> Any:
 
 
 def _aim_camera(scene: Any, columns: int, rows: int) -> None:
-    """One pixel a square."""
+    """Aim the camera so that each square is one pixel."""
     camera = bpy.data.cameras.new("Camera")
     camera.type, camera.ortho_scale, camera.sensor_fit = "ORTHO", columns, "HORIZONTAL"
     head = bpy.data.objects.new("Camera", camera)

@@ -1,4 +1,4 @@
-"""Materials that are another from place to place, each set up as those of `node_setups`: maps, bumps, patterns."""
+"""Materials that vary over the surface, each set up like those of `node_setups`: maps, bumps, patterns."""
 
 from __future__ import annotations
 
@@ -27,13 +27,13 @@ def data_node(tree: Any, pixels: Any, *, is_float: bool = False) -> Any:
 
 
 def waves() -> Any:
-    """(32, 32): heights of 0 to 1, with which an image joins itself."""
+    """(32, 32): tileable heights of 0 to 1."""
     row, column = np.mgrid[0:32, 0:32] / 32.0 * 2.0 * np.pi
     return 0.5 + 0.25 * (np.sin(2.0 * column) + np.cos(row))
 
 
 def normals() -> Any:
-    """(32, 32, 3): those of the waves, as a normal map has them."""
+    """(32, 32, 3): the normals of `waves`, as a normal map stores them."""
     heights = waves()
     slopes = [(np.roll(heights, -1, axis) - np.roll(heights, 1, axis)) * 4.0 for axis in (1, 0)]
     vectors = np.stack([-slopes[0], -slopes[1], np.ones_like(heights)], axis=2)
@@ -45,7 +45,7 @@ def link_normal(material: Any, output: Any) -> None:
 
 
 def maps_of_gloss(material: Any) -> None:
-    """As glTF has them: roughness in an image's green, metal in its blue."""
+    """Textures as in glTF: roughness in an image's green, metal in its blue."""
     tree = material.node_tree
     across, up = np.meshgrid(np.linspace(0.3, 1.0, 32), np.linspace(0.0, 1.0, 32))
     maps = np.stack([np.zeros_like(across), across, up > 0.5], axis=2)
@@ -98,7 +98,7 @@ def bumped_by_noise(material: Any) -> None:
 
 
 def bumped_on_a_normal_map(material: Any) -> None:
-    """A chain of both."""
+    """A bump on top of a normal map."""
     tree = material.node_tree
     mapped = add(tree, "NormalMap", (data_node(tree, normals()).outputs[0], 1), Strength=0.5)
     bump = add(tree, "Bump", Strength=0.5, Distance=0.3)
@@ -132,7 +132,7 @@ def bricked(material: Any) -> None:
 
 
 def by_place(material: Any) -> None:
-    """The place in the world is the colour."""
+    """The position in the world is the colour."""
     tree = material.node_tree
     place = add(tree, "NewGeometry").outputs["Position"]
     part = add(tree, "VectorMath", (place, 0))
@@ -151,7 +151,7 @@ def mixed_by_a_pattern(material: Any) -> None:
 
 
 def rimmed(material: Any) -> None:
-    """Lighter where it is seen at a slant."""
+    """Lighter at grazing angles."""
     tree = material.node_tree
     facing = add(tree, "LayerWeight", Blend=0.4).outputs[1]
     mix = add(tree, "MixRGB", (facing, 0), Color1=(0.1, 0.1, 0.5, 1.0), Color2=(0.9, 0.9, 0.6, 1.0))
@@ -179,7 +179,7 @@ def turned_round(material: Any) -> None:
 
 
 def two_images(material: Any) -> None:
-    """One mixed with another by a third."""
+    """An image, mixed with a colour by a second image."""
     tree = material.node_tree
     first, second = image_node(tree), data_node(tree, np.repeat(waves()[..., None], 3, axis=2))
     mix = add(tree, "MixRGB", (second.outputs[0], 0), (first.outputs[0], 1), Color2=(0.9, 0.1, 0.6, 1.0))

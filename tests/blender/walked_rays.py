@@ -15,7 +15,7 @@ DOWN = np.array([0.0, 0.0, -1.0])
 
 
 def heap() -> perfect_bvh.Snapshot:
-    """Balls in a heap, seen from above in `walk_down`."""
+    """A heap of spheres, seen from above in `walk_down`."""
     engine = perfect_bvh.Scene()
     mesh = engine.add_mesh(*meshes.sphere(12, 16, 1.0))
     engine.add_instances(np.full(60, mesh), meshes.scattered(60, 2.0, 2))
