@@ -318,7 +318,7 @@ def test_a_killed_run_leaves_no_process_and_no_temporary_folder_but_its_own(fold
 
 @pytest.fixture
 def blender(folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[worker.BlenderProcess]:
-    """A process with a Blender inside that has not opened a scene."""
+    """A process with a Blender inside whose scene file is missing."""
     import perfect_bvh
     from perfect_bvh_addon.cli import build_parser
 

@@ -68,7 +68,7 @@ def floor_mesh(scene: Any) -> Any:
 
 
 def emissive(scene: Any, output: Callable[[Any], Any]) -> Any:
-    """Give the floor a new material that emits an output of the nodes that `make` adds."""
+    """Give the floor a new material that emits the output of nodes made by `output`; return the material."""
     material = new_red()
     tree = material.node_tree
     tree.links.new(add(tree, "Emission", (output(tree), 0)).outputs[0], surface(material))
@@ -77,7 +77,7 @@ def emissive(scene: Any, output: Callable[[Any], Any]) -> Any:
 
 
 def looked_up(tree: Any, coordinates: Any) -> Any:
-    """Without blending, a corner is one pixel and not a mix of four corners."""
+    """Look up an image that is extended at its edges: a corner shows one pixel, not a mix of four corners."""
     image = image_node(tree)
     image.extension = "EXTEND"
     tree.links.new(coordinates, image.inputs[0])

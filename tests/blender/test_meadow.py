@@ -67,7 +67,7 @@ def test_what_sways_is_refitted_and_the_rest_kept(meadow: Any) -> None:
 
 
 def test_a_fringe_is_followed_while_it_is_combed(meadow: Any) -> None:
-    """Points are moved and a strand grows: each time the result equals a first reading."""
+    """Its points are moved and a strand is added. The result equals a first reading."""
     sync, random = SceneSync(), np.random.default_rng(9)
     sync.update(evaluated())
     data = bpy.data.objects["Ewe fringe"].data

@@ -92,7 +92,7 @@ def test_the_same_is_told_once_and_errors_first() -> None:
 
 
 class View:
-    """A viewport of which only the address is known."""
+    """Stands in for a viewport; only its existence matters."""
 
 
 def test_each_viewport_has_messages_of_its_own_and_renders_end_none_of_them() -> None:
@@ -127,7 +127,7 @@ def test_what_a_render_complains_of_stays_when_a_view_is_done_after_it(monkeypat
 
 
 def complaining(*arguments: Any, **options: Any) -> Any:
-    """An existing image with a complaint."""
+    """Render an image and add a complaint to its statistics."""
     made = still.render_frame(*arguments, **options)
     return dataclasses.replace(made, statistics=dataclasses.replace(made.statistics, complaints=("No denoiser",)))
 

@@ -19,7 +19,7 @@ COMMAND = ("render", "scene.blend", "-o", "out.png")
 
 @pytest.fixture
 def scene(registered: None) -> bpy.types.Scene:
-    """A scene seen from further away: above the cube only the world is visible."""
+    """A lit cube seen from further away: above the cube only the world is visible."""
     scene = lit_cube()
     scene.camera.location, scene.camera.rotation_euler = (9.0, -9.0, 4.0), (1.309, 0.0, 0.785)
     scene.perfect_bvh.samples, scene.perfect_bvh.use_denoising = 64, False

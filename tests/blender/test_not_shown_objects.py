@@ -107,7 +107,7 @@ def new_world() -> Any:
         ("AmbientOcclusion", "Color", "Ambient Occlusion is not shown; its flat colour is"),
         ("AmbientOcclusion", "Strength", "Ambient Occlusion is not shown; Strength 1 is"),
         ("TexSky", "Color", None),
-        ("LightPath", "Strength", None),  # depends on the camera's rays
+        ("LightPath", "Strength", None),  # the output Is Camera Ray
     ],
 )
 def test_what_of_the_world_is_not_shown(kind: str, socket: str, told: str | None, material: Any) -> None:

@@ -36,7 +36,7 @@ NAME = "Perfect BVH View"
 @pytest.fixture(autouse=True)
 def registered(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     perfect_bvh_addon.register()
-    # There is no window: an editor stands in for the one that shows the image.
+    # There is no window: assume that an editor shows the image.
     monkeypatch.setattr(preview, "show_in_editor", lambda context, image: None)
     monkeypatch.setattr(preview.PERFECT_BVH_OT_preview, "_tell_where", lambda operator, context, what: None)
     yield

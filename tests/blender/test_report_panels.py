@@ -95,7 +95,7 @@ def test_all_that_could_not_be_read_stays_in_the_list_and_the_statistics_tell_of
 
 
 def broken_scene() -> Any:
-    """A scene with one fault of each kind; returns the material that is not shown."""
+    """Build a scene with one unsupported feature of each kind; return the material that has one."""
     material = bpy.data.materials.new("Wall")
     if not material.node_tree:
         material.use_nodes = True

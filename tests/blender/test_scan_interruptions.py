@@ -68,7 +68,7 @@ def test_progress_can_stop_a_scan(room) -> None:
 def test_large_scans_are_cast_in_pieces(room, monkeypatch) -> None:
     whole = scan(CameraGrid(32, 18))
     monkeypatch.setattr(stretch_sync, "RAYS_IN_A_STEP", 100)
-    monkeypatch.setitem(scan.__globals__, "BUILD_STEP_SECONDS", 60.0)  # builds end at no step
+    monkeypatch.setitem(scan.__globals__, "BUILD_STEP_SECONDS", 60.0)  # builds are no steps here
     scanner = Scanner(CameraGrid(32, 18))
     done = list(scanner.steps())
     assert len(done) == 7 and done == sorted(done) and (done[0], done[-1]) == (0.0, 1.0)

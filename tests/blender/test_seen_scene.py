@@ -39,7 +39,7 @@ BEHIND = Shape(-HALF + 0.2, 12)
 
 
 def evaluated(obj: Any) -> Shape:
-    """Evaluate the scene as Blender does for viewports."""
+    """Evaluate an object as Blender does for viewports; return its shape."""
     mesh = obj.evaluated_get(bpy.context.evaluated_depsgraph_get()).to_mesh()
     return Shape(min((obj.matrix_world @ vertex.co).y for vertex in mesh.vertices), len(mesh.loop_triangles))
 
@@ -194,7 +194,7 @@ class Table:
     rows: tuple[dict[str, Shape], dict[str, Shape]]
 
     def run(self, into: Path, command: str, for_viewport: bool, *arguments: object) -> Path:
-        """Run the command; return its output."""
+        """Run the command; return the path of its output."""
         output = into / f"{command}_{for_viewport}{'.exr' if command == 'render' else ''}"
         line = [command, self.file, *(["-o", output] if command != "info" else []), *arguments]
         assert run(*line, *(["--viewport"] if for_viewport else [])) == 0
@@ -350,7 +350,7 @@ def test_a_sensor_that_renders_hide_is_where_it_would_be(table: Table) -> None:
 
 
 def test_a_reading_leaves_the_scene_as_it_was(table: Table) -> None:
-    """There is no camera and another engine: Blender renders nothing by itself then."""
+    """The scene has no camera, and another engine is set: Blender alone renders nothing then."""
     bpy.ops.wm.open_mainfile(filepath=str(table.file))
     scene = bpy.context.scene
     scene.timeline_markers.clear()

@@ -63,7 +63,7 @@ def test_a_panel_that_is_gone_is_missed(monkeypatch: pytest.MonkeyPatch, name: s
 
 
 def test_a_panel_that_stands_twice_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The plain and the full panel of lights once showed a setting twice."""
+    """The plain and the full panel of lights were once both shown."""
     plain: Any = bpy.types.DATA_PT_light
     plain.COMPAT_ENGINES.add(drawn_panels.ENGINE)
     try:

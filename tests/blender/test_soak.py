@@ -14,7 +14,7 @@ USUAL_EDITS = {
     *("change_frame", "undo", "redo", "edit_in_edit_mode", "rename", "reopen"),
 }
 
-# Events in the updates in halves.
+# Events of updates in halves.
 HAPPENED = {"hold", "look", "look_all", "stop", "ask_to_stop", "update", "linger", "joined", "not yet", "WorkerError"}
 
 

@@ -139,7 +139,7 @@ def test_shiny_things_beside_small_bright_ones_show_no_specks(shop: bpy.types.Sc
 
 @pytest.mark.parametrize("lit_by", LIGHTS)
 def test_shiny_things_look_as_in_cycles_under_small_bright_ones(shop: bpy.types.Scene, lit_by: str) -> None:
-    """The lights are larger patches."""
+    """The means of patches of 4 x 4 pixels are compared."""
     LIGHTS[lit_by](shop)
     _, ours = previews(read_light_paths(shop))
     cycles = shop.cycles

@@ -15,7 +15,7 @@ from perfect_bvh_addon.sync.report import SyncReport
 
 
 def test_switching_scenes_shows_each_its_own(scene: Any) -> None:
-    """One sync follows the window; each scene has another one that does not depend on the window."""
+    """One sync follows the window; each scene has another one, which does not watch Blender."""
     mesh_object("a", mesh_data("a", *SQUARE), location=(0, 0, 1))
     other = bpy.data.scenes.new("other")
     there = bpy.data.objects.new("b", mesh_data("b", *SQUARE))
@@ -34,7 +34,7 @@ def test_switching_scenes_shows_each_its_own(scene: Any) -> None:
 
 
 def test_scenes_and_view_layers_side_by_side(scene: Any) -> None:
-    """One is edited between updates of the other. Each depends on its own evaluations, and both share a mesh."""
+    """One scene is edited between updates of another. Each depends on its own evaluations, and both share a mesh."""
     shared = mesh_data("shared", *SQUARE)
     mesh_object("a", shared)
     layered = mesh_object("layered", mesh_data("layered", *SQUARE), collection=collection("only"))

@@ -62,7 +62,7 @@ def gate(monkeypatch: pytest.MonkeyPatch) -> Iterator[Gate]:
 
 
 def slow() -> Pace:
-    """Slow the renderer down, so that an image takes many steps."""
+    """A pace so slow that an image takes many steps."""
     return Pace(seconds_per_pixel=1e-3)
 
 
