@@ -21,7 +21,7 @@ dropout = 0.1
 """
 TIMEOUT = 600
 
-# A command, and its options, for six pieces.
+# A command, and its options, for six chunks.
 JOBS = {
     "scan": ("scan", "--sensor", "sensor.toml", "--on", "Head", "--steps", "2", "--seed", "5"),
     "labels": ("labels", "--size", "64x36"),

@@ -50,7 +50,7 @@ def new_sky() -> Any:
 
 
 def observe(sky: Any, turbidity: float, albedo: float, random: np.random.Generator) -> np.ndarray:
-    """(N, 6): elevation's cubic root, cosine from the zenith, angle from the sun, and XYZ, by chance of directions."""
+    """(N, 6): cube root of the elevation, cosine from the zenith, angle from the sun, and XYZ, in random directions."""
     latitude, longitude = np.meshgrid(
         (0.5 - (np.arange(HEIGHT) + 0.5) / HEIGHT) * math.pi,
         ((np.arange(WIDTH) + 0.5) / WIDTH - 0.5) * 2.0 * math.pi,

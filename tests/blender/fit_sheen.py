@@ -2,9 +2,9 @@
 
     python tests/blender/fit_sheen.py
 
-A ball of a Sheen BSDF has all angles to the camera and to a sun without size: a sample a pixel is the lobe's value. For
-each roughness and cosine a linearly transformed cosine is found whose square roots are linear in three numbers, and
-through all of them a linear spline of the engine's knots is laid by least squares.
+A sphere of a Sheen BSDF shows all angles to the camera and to a sun without size: one sample of a pixel is the lobe's
+value. For each roughness and cosine a linearly transformed cosine is fitted whose square roots are linear in three
+numbers. A linear spline with the engine's knots is fitted to all of them by least squares.
 """
 
 from __future__ import annotations

@@ -99,7 +99,7 @@ def test_poses_masks_depths_and_models_fit_together(file: Path, tmp_path: Path) 
     info = json.loads((folder / "bop" / "models" / "models_info.json").read_text())
     sizes = sorted(round(fact["diameter"]) for fact in info.values())
     assert round(1000.0 * 3.0**0.5) in sizes
-    assert 1599 in sizes or 1600 in sizes  # the ball is .8 m high, stretched twice
+    assert 1599 in sizes or 1600 in sizes  # the sphere is .8 m high, stretched twice
 
 
 def test_masks_are_those_of_each_object_alone(file: Path, tmp_path: Path) -> None:

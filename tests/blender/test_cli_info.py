@@ -11,7 +11,7 @@ from blender.command_lines import run
 
 @pytest.fixture
 def broken_files(tmp_path: Path, small_file: Path) -> dict[str, Path]:
-    """A file that ends too early, and one whose scene has no camera."""
+    """A truncated file, and one whose scene has no camera."""
     truncated = tmp_path / "truncated.blend"
     truncated.write_bytes(small_file.read_bytes()[:3000])
     bpy.ops.wm.open_mainfile(filepath=str(small_file))

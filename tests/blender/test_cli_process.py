@@ -49,7 +49,7 @@ def test_without_blender_the_command_says_what_to_install(small_file: Path) -> N
 
 
 def test_a_reader_that_goes_away_is_no_error(small_file: Path) -> None:
-    """As in `perfect-bvh info FILE | head`."""
+    """For example in `perfect-bvh info FILE | head`."""
     read_end, write_end = os.pipe()
     os.close(read_end)
     with os.fdopen(write_end, "w") as pipe:

@@ -63,7 +63,7 @@ def render(scene: bpy.types.Scene, samples: int, prefilter: str = "ACCURATE") ->
 
 @pytest.fixture(scope="module")
 def room(factory_settings: None) -> bpy.types.Scene:
-    """A ball and a cube on the ground under a lamp and a dim sky."""
+    """A sphere and a cube on the ground under a lamp and a dim sky."""
     scene = bpy.context.scene
     scene.render.resolution_x, scene.render.resolution_y = SIZE
     bpy.ops.mesh.primitive_plane_add(size=20.0)

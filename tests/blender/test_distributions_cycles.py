@@ -19,7 +19,7 @@ SAMPLES, WHITE = 256, (1.0, 1.0, 1.0, 1.0)
 
 @pytest.fixture
 def ball() -> Iterator[Any]:
-    """A ball that fills the image, in an even world."""
+    """A sphere that fills the image, in an even world."""
     perfect_bvh_addon.register()
     bpy.ops.wm.read_factory_settings(use_empty=True)
     scene = bpy.context.scene

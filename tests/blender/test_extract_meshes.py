@@ -1,4 +1,4 @@
-"""Meshes in the record equal those that Blender evaluates: all object types and odd cases, by address and without."""
+"""Meshes in the record equal Blender's evaluated ones: all types, odd cases, with and without reading by address."""
 
 from __future__ import annotations
 

@@ -23,7 +23,7 @@ pytestmark = pytest.mark.skipif(bpy.app.version < (5, 0, 0), reason="Blender 4 s
 
 @pytest.fixture
 def ball() -> Iterator[Any]:
-    """A ball that fills the image, under a sun and a grey sky."""
+    """A sphere that fills the image, under a sun and a grey sky."""
     perfect_bvh_addon.register()
     bpy.ops.wm.read_factory_settings(use_empty=True)
     scene = bpy.context.scene

@@ -1,8 +1,8 @@
 """Normals of coarse smooth meshes with custom corner normals, down to grazing angles, compared with Cycles.
 
-Diffuse lobes have the corners' interpolated normal in both. For glossy lobes both bend the normal wherever the mirror
-image would lie below the surface, just far enough that it lies above. Cycles' pass Normal has the mean over the lobes
-of a surface; ours is the normal of the mesh for any lobes.
+Diffuse lobes have the corners' interpolated normal in both. For glossy lobes both bend the normal if the mirror image
+would lie below the surface, just far enough that it lies above. Cycles' pass Normal has the mean over the lobes of a
+surface. Ours has the mesh's normal, independent of the lobes.
 """
 
 from __future__ import annotations

@@ -26,7 +26,7 @@ SIZE = (96, 54)
 
 @pytest.fixture
 def scene(registered: None) -> Any:
-    """Three balls in a row, one behind the other, on a floor; two cubes of a collection that is shown twice."""
+    """Three spheres in a row, one behind the other, on a floor; two cubes of a collection that is shown twice."""
     bpy.ops.wm.read_factory_settings(use_empty=True)
     scene = bpy.context.scene
     scene.camera = camera_object("camera", lens=35.0)
@@ -172,7 +172,7 @@ def test_layers_are_all_surfaces_from_near_to_far(scene: Any) -> None:
     assert (np.diff(depths, axis=0) >= 0.0).all()
     assert np.array_equal(ids >= 0, depths < 1e9)
     row = named(labels, "Ball 2")
-    # All surfaces of a ball are among the first six of a ray here.
+    # All surfaces of a sphere are among the first six of a ray here.
     assert np.array_equal((ids == row).any(axis=0), labels.amodal.image_of(row))
     assert ((ids == row).sum(axis=0) <= 2).all()
 
@@ -242,7 +242,7 @@ def test_a_file_holds_everything(scene: Any, tmp_path: Path) -> None:
 
 
 def test_a_coco_file_holds_the_masks(scene: Any, tmp_path: Path) -> None:
-    bpy.ops.mesh.primitive_cube_add(size=0.2, location=(0.0, 0.0, 1.0))  # within the first ball
+    bpy.ops.mesh.primitive_cube_add(size=0.2, location=(0.0, 0.0, 1.0))  # within the first sphere
     bpy.context.object.name = "Inside"
     labels = label_image(size=SIZE, category="kind")
     coco = CocoFile()

@@ -51,7 +51,7 @@ def test_a_render_and_a_preview_say_what_they_were_of() -> None:
     assert statistics.trace_milliseconds > 0.0
     updates = find_updates(statistics.report, statistics.owners)
     (row,) = updates.changed or updates.unchanged
-    assert 0.5 < row.share <= 1.0  # the rest met nothing
+    assert 0.5 < row.share <= 1.0  # the other rays hit nothing
 
 
 def edit_object() -> None:
@@ -196,7 +196,7 @@ def test_a_viewport_that_finds_nothing_changed_confirms_what_a_viewport_did() ->
 
 
 def test_an_edit_during_a_render_outdates_it() -> None:
-    """The render shows the scene as it was read at the start."""
+    """The render shows the scene that was read at the start."""
     scene = bpy.context.scene
     edits = iter([edit_object])
 

@@ -1,4 +1,4 @@
-"""Light in a sensor's file: the tables, the entries that are refused, and their copies in folders of scans."""
+"""Light in a sensor's file: the tables, the entries that are refused, and the record in folders of chunks."""
 
 from __future__ import annotations
 

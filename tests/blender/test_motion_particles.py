@@ -16,7 +16,7 @@ from perfect_bvh_addon.sync.keys import instance_keys, match_keys
 
 @pytest.fixture
 def spray(scene: Any) -> Any:
-    """Cubes that are thrown upwards; in every frame some appear and some vanish. It is played beyond the frame."""
+    """Cubes that are thrown upwards; in every frame some appear and some vanish. They are simulated beyond FRAME."""
     bpy.ops.mesh.primitive_cube_add(size=0.5)
     cube = bpy.context.object
     scene.collection.objects.unlink(cube)

@@ -96,7 +96,7 @@ def texture(tree: Any) -> None:
 
 
 def unfed_gamma(tree: Any) -> None:
-    """The value of its own unlinked input does not count."""
+    """The value of the muted node's unlinked input does not count."""
     feed(tree, "ShaderNodeGamma", shine(tree).inputs["Color"]).inputs["Color"].default_value = (*OTHER, 1.0)
 
 

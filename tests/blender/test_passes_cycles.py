@@ -257,7 +257,7 @@ def test_uvs_are_those_of_cycles(scene) -> None:
     inside = ~index_edges(result.theirs.object_index)
     assert theirs[inside].max() > 1.5
     assert theirs[inside].min() < -0.5
-    # Seams run across the ball where no index changes.
+    # Seams run across the sphere where no index changes.
     differs = np.abs(result.ours.combined[..., :3] - theirs).max(axis=-1) > 2e-3
     assert (differs & inside).sum() <= 0.002 * inside.sum()
 

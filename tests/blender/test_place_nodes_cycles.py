@@ -25,7 +25,7 @@ Output = Callable[[Any], Any]
 
 @pytest.fixture
 def scene() -> Iterator[Any]:
-    """A turned and unevenly scaled cube and a smooth ball that a modifier bends, in front of a wide lens."""
+    """A turned and unevenly scaled cube and a smooth sphere that a modifier bends, in front of a wide lens."""
     perfect_bvh_addon.register()
     bpy.ops.wm.read_factory_settings(use_empty=True)
     scene = bpy.context.scene

@@ -41,7 +41,7 @@ def coloured(name: str, rgb: tuple[float, float, float]) -> Any:
 
 @pytest.fixture
 def ball(registered: None) -> Any:
-    """A smooth ball of two materials, with a UV map, under a sun."""
+    """A smooth sphere of two materials, with a UV map, under a sun."""
     bpy.ops.wm.read_factory_settings(use_empty=True)
     bpy.ops.mesh.primitive_uv_sphere_add(segments=12, ring_count=8)
     ball = bpy.context.object

@@ -119,7 +119,7 @@ def test_a_frame_range_follows_the_animation_and_spins_on(room) -> None:
     room.frame_set(2, subframe=0.5)
     cloud = scan(LIDAR, head, frames=(1, 3), steps_per_frame=2)
     assert (room.frame_current, room.frame_subframe) == (2, 0.5)
-    # 24 frames a second, 360 columns a second: 45 columns in three frames, each of which has its own time.
+    # 24 frames a second, 360 columns a second: 45 columns in three frames; each column has a different time.
     assert cloud.ray_count == 45 * 4
     rows = {int(ray): row for row, ray in enumerate(cloud.ray_ids)}
     for column in range(45):

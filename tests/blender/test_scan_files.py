@@ -22,7 +22,7 @@ from perfect_bvh_addon.scanning.point_data import colors_of_column  # noqa: E402
 
 @pytest.fixture
 def small_file(tmp_path: Path) -> Iterator[Path]:
-    """With an empty that flies past; open, with a panel that asks for six frames of it in three files."""
+    """An open file with an empty that flies past; the panel is set to six frames of it in three files."""
     path = save_flight(tmp_path)
     open_again(path)
     yield path

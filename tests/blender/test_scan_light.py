@@ -275,7 +275,7 @@ def test_a_spectrum_weighs_colors(head) -> None:
 
 
 def test_what_returns_less_than_the_table_says_is_not_detected(head) -> None:
-    """Of a reflectivity of 0.3, between 10 (0.1) and 50 (0.5), the last that is detected is at 30."""
+    """With a reflectivity of 0.3, between 10 (0.1) and 50 (0.5), the last detected surface is at 30."""
     wall = add_plate(10.0, diffuse(0.3), size=400.0)
     light = Light(detection=Detection((10.0, 50.0), (0.1, 0.5)))
     for distance, count in ((5.0, 1), (29.999, 1), (30.001, 0), (200.0, 0)):

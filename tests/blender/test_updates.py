@@ -126,7 +126,7 @@ def test_instances_are_of_the_object_that_is_shown(scene: Any) -> None:
 
 
 def test_a_hundred_thousand_objects_become_few_rows() -> None:
-    """All objects have one mesh, and each tenth has moved: the list is bounded, and the counts are complete."""
+    """Each object has a different mesh, and each tenth has moved: the list is bounded, and the counts are complete."""
     count = 100_000
     numbers = np.arange(count, dtype=np.int32)
     objects = tuple(SimpleNamespace(name=f"Object {number}", session_uid=number) for number in range(count))
