@@ -19,7 +19,7 @@ LONGEST_FILES = ("test_arm64.py", "test_examples.py", "test_readme.py", "test_so
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Has the longest files begun first, whatever folder they are in; skips what is for `--long`."""
+    """Starts the longest files first, in any folder; skips the tests for `--long`."""
     long = {line for line in LONG_TESTS.read_text().splitlines() if line and not line.startswith("#")}
     for item in items if not config.getoption("--long") else ():
         if item.get_closest_marker("long") or item.nodeid in long:
@@ -58,7 +58,7 @@ def rng() -> np.random.Generator:
 
 @pytest.fixture
 def one_thread() -> Iterator[None]:
-    """The engine has no other meanwhile: long work stays long on a machine with many."""
+    """Limits the engine to one thread during the test, so that long work stays long on a machine with many."""
     import perfect_bvh
 
     perfect_bvh.set_thread_count(1)
@@ -68,7 +68,7 @@ def one_thread() -> Iterator[None]:
 
 @pytest.fixture
 def hears_ctrl_c() -> Iterator[None]:
-    """As in a terminal: what a shell starts in the background ignores the signal."""
+    """Handles Ctrl-C as in a terminal: a process that a shell starts in the background ignores the signal."""
     previous = signal.signal(signal.SIGINT, signal.default_int_handler)
     yield
     signal.signal(signal.SIGINT, previous)

@@ -3,11 +3,11 @@
     python tests/benchmarks/accuracy.py --json accuracy.json
 
 A closed sphere is moved away from the origin, scaled, or stretched until its triangles are slivers; rays start within
-it, so that each must hit: a miss is wrong whatever rounding does. They are aimed at random points of the surface and,
-where it is hardest, at its vertices. Of a part of the first the double-precision oracle judges triangle and distance
-too, unless the sphere is so far away that rounding decides about all. Besides: how far off distances are on grounds
-of two triangles, flat and aslant, the larger the harder; who loses or makes up rays exactly at a box's outlines
-(exact_edges.py); and the speed of each way on one thread.
+it, so that each must hit: a miss is wrong however the ray is rounded. They are aimed at random points of the surface
+and, where it is hardest, at its vertices. For a sample of the first kind the double-precision oracle also judges
+triangle and distance, unless the sphere is so far away that rounding decides every answer. The program also measures
+the errors of distances on grounds of two triangles, flat and aslant, the larger the harder; the rays lost or invented
+exactly at a box's outlines (exact_edges.py); and the speed of each engine on one thread.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ F64 = npt.NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Case:
-    """A sphere, what was done to it, and rays by what they are aimed at. matrix: the same as a transform."""
+    """A sphere, its deformation, and rays by the kind of their target. matrix: the deformation as a transform."""
 
     sweep: str
     value: float
@@ -56,7 +56,7 @@ class Case:
 
     @property
     def can_be_judged(self) -> bool:
-        """The oracle calls ambiguous whatever lies within some roundings of the largest coordinate."""
+        """The oracle calls every answer ambiguous that lies within some roundings of the largest coordinate."""
         return self.sweep != "offset" or self.value < 1e5
 
 
@@ -161,7 +161,7 @@ def _placed(matrix: F64, rays: Rays) -> Answers:
 
 
 def _count(rays: Rays, answers: dict[str, Answers], judge: Judge | None, sample: int) -> dict[str, dict[str, float]]:
-    """By who answered: misses per million, where they lie with a confidence of 95 %, and what the oracle found."""
+    """By engine: misses per million with their 95 % confidence interval, and the oracle's findings."""
     common = min(len(each.t) for each in answers.values())
     rows = np.unique(np.linspace(0, common - 1, min(sample, common)).astype(np.intp))
     parts = {

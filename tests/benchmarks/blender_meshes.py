@@ -1,4 +1,4 @@
-"""Meshes that Blender makes, seeded: what its users have, without a download."""
+"""Meshes that Blender makes from seeds: typical of users' meshes, without a download."""
 
 from __future__ import annotations
 

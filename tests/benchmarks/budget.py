@@ -2,11 +2,11 @@
 
     python tests/benchmarks/budget.py --json budget.json
 
-Of the meshes that --mesh and --default-meshes name, or the generated ones with a tenth of their triangles. Each kind of
-ray is cast by trace_bench under `valgrind --tool=callgrind`, by ours and by Embree, whose stages are not told apart.
-What every instruction costs is added up by the stage whose function it was inlined into, as the debugging information
-says. Instructions repeat exactly, whatever else the machine does; how branches and caches behave is callgrind's model
-of them. Valgrind knows no AVX-512, so the kernels are AVX2's. A ray's cost includes nothing of what happens before and
+Uses the meshes that --mesh and --default-meshes name, or the generated ones with a tenth of their triangles.
+trace_bench casts each kind of ray under `valgrind --tool=callgrind`, with this engine and with Embree, whose stages are
+counted as one. The cost of every instruction is added to the stage whose function it was inlined into, according to the
+debugging information. Instruction counts repeat exactly, even on a busy machine; branches and caches follow callgrind's
+model. Valgrind does not support AVX-512, so the kernels are those of AVX2. A ray's cost excludes all work before and
 after the clock.
 """
 
@@ -58,7 +58,7 @@ STAGES = {
 STAGE_OF = {name: stage for stage, names in STAGES.items() for name in names}
 OTHER = "other"
 NODE_BYTES = 256
-PEER = "embree"  # rtcIntersect1 and rtcOccluded1, counted as a whole beside ours
+PEER = "embree"  # rtcIntersect1 and rtcOccluded1, counted as a whole for comparison
 Costs = Counter[tuple[int, str]]  # by address and event
 Counts = dict[str, dict[str, float]]  # by stage and event
 
@@ -108,7 +108,7 @@ def budget_of(program: Path, mesh: BenchMesh, kind: str, strategy: str, size: st
 
 
 def _profile(program: Path, words: list[str], folder: Path, caster: str) -> tuple[list[dict[str, Any]], list[str]]:
-    """The program's JSON, and the profile of what casts the rays of a class of native/benchmarks."""
+    """The program's JSON, and the profile of the class in native/benchmarks that casts the rays."""
     profile, out = folder / "profile", folder / "out.json"
     tool = ["valgrind", "--tool=callgrind", f"--callgrind-out-file={profile}", "--dump-instr=yes", "--dump-line=no"]
     tool += ["--compress-pos=no", "--compress-strings=no", "--branch-sim=yes", "--cache-sim=yes"]
@@ -139,7 +139,7 @@ def read_costs(lines: Iterable[str], program: str) -> Costs:
         elif line.startswith("ob="):
             in_program = Path(line[3:]).name == program
         elif line.startswith("calls="):
-            is_call = True  # the next line is what the callee cost, which its own lines tell
+            is_call = True  # the next line is the callee's cost, which the callee's own lines give
         elif line.startswith("0x"):
             if in_program and not is_call:
                 address, *values = line.split()
@@ -160,7 +160,7 @@ def add_up(program: Path, costs: Costs, ray_count: int) -> Counts:
 
 
 def stages_of(program: Path, addresses: list[int]) -> dict[int, str]:
-    """Of each address, by the functions that it was inlined into as addr2line tells them, the innermost first."""
+    """For each address the functions that it was inlined into, as addr2line gives them, the innermost first."""
     command = ["addr2line", "--exe", str(program), "--functions", "--inlines", "--demangle", "--addresses"]
     asked = "\n".join(hex(address) for address in addresses)
     told = subprocess.run(command, input=asked, capture_output=True, text=True, check=True).stdout
@@ -173,7 +173,7 @@ def stages_of(program: Path, addresses: list[int]) -> dict[int, str]:
 
 
 def describe(rows: list[dict[str, Any]]) -> str:
-    """A table for each event: what was cast down, stages across."""
+    """A table for each event: a row for each kind of ray, a column for each stage."""
     parts = []
     for event, name in EVENTS.items():
         lines: list[list[Cell]] = []
@@ -185,7 +185,7 @@ def describe(rows: list[dict[str, Any]]) -> str:
 
 
 def describe_visits(rows: list[dict[str, Any]]) -> str:
-    """What ours visit, what a visit takes, and how much of the tree is read."""
+    """How many nodes our rays visit, what a visit costs, and how much of the tree is read."""
     heads = ("rays", "nodes", "triangles", "instructions a node", "a triangle", "besides", "bytes of nodes")
     lines: list[list[Cell]] = []
     for row in rows:

@@ -1,8 +1,8 @@
-"""What each builder costs and gains, beside Embree and Blender.
+"""What each builder costs and gains, compared with Embree and Blender.
 
 For each mesh and tree: milliseconds to build it and until it can be traced, on one and on all threads; the surface
 area heuristic's cost, end-point overlap, bytes a triangle; nodes and triangles that a ray visits and M rays/s, for
-primary, diffuse and occlusion rays on one thread. Whatever is compared is measured in turn in one run.
+primary, diffuse and occlusion rays on one thread. All figures that are compared are measured in turn in one run.
 """
 
 from __future__ import annotations

@@ -14,7 +14,8 @@ from benchmarks.rounds import Spread, run_rounds, thread_seconds, wall_seconds
 from benchmarks.trees import config_of, usage_of
 
 Tell = Callable[[], object]
-# Of rays that a tree is cast at before its mesh changes; the planner reckons that a static one serves so many commits.
+# The number of rays cast at a tree before its mesh changes; the planner expects a static tree to last this many
+# commits.
 RAY_COUNTS = tuple(round(10.0 ** (halves / 2.0)) for halves in range(6, 19))
 COMMITS_OF_A_STATIC_TREE = 4  # kStaticCommits in native/src/blas/make_blas.cpp
 
@@ -50,7 +51,7 @@ def median_stages(reports: list[perfect_bvh.CommitReport]) -> dict[str, float]:
 
 
 def measure_trees(mesh: BenchMesh, trees: list[str], size: tuple[int, int], rounds: int, tell: Tell) -> dict[str, Any]:
-    """Quality and memory of each tree, and what rays cost in it."""
+    """Quality and memory of each tree, and the cost of rays in it."""
     scenes = {name: peers.scene_of(mesh, config_of(name), usage_of(name)) for name in trees}
     rows: dict[str, Any] = {}
     for name, scene in scenes.items():

@@ -7,7 +7,7 @@ from typing import Any
 from benchmarks.tables import Cell, format_table
 
 KINDS = ("primary", "diffuse", "occlusion")
-BASE = "embree_medium"  # what speeds are ratios to, where it took part
+BASE = "embree_medium"  # speeds are ratios to this one, where it took part
 
 
 def describe_mesh(result: dict[str, Any]) -> str:
@@ -77,7 +77,7 @@ def _rays(trees: list[dict[str, Any]]) -> str:
 
 
 def _lecture(trees: list[dict[str, Any]]) -> list[str]:
-    """The lecture's words beside what was measured."""
+    """The lecture's statements next to the measured figures."""
     named = {tree["name"]: tree["rays"] for tree in trees}
     if "median" not in named or "sweep" not in named:
         return []

@@ -1,10 +1,11 @@
-"""How far our image is from Cycles' once both have converged: the same light, to within the noise that is left.
+"""The difference between our image and Cycles' once both have converged: the same light, apart from remaining noise.
 
     python tests/benchmarks/converged.py --json converged.json
 
-Each example scene as it is but for motion blur, without denoisers, each engine from numbers of its own. The difference
-of the means, by channel; that of pixels and of blocks of 8 x 8, whose noise is an eighth, in parts of their brightness,
-of at least 0.02 of the image's mean. Much work: some 20 minutes a scene at 2,048 samples on two cores.
+Renders each example scene without motion blur and denoisers; each engine draws its own random numbers. Reports the
+difference of the means by channel, and the difference of pixels and of blocks of 8 x 8 (an eighth of the noise),
+relative to their brightness, which counts as at least 0.02 of the image's mean. A scene takes some 20 minutes at 2,048
+samples on two cores.
 """
 
 from __future__ import annotations
@@ -77,7 +78,7 @@ def measure(file: Path, width: int, samples: int) -> dict[str, Any]:
 
 
 def blocks(image: Image) -> Image:
-    """Their means; what does not fill one at the right and below is left out."""
+    """The means of the blocks; incomplete blocks at the right and below are left out."""
     height, width = image.shape[0] // BLOCK, image.shape[1] // BLOCK
     whole = image[: height * BLOCK, : width * BLOCK]
     means: Image = whole.reshape(height, BLOCK, width, BLOCK, 3).mean(axis=(1, 3))

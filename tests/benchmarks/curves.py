@@ -1,4 +1,4 @@
-"""Hair, grass, fur and points, beside Embree's own curves and spheres and beside tubes of triangles.
+"""Hair, grass, fur and points, compared with Embree's own curves and spheres and with tubes of triangles.
 
     python tests/benchmarks/curves.py --json curves.json
 
@@ -8,7 +8,7 @@ spheres), and our trees over the same as tubes of six sides (points: octahedra);
 segment; updates in the wind. All on one thread, from C++: embreex has no curves for Python. Ribbons, the flat and the
 cubic ones are other surfaces, for comparison.
 
-The JSON holds `rows`: for each of them what native/benchmarks/curve_bench.cpp tells, with its name; and `goals`.
+The JSON holds `rows`, the output of native/benchmarks/curve_bench.cpp for each shape with its name, and `goals`.
 """
 
 from __future__ import annotations
@@ -58,7 +58,7 @@ def ray_ratios(row: Row, competitor: str, to: str) -> dict[str, float]:
 
 
 def bytes_each(row: Row, competitor: str) -> float | None:
-    """A segment or point; None of what was not raced."""
+    """Per segment or point; None for a competitor that took no part."""
     of_it = [ray["byte_count"] for ray in row["rays"] if ray["competitor"] == competitor]
     return of_it[0] / row["primitive_count"] if of_it else None
 
@@ -70,7 +70,7 @@ def time_ratio(row: Row, table: str, key: str, to: str) -> float:
 
 
 def judge(rows: list[Row]) -> list[Row]:
-    """What is to be reached, what was, and where the worst figure is."""
+    """Each goal, the figure reached, and where the worst figure is."""
     rays = {(row["name"], kind): ratio for row in rows for kind, ratio in ray_ratios(row, "ours", PEER).items()}
     tubes = {(row["name"], kind): ratio for row in rows for kind, ratio in ray_ratios(row, "ours", "tubes").items()}
     size = {(row["name"],): bytes_each(row, "ours") or 0.0 for row in rows}

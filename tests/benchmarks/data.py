@@ -4,11 +4,12 @@
 
 - `stages`: a scan of some frames, as `perfect-bvh scan` makes it, with what light does to beams. Seconds to open the
   file, to evaluate its frames, for the scan (evaluation included), for the same scan by a thin ray a beam, for these
-  rays alone through trees that are there, and to write each format; rays and points a second by the whole.
+  rays alone through trees that are already built, and to write each format; rays and points a second overall.
 - `labels`: a room of 300 things at 640 x 480. Seconds for the labels of a frame, for its files and for COCO's; how many
   pixels two visible masks share; how many of a random part of the amodal masks differ from the thing rendered alone.
-- `workers`: a longer scan by none, one and several workers, and by as many commands that each have a part of its frames
-  ("by hand": the most that the machine gives), of one thread each; the start of all processes is part of it.
+- `workers`: a longer scan by none, one and several workers, and by the same number of commands that each scan a part of
+  its frames ("by hand": the most that the machine gives), all with one thread each; the time includes the start of all
+  processes.
 - `scheduler`: microseconds for a task that does nothing, through Dask's scheduler and one worker.
 - `farm`: what 1,000 workers would saturate first, by these figures (`farm_on_paper.py`).
 """
@@ -105,7 +106,7 @@ def measure_stages(chosen: Any, _: Row) -> Row:
     _, evaluating = timed(chosen.rounds, evaluate)
     cloud, scanning = timed(chosen.rounds, lambda: scan(sensor, scene.camera, frames=frames))
     _, thin = timed(chosen.rounds, lambda: scan(sensor.pattern, scene.camera, frames=frames))
-    # Of one moment, through trees that are there: what is left of a frame is reading, trees and columns.
+    # At one moment, through trees that are already built: the rest of a frame is reading, trees and columns.
     passes = chosen.frames * frame_passes(scene, sensor.pattern)
     cast_seconds = pass_seconds(sensor.pattern, chosen.rounds) * passes
     files = {}
@@ -178,7 +179,7 @@ def measure_labels(chosen: Any, _: Row) -> Row:
 
 
 def compare_alone(labels: Any, things: list[bpy.types.Object], count: int) -> Row:
-    """How many amodal masks are not what a thing covers that is alone in the scene."""
+    """How many amodal masks differ from the pixels that the object covers when it is alone in the scene."""
     rows = {thing.name: row for row, thing in enumerate(labels.things)}
     chosen = np.random.default_rng(SEED).choice(len(labels.things), min(count, len(labels.things)), replace=False)
     differing = 0
@@ -213,7 +214,7 @@ def measure_workers(chosen: Any, _: Row) -> Row:
 
 
 def run_scans(chosen: Any, count: int, workers: int) -> float:
-    """Seconds for so many commands at once, each of its part of the frames."""
+    """Seconds for this number of commands at once, each with its part of the frames."""
     bounds = np.linspace(0, chosen.farm_frames, count + 1).astype(int).tolist()
     with tempfile.TemporaryDirectory() as folder:
         started = time.perf_counter()

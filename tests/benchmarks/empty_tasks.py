@@ -1,6 +1,6 @@
 """Seconds that tasks which do nothing take through Dask's scheduler and one worker: `empty_tasks.py COUNT`.
 
-A program of its own, since workers load the one that starts them, and this one loads no Blender.
+This is a separate program because workers load the program that starts them, and this one does not load Blender.
 """
 
 from __future__ import annotations

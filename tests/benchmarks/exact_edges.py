@@ -1,11 +1,10 @@
-"""Rays from outside, exactly through the vertices and edges of a box or closely past them: lost or made up, by whom.
+"""Counts rays that each engine loses or invents exactly at the vertices and edges of a box, or closely past them.
 
     python tests/benchmarks/exact_edges.py --json exact_edges.json
 
-Rays begin nearer or farther from a box with sides of one unit. All numbers are eighths, but those of rays that pass an
-edge closely, whose directions are a float beside: float32 holds all of them, also at a million units. So whole numbers
-say which rays hit the box, and who says otherwise has rounded.
-accuracy.py measures the same.
+Rays begin nearer or farther from a box with sides of one unit. All coordinates are eighths, except in rays that pass an
+edge closely, whose directions are one float off: float32 holds all of them exactly, also at a million units. So integer
+arithmetic decides which rays hit the box, and an engine that disagrees has rounded. accuracy.py measures the same.
 """
 
 from __future__ import annotations
@@ -45,7 +44,7 @@ def main() -> None:
 
 
 def measure(count: int, ray_limit: int) -> dict[str, Any]:
-    """By distance what each loses and makes up, and on which machine; and which peers' packages are missing."""
+    """By distance the rays that each engine loses and invents; also the machine, and peers without packages."""
     mesh, rows, left_out = box(), list[dict[str, Any]](), list[str]()
     for distance in DISTANCES:
         rays = rays_at_outlines(mesh, distance, count)
@@ -66,7 +65,7 @@ def box() -> BenchMesh:
 
 
 def rays_at_outlines(mesh: BenchMesh, distance: int, count: int) -> Rays:
-    """From outside of a box, at vertices and at eighths of edges; a third of them a float beside those."""
+    """Rays from outside of a box, at vertices and at eighths of edges; a third of them are one float off."""
     random = np.random.default_rng(31)
     corners = mesh.positions.astype(np.float64)[mesh.triangles[random.integers(0, len(mesh.triangles), count)]]
     share = np.where(random.random((count, 1)) < 0.5, 0, random.integers(1, 8, (count, 1))) / 8

@@ -1,8 +1,8 @@
-"""What a farm of many workers saturates first, reckoned from what one worker and the scheduler were measured to take.
+"""What a farm of many workers saturates first, calculated from the measured figures of one worker and the scheduler.
 
 Three things are shared: the scheduler, which handles one task at a time; the disk where all pieces go; and, at the
-start, the disk that all read the scene from. Each is busy for a share of the time that grows with the workers; the one
-whose share reaches 1 first is what a larger farm waits for.
+start, the disk that all read the scene from. Each is busy for a share of the time that grows with the workers; a larger
+farm waits for the one whose share reaches 1 first.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ class Farm:
 
 
 def saturations(farm: Farm, workers: int = WORKERS) -> dict[str, Any]:
-    """Busy shares with so many workers, with how many each is saturated, what is first, and how long a start takes."""
+    """Busy shares with these workers, the number that saturates each, the first of them, and the start's time."""
     busy = {
         "scheduler": MESSAGES * farm.task_microseconds * 1e-6 / farm.piece_seconds,
         "disk": farm.piece_megabytes / farm.piece_seconds / DISK_MEGABYTES,

@@ -1,12 +1,12 @@
-"""How long it takes to the first full image of a scene that nothing is known of: ours and Cycles', raw and denoised.
+"""The time to the first full image of a scene not seen before: ours and Cycles', raw and denoised.
 
     python tests/benchmarks/first_image.py --json first_image.json
 
 One sample a pixel, by the scene's own light paths; each engine denoises as its own settings do by default. All take
-turns in one process. The clock runs from when Blender has evaluated the scene and calls the engine until the engine
-has handed the image back (`engine`), on the wall and in CPU seconds of all threads; Blender's own part, the same for
-both, is what the whole request takes beside it (`blender`). Of ours it is said where the time goes: reading Blender's
-scene, building trees, tracing, denoising, the rest, and, which Cycles' request has not either, saving as a PNG.
+turns in one process. The clock runs from when Blender has evaluated the scene and calls the engine until the engine has
+returned the image (`engine`), in wall-clock seconds and in CPU seconds of all threads; the rest of the whole request is
+Blender's own part, the same for both (`blender`). For ours the time is split up: reading Blender's scene, building
+trees, tracing, denoising, the rest, and saving as a PNG, which Cycles' request does not include either.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ from perfect_bvh_addon.live.sync_cache import clear_syncs
 from perfect_bvh_addon.settings.modes import find_mode
 
 PARTS = ("read", "build", "trace", "denoise", "rest", "save")
-# Ours, and what of Cycles' it is compared with.
+# Ours, and the images of Cycles that it is compared with.
 PAIRS = {"raw": ("ours", "Cycles"), "denoised": ("ours, denoised", "Cycles, denoised")}
 Figures = dict[str, float]
 
@@ -64,7 +64,7 @@ class EngineClock:
 
 @contextmanager
 def timed_engines() -> Iterator[EngineClock]:
-    """Both engines report to the clock meanwhile."""
+    """Within the context both engines report to the clock."""
     import cycles
 
     clock = EngineClock()
@@ -146,7 +146,7 @@ def render(scene: bpy.types.Scene, which: Renderer, width: int, seed: int) -> Fi
 
 
 def parts_of(frame: Frame, engine: float) -> Figures:
-    """Seconds of what our engine does, by its own statistics."""
+    """Seconds of our engine's stages, by its own statistics."""
     statistics = frame.statistics
     report = statistics.report
     parts = {

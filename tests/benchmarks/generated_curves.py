@@ -17,7 +17,7 @@ _GOLDEN_ANGLE = np.pi * (3.0 - np.sqrt(5.0))
 class BenchBalls:
     """points: (P, 3) float32. radii: (P,) float32. offsets: (C + 1,) int64, each curve's first point; None: points.
 
-    is_inside: the camera stands inside, as in a lawn.
+    is_inside: the camera is inside, as in a lawn.
     """
 
     name: str
@@ -43,12 +43,12 @@ class BenchBalls:
 
 
 def make_all(detail: float) -> list[BenchBalls]:
-    """What is measured: a lawn, fur, long hair and a scan; their numbers grow with `detail`."""
+    """The measured shapes: a lawn, fur, long hair and a scan; their numbers grow with `detail`."""
     return [lawn(detail), fur(detail), long_hair(detail), scan(detail)]
 
 
 def make_hard() -> list[BenchBalls]:
-    """What is to be judged, small: each is hard in a way of its own."""
+    """Small shapes to judge; each is hard in a different way."""
     return [zigzag(), slanted_sticks(1000), nested_spheres(), one_place(1000), tips(), far_away()]
 
 
@@ -183,7 +183,7 @@ def tips() -> BenchBalls:
 
 
 def far_away() -> BenchBalls:
-    """Fur a thousand times as far from zero as it is large."""
+    """Fur at a distance from zero of a thousand times its size."""
     near = fur(0.005)
     return replace(near, name="far away", points=(near.points + np.float32(1024.0)).astype(np.float32))
 

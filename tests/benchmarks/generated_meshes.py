@@ -1,4 +1,4 @@
-"""Meshes that are hard on trees in ways of their own, made from seeds: a city, foliage, hair. Their up is y."""
+"""Meshes made from seeds, each hard for trees in a different way: a city, foliage, hair. Their up is y."""
 
 from __future__ import annotations
 
@@ -69,13 +69,13 @@ def _mesh(name: str, positions: F64, triangles: npt.NDArray[np.int64], *, is_ins
 
 
 def _each(triangles: npt.NDArray[np.int64], corner_count: int, count: int) -> npt.NDArray[np.int64]:
-    """The same triangles of each of `count` parts, of so many corners each."""
+    """The same triangles for each of `count` parts, which have this number of corners each."""
     firsts = corner_count * np.arange(count)[:, None, None]
     return np.asarray((triangles + firsts).reshape(-1, 3))
 
 
 def _quads(middles: F64, along: F64, across: F64) -> tuple[F64, npt.NDArray[np.int64]]:
-    """Four corners of its own for each, half a length and half a width from its middle."""
+    """Four separate corners for each, half a length and half a width from its middle."""
     corners = np.stack(
         [middles - along - across, middles + along - across, middles + along + across, middles - along + across], axis=1
     )

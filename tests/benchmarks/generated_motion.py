@@ -21,7 +21,7 @@ Shapes = tuple[npt.NDArray[np.float32], npt.NDArray[np.int32]]
 class BenchMotion:
     """meshes: as `Shapes`. mesh: (N,) int32, of each instance. places: (S, N, 3, 4) float32. moves: (N,) bool.
 
-    is_inside: the camera stands inside the box, and does not look at it from outside.
+    is_inside: the camera is inside the box instead of looking at it from outside.
     """
 
     name: str
@@ -129,7 +129,7 @@ def explosion(detail: float, steps: int) -> BenchMotion:
 
 
 def wheels(detail: float, steps: int) -> BenchMotion:
-    """100,000 instances of a stone of 220 triangles on a grid, each turning about an axis of its own."""
+    """100,000 instances of a stone of 220 triangles on a grid, each turning about a different axis."""
     side = max(4, round((100_000 * detail) ** (1 / 3)))
     random = np.random.default_rng(64)
     count = side**3
@@ -143,7 +143,7 @@ def wheels(detail: float, steps: int) -> BenchMotion:
 
 
 def car(detail: float, steps: int) -> BenchMotion:
-    """A car of four turning wheels that drives 6 m within the shutter, through streets that stand still."""
+    """A car of four turning wheels that drives 6 m within the shutter, through streets that do not move."""
     city = generated_meshes.city(detail)
     body, body_triangles = _join(
         [_ball(40, 80, [3.0, 1.0, 1.3], [0.0, 1.4, 0.0]), _ball(30, 60, [1.5, 0.9, 1.1], [0.2, 2.3, 0.0])]

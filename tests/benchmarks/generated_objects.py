@@ -1,4 +1,4 @@
-"""A room of many things in each other's way, made from a seed: what label images are measured on."""
+"""A room of many objects that hide each other, made from a seed, to measure label images on."""
 
 from __future__ import annotations
 

@@ -9,7 +9,7 @@ from typing import Any
 from benchmarks.python_rays import PAIRS
 
 Row = dict[str, Any]
-Ratios = Mapping[Any, float]  # by mesh and kind, or whatever else a subject's rows differ by
+Ratios = Mapping[Any, float]  # by mesh and kind, or by the columns in which a subject's rows differ
 
 SMALL, MILLION = 8192, 1_000_000  # rays a call
 KINDS = (("primary", MILLION), ("diffuse", SMALL), ("shuffled", SMALL), ("occlusion", SMALL))  # that goals speak of

@@ -1,4 +1,4 @@
-"""The goals, and what was measured of each."""
+"""The goals, and the figure measured for each."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ Results = Mapping[str, Sequence[dict[str, Any]]]
 
 @dataclass(frozen=True)
 class Goal:
-    """value: what was measured, which is to be at least, or at most, `bound`. where: it was."""
+    """value: the measured figure, which must be at least, or at most, `bound`. where: it was measured."""
 
     name: str
     value: float
@@ -56,7 +56,7 @@ def _of_rays(rows: Sequence[dict[str, Any]]) -> Iterator[Goal]:
     yield from _mean("rays / Embree's default, 2 million triangles or more", figures.ray_ratios(large, "embree"), 1.5)
     coherent = figures.ray_ratios(rows, "embree_packets", figures.COHERENT)
     yield from _worst("coherent rays / Embree's 16-wide packets", coherent, 1.0)
-    # What is left of a ray where the tree costs little: 80 ns where Embree takes 95, and 50 where it takes 60.
+    # The rest of a ray's cost where the tree costs little: 80 ns where Embree takes 95, and 50 where it takes 60.
     for kind, bound in (("diffuse", 95 / 80), ("occlusion", 60 / 50)):
         short = {key: value for key, value in default.items() if key == ("city", kind)}
         yield from _worst(f"short rays, {kind} / Embree's default", short, bound)

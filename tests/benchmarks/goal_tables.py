@@ -15,13 +15,13 @@ Results = Mapping[str, Sequence[Row]]
 
 
 def describe(results: Results) -> str:
-    """All tables of what was measured, the goals last."""
+    """All tables of the measured figures, the goals last."""
     parts = [text for name, rows in results.items() if rows for text in TABLES[name](rows)]
     return "\n\n".join([*parts, goals(results)])
 
 
 def goals(results: Results) -> str:
-    """What was measured beside each goal."""
+    """The measured figure next to each goal."""
     lines: list[tuple[Cell, ...]] = []
     for goal in goals_of(results):
         bound = f"{'<=' if goal.at_most else '>='} {goal.bound:.2f}"
@@ -30,7 +30,7 @@ def goals(results: Results) -> str:
 
 
 def repeated(results: Results, before: Results) -> str:
-    """How far what was measured of each goal is from what another run measured, the furthest first."""
+    """The difference between the figures of two runs for each goal, the largest first."""
     then = {goal.name: goal.value for goal in goals_of(before)}
     found = [(goal.name, then[goal.name], goal.value) for goal in goals_of(results) if goal.name in then]
     lines: list[tuple[Cell, ...]] = [(name, old, new, 100.0 * (new / old - 1.0)) for name, old, new in found]

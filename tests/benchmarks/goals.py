@@ -1,11 +1,11 @@
-"""All that the engine is to reach beside its peers, in one run: rays, builds, instances, refits, Python.
+"""Compares the engine with its peers and its goals, in one run: rays, builds, instances, refits, Python.
 
     python tests/benchmarks/goals.py --mesh nefertiti.npz sponza.npz dragon.npz --json goals.json
 
 Measures, on one thread unless a table says otherwise, the given meshes, those that Blender makes (displaced, instanced,
 sticks), generated ones (a city and foliage seen from inside, hair of slanted quads) and, for rays and builds, the last
-given mesh with sixteen times its triangles. Prints a table of each subject and one of the goals: what was measured, the
-goal, and whether it is reached. README.md beside this file says how it is measured and what the tables mean.
+given mesh with sixteen times its triangles. Prints a table of each subject and one of the goals: the figure, the goal,
+and whether it is reached. README.md in this folder explains the measurements and the tables.
 """
 
 from __future__ import annotations
@@ -36,15 +36,15 @@ PROGRAMS = ("trace_bench", "build_bench", "instance_bench", "refit_bench")
 BATCHES = (8192, 1_000_000)
 EMBREE = ("embree", "embree_robust", "embree_avx2", "embree_packets")
 TREES = ("auto", "fast", "changing", "spatial")
-# Races of builds go on until so many seconds have gone, in so many processes at most: three builds of a few
-# milliseconds are 20% off, and now and then all of Embree LOW's builds in one process take half as long again.
+# Races of builds last this number of seconds, in at most this number of processes: the mean of three builds of a few
+# milliseconds can be 20% off, and sometimes all of Embree LOW's builds in one process take half as long again.
 BUILD_SECONDS, BUILD_RACES = 8.0, 5
 UNLIKE_A_SCENE = "hair"  # of Blender's meshes: tubes; the generated quads are harder
 
 
 @dataclass(frozen=True)
 class Run:
-    """The command line, the native programs, and lines about what could not be measured, which may be added to."""
+    """The command line, the native programs, and a list of lines about figures that could not be measured."""
 
     chosen: argparse.Namespace
     native: NativePrograms

@@ -1,15 +1,15 @@
-"""How far images are from Cycles' converged one, against the time that they took: ours and Cycles', raw and denoised.
+"""The error of images against Cycles' converged one, over the time that they took: ours and Cycles', raw and denoised.
 
     python tests/benchmarks/image_error.py --json image_error.json
     python tests/benchmarks/image_error.py --json image_error.json --scenes FILE.blend ...
 
 Each scene is rendered without motion blur, by its own light paths and view transform. All images are whole renders in
 Blender, from the request to the file, of a scene that neither engine has seen before; all take turns. Each engine
-denoises as its own settings do by default. Errors are of what is seen: the root of the mean square difference from the
-converged image after the view transform, in parts of 255. The converged image is the mean of two halves of different
-noise; their difference says how much noise is left in it, and errors are without that. CPU seconds are those of all
-threads. Where the package flip-evaluator is installed, images are compared by FLIP as well, which includes that noise.
-The JSON is written again after each scene.
+denoises as its own settings do by default. Errors are measured after the view transform: the root of the mean square
+difference from the converged image, in parts of 255. The converged image is the mean of two halves of different noise;
+their difference says how much noise is left in it, and errors are without that. CPU seconds are those of all threads.
+Where the package flip-evaluator is installed, images are compared by FLIP as well, which includes that noise. The JSON
+is written again after each scene.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ Image = npt.NDArray[np.float32]
 SCENES = REPOSITORY / "blend_scenes"
 REFERENCE_SEED = 1000
 ASKED = (4, 16)  # numbers of Cycles' samples whose error ours is to reach
-LEAST_ERROR = 0.01  # in parts of 255: what is less cannot be told from the truth's noise
+LEAST_ERROR = 0.01  # in parts of 255: smaller errors cannot be distinguished from the reference's noise
 MOST_BEYOND = 100.0  # times the longest measured: an error that more samples would not reach counts as this
 HAS_FLIP = importlib.util.find_spec("flip_evaluator") is not None
 MEASURES = ("error", "flip") if HAS_FLIP else ("error",)
@@ -70,7 +70,7 @@ RENDERERS = (
 
 @dataclass(frozen=True, slots=True)
 class Rendered:
-    """An image as it is seen, (H, W, 3), and what it took."""
+    """An image after the view transform, (H, W, 3), and its cost."""
 
     image: Image
     wall: float
@@ -191,7 +191,7 @@ def render(scene: bpy.types.Scene, which: Renderer, width: int, samples: int, se
 def settings_of(
     scene: bpy.types.Scene, which: Renderer, width: int, samples: int, seed: int
 ) -> list[tuple[Any, str, Any]]:
-    """(owner, property, value) of what makes a scene's images comparable."""
+    """(owner, property, value) of the settings that make a scene's images comparable."""
     ours, cycles = scene.perfect_bvh, scene.cycles
     return [
         (scene.render, "engine", which.engine), (scene.render, "use_persistent_data", False),
@@ -261,7 +261,7 @@ def denoised(scene: dict[str, Any], samples: int) -> tuple[list[dict[str, Any]],
 
 
 def shares(scenes: list[dict[str, Any]], samples: int) -> dict[str, Any]:
-    """Our CPU time to the error of so many of Cycles' samples, in parts of its own; both denoised."""
+    """Our CPU time to the error of this number of Cycles' samples, relative to Cycles' time; both denoised."""
     by_scene = {}
     for scene in scenes:
         ours, theirs = denoised(scene, samples)

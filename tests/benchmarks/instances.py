@@ -1,4 +1,4 @@
-"""One mesh in many places: what an instancing scene is to rays."""
+"""One mesh in many places: the rays' view of an instancing scene."""
 
 from __future__ import annotations
 

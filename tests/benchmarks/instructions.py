@@ -3,10 +3,10 @@
     python tests/benchmarks/instructions.py MESH.npz ... --json counts.json
 
 Each mesh file holds `positions` (V, 3) and `triangles` (T, 3). The stages of a mesh: its tree built, 20,000 rays of a
-camera, 20,000 from where these hit into all directions, an image. Each runs in a process of its own under
-`valgrind --tool=callgrind`, on one thread; what is counted is the work from just before a stage's call to its end, by
-the difference to a process that stops there. So counts repeat within a few hundredths of a per cent, as Python's own
-work differs. Valgrind knows no AVX-512, so the instruction set is avx2, or what PERFECT_BVH_ISA says.
+camera, 20,000 from where these hit into all directions, an image. Each runs in a separate process under `valgrind
+--tool=callgrind`, on one thread. Only the work from just before a stage's call to its end is counted: the count of a
+process that stops before the call is subtracted. Counts repeat within a few hundredths of a per cent, because Python's
+own work differs. Valgrind does not support AVX-512, so the instruction set is avx2, or the one in PERFECT_BVH_ISA.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """How many of a peer's answers are wrong, by the tests' double-precision oracle, on a sample of the rays.
 
-Wrong is what tests/oracles/brute_force.py says: hit or miss differs, or t by more than a derived bound, for rays that
+Wrong means, as in tests/oracles/brute_force.py: hit or miss differs, or t by more than a derived bound, for rays that
 pass every edge by more than rounding the ray can move them. Only triangles whose box the ray comes near are looked at
 closely: all others are surely missed.
 """
@@ -36,7 +36,7 @@ class Wrong:
 
 
 def pick_sample(rays: Rays, count: int) -> Rays:
-    """About so many rays, spread evenly in blocks of 64 neighbours, as packets of rays want them."""
+    """About this number of rays, spread evenly in blocks of 64 neighbours, as packets of rays need them."""
     if count >= len(rays):
         return rays
     block = min(64, count)

@@ -1,4 +1,4 @@
-"""What a benchmark ran on: figures mean nothing without it."""
+"""Describes the machine that a benchmark ran on: figures mean nothing without it."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def require_quiet(is_noisy: bool) -> float:
 def describe(load_before: float | None = None) -> dict[str, Any]:
     """Machine, caches, instruction sets, versions, commit and load, as JSON takes them.
 
-    load_before: of the minute before the run; load_average then tells of the end.
+    load_before: the load of the minute before the run; load_average is then the load at the end.
     """
     return {
         "time": datetime.now(UTC).isoformat(timespec="seconds"),
@@ -59,7 +59,7 @@ def describe(load_before: float | None = None) -> dict[str, Any]:
 
 
 def processor() -> str:
-    """The processor's name as Linux has it, or what Python knows."""
+    """The processor's name from Linux, or else from Python."""
     table = Path("/proc/cpuinfo")
     for line in table.read_text().splitlines() if table.is_file() else ():
         if line.startswith("model name"):
@@ -79,7 +79,7 @@ def caches() -> dict[str, str]:
 
 
 def headline(machine: dict[str, Any]) -> str:
-    """What stands over a table, of what `describe` gives."""
+    """The heading of a table, from the result of `describe`."""
     sizes = "".join(f", {level} {size}" for level, size in machine["caches"].items())
     loads = f"load {machine['load_before']:.2f} before, " if machine["load_before"] is not None else "load "
     return f"{machine['processor']}{sizes}; {loads}{machine['load_average'][0]:.2f} after; {machine['commit']}"

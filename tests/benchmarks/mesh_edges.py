@@ -6,7 +6,8 @@ Three kinds, a third of the rays each: directions of few bits; float32 origins a
 and float32 for both. Those are left out whose line does not meet its target exactly. A triangle with a corner or a side
 there is met, unless the line lies in its plane. A ray is lost that misses, or hits farther away, though there is such a
 triangle; it is counted as unlisted if its list of intersections lacks one. Where a mesh is closed, rays from outside
-past edges, as closely as doubles tell, cross it an even number of times, but for those that meet an edge exactly.
+past edges, as closely as doubles can represent, cross it an even number of times, except those that meet an edge
+exactly.
 """
 
 from __future__ import annotations
@@ -206,7 +207,7 @@ def is_closed(triangles: npt.NDArray[np.int32]) -> bool:
 
 
 def odd_crossings(mesh: BenchMesh, scene: perfect_bvh.Scene, count: int, random: np.random.Generator) -> dict[str, int]:
-    """Of rays from outside of a closed mesh, aimed closely beside edges; those that meet one are left out."""
+    """For rays from outside of a closed mesh, aimed closely past edges; those that meet one are left out."""
     positions = mesh.positions.astype(np.float64)
     corners = positions[mesh.triangles[random.integers(0, len(mesh.triangles), count)]]
     share = 10.0 ** random.uniform(-16.0, -3.0, (count, 1))

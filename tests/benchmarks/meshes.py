@@ -19,7 +19,7 @@ class MeshError(Exception):
 
 @dataclass(frozen=True)
 class BenchMesh:
-    """positions: (V, 3) float32. triangles: (T, 3) int32. is_inside: the camera stands inside, as in a hall."""
+    """positions: (V, 3) float32. triangles: (T, 3) int32. is_inside: the camera is inside, as in a hall."""
 
     name: str
     positions: npt.NDArray[np.float32]

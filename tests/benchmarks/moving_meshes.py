@@ -1,4 +1,4 @@
-"""Meshes that move from frame to frame and keep their triangles, for what follows motion: made from seeds."""
+"""Meshes made from seeds that move from frame to frame and keep their triangles, to test trees that follow motion."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def exploding(frame_count: int = 48, rows: int = 120, seed: int = 1) -> MovingMe
 def _turned(
     corners: npt.NDArray[np.float64], axes: npt.NDArray[np.float64], angles: npt.NDArray[np.float64]
 ) -> npt.NDArray[np.float64]:
-    """(T, 3, 3) corners, each triangle turned about an axis of its own (Rodrigues)."""
+    """(T, 3, 3) corners, each triangle turned about a different axis (Rodrigues)."""
     axis, cos, sin = axes[:, None], np.cos(angles)[:, None, None], np.sin(angles)[:, None, None]
     along = (corners * axis).sum(axis=2, keepdims=True)
     return np.asarray(corners * cos + np.cross(axis, corners) * sin + axis * along * (1 - cos))

@@ -31,7 +31,7 @@ class NativePrograms:
         return (self._folder / name).is_file()
 
     def why_not(self, name: str) -> str:
-        """The line that says what is missing and the way to get it."""
+        """The line that names the missing program and how to get it."""
         return f"Embree and all native figures: {self._folder / name} is not built; `nox -s benchmarks` builds it"
 
     def run(
@@ -45,8 +45,9 @@ class NativePrograms:
     ) -> Any:
         """Runs a program on a mesh and returns its JSON.
 
-        tell: called with the share done, where it says so. is_timed: whether it measures times. It then does so
-        whatever the load: that was asked for when this program began, whose own load is no reason to refuse.
+        tell: called with the share done, if the program reports it. is_timed: whether it measures times. It then
+        ignores the machine's load: this program has checked the load at its start, and its own load is no reason to
+        refuse.
         """
         with tempfile.TemporaryDirectory() as folder:
             mesh_file, out = Path(folder) / f"{mesh.name}.bin", Path(folder) / "out.json"

@@ -1,4 +1,4 @@
-"""What the native competitors answer, Embree among them, in the form that the judge takes."""
+"""The answers of the native competitors, Embree among them, in the form that the judge takes."""
 
 from __future__ import annotations
 

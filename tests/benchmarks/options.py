@@ -1,4 +1,4 @@
-"""What the benchmarks' command lines share."""
+"""Options that the benchmarks' command lines share."""
 
 from __future__ import annotations
 
@@ -82,7 +82,7 @@ def meshes_of(options: argparse.Namespace) -> list[BenchMesh]:
 
 
 def save(chosen: argparse.Namespace, results: dict[str, Any]) -> None:
-    """Writes the figures with what they were measured on, and prints that."""
+    """Writes the figures with a description of the machine, and prints its headline."""
     machine = describe(chosen.load_before)
     print(headline(machine))
     write_rows(chosen.json, {"machine": machine, **results})

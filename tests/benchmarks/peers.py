@@ -1,4 +1,4 @@
-"""What can cast rays from Python: this engine, Embree as embreex gives it, Blender's BVHTree and scene.ray_cast.
+"""The engines that can cast rays from Python: this one, Embree through embreex, Blender's BVHTree and scene.ray_cast.
 
 Each is built from a mesh and then answers the same rays, all on one thread.
 """
@@ -46,9 +46,9 @@ class Answers:
 
 @dataclass(frozen=True)
 class Peer:
-    """closest, any: what is timed. answers, occluded: the same in whatever time, for `ask`.
+    """closest, any: the timed functions. answers, occluded: the same queries untimed, for `ask`.
 
-    ray_limit: those who take one ray a call get no more than that.
+    ray_limit: the most rays for peers that take one ray a call.
     """
 
     name: str
@@ -151,7 +151,7 @@ def bvh_tree(mesh: BenchMesh, ray_limit: int) -> Peer:
 
 
 def as_lists(mesh: BenchMesh) -> tuple[list[list[float]], list[list[int]]]:
-    """What BVHTree.FromPolygons wants."""
+    """The arguments of BVHTree.FromPolygons."""
     return mesh.positions.tolist(), mesh.triangles.tolist()
 
 

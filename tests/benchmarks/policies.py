@@ -1,10 +1,10 @@
-"""Always refit, always rebuild, or governed: what each costs over an animation, updates and rays together.
+"""Always refit, always rebuild, or governed: the cost of each over an animation, updates and rays together.
 
     python tests/benchmarks/sync.py --json OUT.json --policies
 
 Each frame is read once and given to all policies in turn, the order rotating; so are the rays. Times are the
-processor's, of one thread. Rays are timed in a sample and reckoned up to the number that the governor was told. Each
-frame counts with the median of the repeats, and the first, on which everything is built, counts too.
+processor's, of one thread. Rays are timed in a sample, and the time is scaled to the number of rays passed to the
+governor. Each frame counts with the median of the repeats, and the first, on which everything is built, counts too.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ class TimedScene(perfect_bvh.Scene):
 
 @dataclass(slots=True)
 class Run:
-    """One policy's frames: milliseconds of each repeat, (repeats, frames); to how many meshes what was done."""
+    """One policy's frames: milliseconds of each repeat, (repeats, frames); the number of meshes by action."""
 
     update: list[list[float]] = field(default_factory=list)
     trace: list[list[float]] = field(default_factory=list)
@@ -126,7 +126,7 @@ def _time_rays(scenes: dict[str, Any], batch: tuple[Floats, Floats], rounds: int
 
 
 def _rays_at(record: SceneRecord) -> tuple[Floats, Floats]:
-    """From all around towards random places in the scene's box: what an expected ray is."""
+    """From all around towards random places in the scene's box, as expected rays are modelled."""
     origins, directions = rays_from_around(record, np.random.default_rng(3), SAMPLE)
     return origins.astype(np.float32), directions.astype(np.float32)
 

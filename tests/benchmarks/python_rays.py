@@ -1,4 +1,4 @@
-"""How fast batches of rays are from Python, beside embreex: on one thread, and how threads scale."""
+"""The speed of batches of rays from Python, compared with embreex: on one thread, and by the number of threads."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from benchmarks.rounds import run_rounds, thread_seconds, wall_seconds
 
 Casts = dict[str, Callable[[Rays], object]]
 FIELDS = ("t_hit", "primitive_ids")
-# Pairs of ours and embreex's: the least that tells what was hit, which is the triangle without t from embreex; and what
-# a caller gets who asks for nothing, beside all that embreex has.
+# Pairs of our query and embreex's: the least that identifies the hit, which for embreex is the triangle without t; and
+# the default query, compared with everything that embreex returns.
 PAIRS = {"t, triangle": "embreex, triangle", "default fields": "embreex, all fields"}
 
 
@@ -23,8 +23,8 @@ def measure_from_python(
 ) -> list[dict[str, Any]]:
     """A row for each kind of ray, cast in one batch: million rays a second by who cast them, interleaved.
 
-    `one_thread`: in the thread's own CPU time; without embreex if that is not installed, which left_out is then told.
-    `wall`: ours of `t, triangle` by the wall's clock, by the number of threads.
+    `one_thread`: in the thread's own CPU time; without embreex if that is not installed, which is then noted in
+    left_out. `wall`: ours of `t, triangle` by the wall's clock, by the number of threads.
     """
     snapshot = peers.scene_of(mesh).snapshot()
 
@@ -59,7 +59,7 @@ def measure_from_python(
 
 
 def _speeds(casts: Casts, rays: Rays, rounds: int, clock: Callable[[], float]) -> dict[str, float]:
-    """Million rays a second, of the lower third of the times: what disturbs only adds time."""
+    """Million rays a second, of the lower third of the times: disturbances only add time."""
     calls = {name: partial(each, rays) for name, each in casts.items()}
     times = run_rounds(calls, rounds, clock)
     return {name: 1e-6 * len(rays) / sorted(seconds)[len(seconds) // 3] for name, seconds in times.items()}

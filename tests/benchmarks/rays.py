@@ -62,7 +62,7 @@ def _unit(vectors: F64) -> F64:
 def camera_rays(
     name: str, lower: F64, upper: F64, is_inside: bool, width: int, height: int, random: np.random.Generator
 ) -> Rays:
-    """One ray a pixel of a camera that frames a box, or stands in it."""
+    """One ray a pixel of a camera that frames a box, or is inside it."""
     centre, extent = 0.5 * (lower + upper), upper - lower
     diagonal, half_height = float(np.linalg.norm(extent)), 0.42
     eye, target = centre + _unit(np.array([0.5, 0.25, 1.0])) * diagonal, centre

@@ -1,17 +1,17 @@
-"""What it costs to follow a mesh that deforms, and what rays then cost, beside Embree's refits.
+"""The cost of following a mesh that deforms, and of rays afterwards, compared with Embree's refits.
 
     python tests/benchmarks/refit.py --mesh dragon.npz --json refit.json
 
 For each mesh: nanoseconds a triangle to refit the tree of a swaying mesh, for a whole commit, and for Embree's REFIT;
-then the mesh twisted about its longest axis by 0.1, 1.5 and 2 pi radians: what each way of updating the tree takes, and
-the rays per second through what it leaves, as a share of those through a new tree of the same side. Whatever
-is compared is measured in turn in one run, on one thread.
+then the mesh twisted about its longest axis by 0.1, 1.5 and 2 pi radians: the time of each method of updating the tree,
+and the rays per second through the updated tree, as a share of those through a new tree of the same engine. All figures
+that are compared are measured in turn in one run, on one thread.
 
 The JSON holds `rows`, all with the keys mesh, triangle_count, isa, threads, twist (radians; null: the swaying mesh),
-method and ns_per_triangle. Rows of the swaying mesh have ns_low and ns_high, those of commits `actions` (what the scene
-did, by how often). Rows of twists have rays_per_second_ratio (of all rays), primary_ratio, diffuse_ratio, and wrong of
-`judged` answers, by the double-precision judge; ours have `different` too: of all rays those not answered, bit by bit,
-as a new tree does.
+method and ns_per_triangle. Rows of the swaying mesh have ns_low and ns_high, those of commits `actions` (how often the
+scene did what). Rows of twists have rays_per_second_ratio (of all rays), primary_ratio, diffuse_ratio, and wrong of
+`judged` answers, by the double-precision judge; ours have `different` too: of all rays those whose answers differ in
+any bit from a new tree's.
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ def main() -> None:
 
 
 def rows_of(mesh: str, result: dict[str, Any]) -> list[Row]:
-    """What the native program tells of one mesh, each row by itself."""
+    """The rows that the native program prints for one mesh, one at a time."""
     common = {"mesh": mesh, **{key: result[key] for key in ("triangle_count", "isa", "threads")}}
     return [{**common, "twist": None, **row} for row in (*result.get("sway", ()), *result["twists"])]
 

@@ -27,7 +27,7 @@ class Spread:
 
 
 def thread_seconds() -> float:
-    """For work on one thread: its own time, whatever else the machine does."""
+    """For work on one thread: its own CPU time, independent of other processes."""
     return time.thread_time()
 
 

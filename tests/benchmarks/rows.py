@@ -14,7 +14,7 @@ def write_rows(path: Path, figures: dict[str, Any]) -> None:
 
 
 def _lines(value: Any, depth: int) -> list[str]:
-    """What holds rows is opened, and so is the outermost object; all else takes one line."""
+    """Objects that hold rows, and the outermost object, are split over lines; all else takes one line."""
     if depth and not _has_rows(value):
         return [" " * depth + json.dumps(value)]
     is_object = isinstance(value, dict)
@@ -33,7 +33,7 @@ def _lines(value: Any, depth: int) -> list[str]:
 
 
 def _has_rows(value: Any) -> bool:
-    """Whether a list of objects is in it, at whatever depth."""
+    """Whether a list of objects is in it, at any depth."""
     if isinstance(value, dict):
         return any(map(_has_rows, value.values()))
     return isinstance(value, list | tuple) and any(isinstance(part, dict) or _has_rows(part) for part in value)

@@ -1,14 +1,14 @@
-"""A scan of whole scenes beside the same rays cast one by one by `scene.ray_cast`, and where the two disagree.
+"""Compares a scan of whole scenes with the same rays cast one by one by `scene.ray_cast`, and counts disagreements.
 
     python tests/benchmarks/scan.py --json scan.json
 
 Every scene is scanned by its camera's grid and by a LiDAR in the camera's place. `scan_ms` is all of `scan`: the scene
 read again, its trees built, the rays, the points with their attributes. `cast_ms` is the rays alone, through trees that
-are there. Blender casts a random part of the same rays (--ray-limit), when its own trees are there, and makes no points
-of them. Both run on one thread; the clock is the process's own CPU time.
+are already built. Blender casts a random part of the same rays (--ray-limit), once its own trees are built, and makes
+no points of them. Both run on one thread; the clock is the process's own CPU time.
 
-A ray is disputed if one of them hits and the other does not, or if their distances differ by more than a thousandth: of
-those the double-precision reference says how many of the engine's answers are wrong.
+A ray is disputed if one of them hits and the other does not, or if their distances differ by more than a thousandth.
+The double-precision reference says for how many of those the engine's answers are wrong.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ PATTERNS = {
     "camera": CameraGrid(640, 360),
     "lidar": SpinningLidar(elevations=tuple(np.linspace(-25.0, 15.0, 64)), columns=3600, max_distance=200.0),
 }
-FARTHEST = 1e6  # for Blender, which knows no infinite rays
+FARTHEST = 1e6  # for Blender, which has no infinite rays
 SAME_DISTANCE = 1e-3
 SEED = 7
 
@@ -161,7 +161,7 @@ def cast_all(pattern: CameraGrid | SpinningLidar, sync: SceneSync, threads: int 
 
 
 def blender_distances(rays: WorldRays) -> Iterator[float]:
-    """What Blender measures along each ray, infinite where it finds nothing."""
+    """Blender's distance along each ray, infinite where it finds nothing."""
     scene, depsgraph = bpy.context.scene, bpy.context.evaluated_depsgraph_get()
     columns = (rays.origins, rays.directions, rays.nearest, rays.farthest)
     for origin, direction, nearest, farthest in zip(*columns, strict=True):
@@ -171,7 +171,7 @@ def blender_distances(rays: WorldRays) -> Iterator[float]:
 
 
 def distances_of(cloud: PointCloud, rays: WorldRays) -> npt.NDArray[np.float64]:
-    """What the scan measured along some of its rays, infinite where it made no point."""
+    """The scan's distance along some of its rays, infinite where it made no point."""
     found = np.full(cloud.ray_count, np.inf)
     found[cloud.ray_ids] = cloud.distances
     return found[rays.numbers]

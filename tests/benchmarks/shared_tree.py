@@ -3,12 +3,12 @@
     python tests/benchmarks/shared_tree.py --json shared_tree.json
 
 Octahedra of 8 triangles, boxes of 12 and balls of 200 are spread at random. Apart, each is a mesh and an instance;
-opened, each half of a box and each quarter of a ball is: so the top level stands over what is in the meshes, as if it
-opened its instances (Benthin, Woop, Wald and Afra 2017), but for a row of its own that each part takes. An octahedron
-is one leaf, of which there are no parts. Together, all is one mesh in world space. All give the same hits, which is
-checked. Times are the processor's, of one thread, in turns: of adding and committing everything, of rays from all
-around towards places in the scene, and of moving one of them: apart a new transform (opened: one for each part),
-together new positions of the whole mesh and a refit. Visits are of nodes and instances, of a ray.
+opened, each half of a box and each quarter of a ball is: so the top level reaches into the meshes, as if it opened its
+instances (Benthin, Woop, Wald and Afra 2017), except that each part takes a separate row. An octahedron is one leaf and
+is not split. Together, all is one mesh in world space. All give the same hits, which is checked. Times are the
+processor's, of one thread, in turns: of adding and committing everything, of rays from all around towards places in the
+scene, and of moving one of them: apart a new transform (opened: one for each part), together new positions of the whole
+mesh and a refit. Visits are of nodes and instances, of a ray.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ class Shapes:
         return [(self.positions, self.triangles)]
 
     def parts(self, count: int) -> list[Mesh]:
-        """One of them in so many parts, halved again and again across the longest side."""
+        """One of them in this number of parts, halved again and again across the longest side."""
         centres = self.positions[self.triangles].mean(axis=1)
         groups = [np.arange(len(self.triangles))]
         while len(groups) < count:
@@ -185,7 +185,7 @@ def measure(kind: str, count: int, rounds: int) -> dict[str, Any]:
 
 
 def _check(hits: dict[str, Any]) -> None:
-    """The same answers but for what placing a box rounds: rays that pass within a hair of an edge."""
+    """The same answers, except for rays so close to an edge that rounding a box's placement decides."""
     one = hits["together"]
     for name, other in hits.items():
         differ = one.is_hit != other.is_hit

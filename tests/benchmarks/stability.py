@@ -1,10 +1,11 @@
-"""How fast rays are, and how right, through trees that followed a deformation, against how large that was.
+"""The speed and correctness of rays through trees that followed a deformation, over the size of the deformation.
 
     python tests/benchmarks/stability.py --json stability.json
 
 A mesh is twisted, burst, flattened or sheared in one step, ever more, and its tree follows by each policy. Speeds are
 shares of the one through a new tree, of rays from all around, on one thread. All answers are compared bit by bit
-with the new tree's, and a part of them is audited in double precision; beside them are those of a tree left behind.
+with the new tree's, and a part of them is audited in double precision; for comparison there are the answers of a tree
+that was not updated.
 """
 
 from __future__ import annotations
@@ -28,11 +29,11 @@ from perfect_bvh._tuning import POLICIES, with_policy
 from tqdm import tqdm
 
 F64 = npt.NDArray[np.float64]
-RAYS = 1_500_000  # that the governor is told
+RAYS = 1_500_000  # passed to the governor
 
 
 def twist(positions: F64, amount: float) -> F64:
-    """By so many radians from end to end."""
+    """By this number of radians from end to end."""
     turn = amount * (positions[:, 2] - positions[:, 2].min()) / np.ptp(positions[:, 2])
     cos, sin = np.cos(turn), np.sin(turn)
     x, y = positions[:, 0], positions[:, 1]
@@ -40,7 +41,7 @@ def twist(positions: F64, amount: float) -> F64:
 
 
 def explode(positions: F64, amount: float) -> F64:
-    """Each triangle flies away in a direction of its own, so many radii at most."""
+    """Each triangle flies away in a different direction, by at most this number of radii."""
     random = np.random.default_rng(31)
     flight = random.normal(size=(len(positions) // 3, 3))
     flight /= np.linalg.norm(flight, axis=1, keepdims=True)
@@ -48,13 +49,13 @@ def explode(positions: F64, amount: float) -> F64:
 
 
 def flatten(positions: F64, amount: float) -> F64:
-    """Scaled by one over so much along a diagonal."""
+    """Scaled by one over this factor along a diagonal."""
     axis = np.full(3, 3.0**-0.5)
     return positions - np.outer(positions @ axis, axis) * (1.0 - 1.0 / amount)
 
 
 def shear(positions: F64, amount: float) -> F64:
-    """X moves so many times as far as z."""
+    """X moves by this multiple of z."""
     return positions + positions[:, 2:3] * np.array([amount, 0.3 * amount, 0.0])
 
 
@@ -81,7 +82,7 @@ def main() -> None:
     motions = {}
     with tqdm(total=sum(len(amounts) for _, amounts, _ in MOTIONS.values()), unit="mesh") as bar:
         for name, (move, amounts, _) in MOTIONS.items():
-            # What bursts has no vertices in common.
+            # The triangles of a bursting mesh share no vertices.
             loose = (rest[triangles].reshape(-1, 3), np.arange(3 * len(triangles), dtype=np.int32).reshape(-1, 3))
             start, corners = loose if name == "explosion" else (rest, triangles)
             motions[name] = []
@@ -139,7 +140,7 @@ def _same(hits: perfect_bvh.Hits, wanted: perfect_bvh.Hits) -> npt.NDArray[np.bo
 
 
 def _rays(positions: npt.NDArray[np.float32], count: int) -> tuple[F64, F64]:
-    """From all around towards random triangles' corners: whatever the shape has become, most of them meet it."""
+    """From all around towards random triangles' corners: most of them meet the shape however it is deformed."""
     random = np.random.default_rng(37)
     lower, upper = positions.min(axis=0).astype(np.float64), positions.max(axis=0).astype(np.float64)
     outward = random.normal(size=(count, 3))

@@ -2,11 +2,11 @@
 
     python tests/benchmarks/survey.py FOLDER ... --json survey.json [--table OUT] [--sheets FOLDER]
 
-Each file is rendered in a process of its own, with one sample on a few pixels. What `report.not_shown` then lists is
+Each file is rendered in a separate process, with one sample on a few pixels. What `report.not_shown` then lists is
 counted by feature, and by the files that it occurs in: names of materials, images and nodes are left out of a feature.
 Files that cannot be opened, that take longer than --timeout, or whose render fails are listed with the reason.
-`--sheets` also renders files at `--size`, with Cycles too: ours, Cycles' and four times the difference, side by side.
-A file without a camera is looked at from its front, above and aside; one without any light has a grey world and a sun.
+`--sheets` also renders files at `--size`, with Cycles too: ours, Cycles' and four times the difference, side by side. A
+file without a camera is looked at from its front, above and aside; one without any light has a grey world and a sun.
 """
 
 from __future__ import annotations
@@ -33,10 +33,10 @@ LIMITS = Path(__file__).resolve().parents[2] / "docs" / "preview.md"
 GROUPS_HEAD = "| not shown | such as |"
 ANSWER = "survey: "  # before the JSON of a child process
 PROBE_SIZE, SHEET_SAMPLES, GAIN = 16, 64, 4.0
-# Parts of a row's text that name data of the file: (pattern, what is kept).
+# Parts of a row's text that name data of the file: (pattern, the part to keep).
 _NAMES = (
     (re.compile(r"'[^']*'"), "..."),
-    (re.compile(r"^.* \((?!Legacy\))([^()]*(?:\(Legacy\))?)\)(?= |$)"), r"\1"),  # a node's label stands before its type
+    (re.compile(r"^.* \((?!Legacy\))([^()]*(?:\(Legacy\))?)\)(?= |$)"), r"\1"),  # a node's label comes before its type
     (re.compile(r"^(the projection \w+) of .*"), r"\1"),
     (re.compile(r"^.* as Color$"), "an image as the color of a light"),
     (re.compile(r"\d[\d.,]*"), "N"),
@@ -44,9 +44,9 @@ _NAMES = (
 
 
 def feature_of(kind: str, text: str, name: str = "") -> str:
-    """Return what a row of `not_shown` is about, without the names that a file has given.
+    """Return the subject of a row of `not_shown`, without the names that a file has given.
 
-    name: of a setting, which is Blender's own.
+    name: of a setting, as Blender defines it.
     """
     what = text.split(" is not shown; ")[0].split("; ")[0]
     for pattern, kept in _NAMES:
@@ -56,7 +56,7 @@ def feature_of(kind: str, text: str, name: str = "") -> str:
 
 
 def find_files(folder: Path, most: int | None = None) -> list[Path]:
-    """Return the files of the surveyed kinds, sorted; so many at most, evenly spaced among them."""
+    """Return the files of the surveyed kinds, sorted; at most this number, evenly spaced among them."""
     found = sorted(path for path in folder.rglob("*") if path.suffix.lower() in SUFFIXES)
     if most is None or len(found) <= most:
         return found
@@ -77,14 +77,14 @@ def count(answers: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
 
 
 def read_groups(text: str) -> dict[str, tuple[str, ...]]:
-    """Return what the table of what is not shown has: names of features and nodes, by the names of rows."""
+    """Return the entries of the table of unsupported features: names of features and nodes, by the names of rows."""
     lines = text[text.index(GROUPS_HEAD) :].splitlines()[2:]
     rows = [line.strip("| ").split(" | ") for line in takewhile(lambda line: line.startswith("|"), lines)]
     return {row[0]: tuple(row[1].split(", ")) for row in rows}
 
 
 def count_groups(answers: Sequence[Mapping[str, Any]], groups: Mapping[str, Sequence[str]]) -> dict[str, int]:
-    """Return in how many files something of each group occurs, "" for what no group names; longest names count."""
+    """Return the number of files in which each group occurs, "" for features in no group; the longest name counts."""
     names = sorted(((name, group) for group in groups for name in groups[group]), key=lambda pair: -len(pair[0]))
     files: Counter[str] = Counter(dict.fromkeys([*groups, ""], 0))
     for answer in answers:
@@ -110,7 +110,7 @@ def format_markdown(answers: Sequence[Mapping[str, Any]], rows: Sequence[Mapping
 
 
 def run(path: Path, name: str, sheet: Path | None, chosen: argparse.Namespace) -> dict[str, Any]:
-    """Survey a file in a process of its own. name: what the figures call it. sheet: where its images go."""
+    """Survey a file in a separate process. name: its name in the figures. sheet: where its images go."""
     command = [sys.executable, __file__, str(path), "--child", "--size", str(chosen.size)]
     command += [] if sheet is None else ["--sheets", str(sheet)]
     try:

@@ -1,4 +1,4 @@
-"""What it costs to stay in step with Blender: per frame, read, compare, update calls, trees, top level and rays.
+"""The cost of staying in step with Blender: per frame, read, compare, update calls, trees, top level and rays.
 
     python tests/benchmarks/sync.py --json OUT.json
     python tests/benchmarks/sync.py --json OUT.json --only "instances moved"
@@ -6,11 +6,11 @@
     python tests/benchmarks/sync.py --json OUT.json --policies
 
 Cases: the animated scenes of blend_scenes, a million deforming triangles, instances made by geometry nodes that move,
-one object moved among ten thousand, an edit beside a mesh of three million triangles that it does not touch.
-`read_list_ms` is what reading the same instances costs by Blender's list. Blender's own evaluation is not part of any
-figure but `evaluate_ms`. `cpu_ms` is the processor's time in an update, of all threads: where others use the machine as
-well it tells more than the clock, by which all the others go. With --policies the animated scenes and a bursting ball
-are played with each policy of the governor instead, see policies.py.
+one object moved among ten thousand, an edit in a scene with a mesh of three million triangles that it does not touch.
+`read_list_ms` is the time to read the same instances through Blender's list. Blender's own evaluation is part of
+`evaluate_ms` only. `cpu_ms` is the CPU time of an update, of all threads: on a busy machine it is more reliable than
+wall-clock time, which all other figures are. With --policies the animated scenes and a bursting ball are played with
+each policy of the governor instead, see policies.py.
 """
 
 from __future__ import annotations
@@ -186,7 +186,7 @@ def one_object() -> Case:
 
 
 def one_mesh() -> Case:
-    """Each object has a mesh of its own."""
+    """Each object has a separate mesh."""
     _clear()
     return _one_moves("one object moved among 10,000 meshes", lambda index: mesh_data(f"mesh {index}"))
 
@@ -205,7 +205,7 @@ def unrelated_edit() -> Case:
     return Case("edit beside 3M triangles", lambda number: setattr(other.location, "z", number))
 
 
-# What is printed of each case: the middle over its later updates.
+# The printed figures of each case: the median over its later updates.
 _COLUMNS = ("evaluate", "read", "compare", "update", "trees", "top_level", "all", "cpu", "trace")
 # Milliseconds that an update may take in all, on an idle machine.
 _GOALS = {

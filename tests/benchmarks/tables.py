@@ -9,7 +9,7 @@ Cell = str | float | int | None
 
 
 def cell(value: Cell, digits: int = 2) -> str:
-    """A number with so many digits after the point, a dash for what was not measured."""
+    """A number with this number of digits after the point, a dash if it was not measured."""
     if value is None:
         return "-"
     return f"{value:,.{digits}f}" if isinstance(value, float) else f"{value:,}" if isinstance(value, int) else value
@@ -28,7 +28,7 @@ def format_table(heads: Sequence[str], rows: Iterable[Sequence[Cell]]) -> str:
 
 
 def format_goals(goals: Iterable[Mapping[str, Any]]) -> str:
-    """What was wanted and reached. goals: rows of goal, measured, wanted, most (whether that is a limit), where."""
+    """Goals and figures reached. goals: rows of goal, measured, wanted, most (whether that is a limit), where."""
     lines: list[list[Cell]] = [
         [
             goal["goal"],

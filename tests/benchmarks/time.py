@@ -1,15 +1,15 @@
-"""Rays at times of their own through what moves within the shutter, beside Embree's motion blur.
+"""Rays with individual times through objects that move within the shutter, compared with Embree's motion blur.
 
     python tests/benchmarks/time.py --json time.json
 
-A walking crowd, a tree in the wind, an explosion, turning stones and a car in a street that stands still, made from
+A walking crowd, a tree in the wind, an explosion, turning stones and a car in a street that does not move, made from
 seeds (`generated_motion.py`; `--detail` makes them smaller), of 2 and of 8 steps. For each: primary, diffuse and
 occlusion rays at random times through ours and Embree's; the same kinds of rays through the scene frozen half-way, ours
 and Embree's; and those with times where nothing moves. All on one thread, from C++. A sample of answers is judged by
 the double-precision oracle, through Python.
 
-The JSON holds `rows`: for each scene what native/benchmarks/time_bench.cpp tells, with its name and `wrong`, how many
-of the `judged` answers are; and `goals`.
+The JSON holds `rows`, the output of native/benchmarks/time_bench.cpp for each scene with its name and the number of
+`wrong` among the `judged` answers; and `goals`.
 """
 
 from __future__ import annotations
@@ -90,7 +90,7 @@ def ratios(rows: list[Row], competitor: str, to: str) -> Ratios:
 
 
 def list_goals(rows: list[Row]) -> list[Row]:
-    """What is to be reached, what was, and where the worst figure is."""
+    """Each goal, the figure reached, and where the worst figure is."""
     peer = ratios(rows, "ours", "embree")
     cost, idle = ratios(rows, "ours still", "ours"), ratios(rows, "ours still", "ours still with times")
     mean = float(np.exp(np.mean(np.log(list(peer.values())))))

@@ -1,9 +1,9 @@
-"""How fast rays are, beside Embree and Blender, and how many answers are wrong.
+"""The speed of rays, compared with Embree and Blender, and the number of wrong answers.
 
 For each mesh and kind of ray (primary, diffuse, the same shuffled, ambient occlusion, and through instances): M rays/s
-on one thread, of native code with every instruction set and strategy beside Embree's single rays, 16-wide packets and
-robust mode, and from Python beside embreex, BVHTree.ray_cast and scene.ray_cast. Whatever is compared is measured in
-turn in one run. Of every peer that Python can ask, a sample of answers is judged by the double-precision oracle.
+on one thread, of native code with every instruction set and strategy against Embree's single rays, 16-wide packets and
+robust mode, and from Python against embreex, BVHTree.ray_cast and scene.ray_cast. All figures that are compared are
+measured in turn in one run. The double-precision oracle judges a sample of answers of every peer that Python can call.
 """
 
 from __future__ import annotations
@@ -130,7 +130,7 @@ def _instanced(
 def _race(
     tracers: list[Peer], rays: Rays, judge: Judge, natively: dict[str, Answers], chosen: argparse.Namespace
 ) -> dict[str, Any]:
-    """One kind of ray: speeds, and wrong answers beside them. natively: answers that others gave to the sample."""
+    """One kind of ray: speeds and numbers of wrong answers. natively: the native competitors' answers to the sample."""
     speeds = measure_rays(tracers, rays, chosen.rounds, lambda: None)
     sample = pick_sample(rays, chosen.sample)
     answers = {f"native {name}": each for name, each in natively.items()}

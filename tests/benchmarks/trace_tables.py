@@ -8,7 +8,7 @@ from benchmarks.tables import Cell, format_table
 
 
 def describe_mesh(result: dict[str, Any]) -> str:
-    """Everything about one mesh: in each cell M rays/s, and then what it is to the first peer's."""
+    """Everything about one mesh: in each cell M rays/s, and then the ratio to the first peer's."""
     parts = [f"{result['name']}: {result['triangle_count']:,} triangles"]
     if result["native"]:
         parts.append(

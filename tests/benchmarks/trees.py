@@ -6,8 +6,8 @@ from typing import Any
 
 from perfect_bvh import BuildConfig
 
-# What the engine chooses; then no heuristic at all, fewer axes, planes that do not grow in number with the triangles.
-# Fast as a user asks for it: by name for a mesh that stays as it is, or by saying that the mesh changes.
+# The engine's choice; then no heuristic at all, fewer axes, a number of planes that does not grow with the triangles. A
+# user gets the fast builder by name for a static mesh, or by declaring that the mesh changes.
 TREES: dict[str, dict[str, Any]] = {
     "auto": {},
     "median": {"builder": "median"},
@@ -25,12 +25,12 @@ TREES: dict[str, dict[str, Any]] = {
 
 
 def config_of(name: str) -> BuildConfig:
-    """The settings of a tree of this table, without what its mesh is said to be used for."""
+    """The settings of a tree of this table, without the declared use of its mesh."""
     return BuildConfig(**{key: value for key, value in TREES[name].items() if key != "usage"})
 
 
 def usage_of(name: str) -> str:
-    """What the tree's mesh is said to be used for."""
+    """The declared use of the tree's mesh."""
     return str(TREES[name].get("usage", "static"))
 
 

@@ -1,11 +1,11 @@
-"""The engine for Windows under Wine beside that for Linux, on one machine, by turns.
+"""Compares the engine for Windows under Wine with that for Linux, on one machine, by turns.
 
     python tests/benchmarks/windows.py WINDOWS.whl LINUX.whl RECORD --rounds 5 --json windows.json
 
 Both wheels are for CPython 3.11 and made by one compiler, so that what differs is the system: its memory, threads and
-clocks. RECORD is what `tests/wine/read_blend.py` has read of a scene. Each round runs both, the order changing; of each
-figure the medians and quartiles are kept, and the ratio of each round's Wine to its Linux. How busy the machine was
-stands beside them: a ratio of two runs beside other work tells less.
+clocks. RECORD is the file that `tests/wine/read_blend.py` has written for a scene. Each round runs both, the order
+changing; of each figure the medians and quartiles are kept, and the ratio of each round's Wine to its Linux. The
+machine's load is recorded too: on a busy machine the ratio of two runs is less reliable.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ SECONDS = 600
 
 
 def unpack(wheel: Path, folder: Path) -> Path:
-    """The folder to import the engine from, beside the add-on's sources."""
+    """The folder to import the engine from, in addition to the add-on's sources."""
     with zipfile.ZipFile(wheel) as file:
         file.extractall(folder)
     addon = folder / "perfect_bvh_addon"
@@ -72,7 +72,7 @@ class Engines:
         else:
             environment = os.environ | {"PYTHONPATH": str(self.unpacked[name])}
             command = [sys.executable, *arguments]
-            # A session of its own, as Wine's: Linux shares processors out among sessions.
+            # A separate session, like Wine's: Linux shares processors out among sessions.
             subprocess.run(command, check=True, env=environment, timeout=SECONDS, start_new_session=True)
         figures: dict[str, float] = json.loads(output.read_text(encoding="utf-8"))
         return figures

@@ -21,7 +21,7 @@ TREES = {  # name in the figures: colour, dashed
 }
 LABELS = {"embree_low": "Embree LOW", "embree_medium": "Embree MEDIUM", "embree_high": "Embree HIGH"}
 COUNTS = [10.0 ** (3.0 + i / 12.0) for i in range(12 * 6 + 1)]
-BUILT_AS = {"fast": "fast", "binned": "auto", "spatial": "spatial"}  # what the planner's builder makes of a mesh
+BUILT_AS = {"fast": "fast", "binned": "auto", "spatial": "spatial"}  # the measured tree by the planner's builder
 
 HIGHEST = 3.0  # times the least, that is shown
 

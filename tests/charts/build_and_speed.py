@@ -1,4 +1,4 @@
-"""(a) What a tree costs to build, against how fast rays then are: every builder, Embree's and Blender's."""
+"""(a) The cost of building a tree, over the speed of rays in it: every builder, Embree's and Blender's."""
 
 from __future__ import annotations
 

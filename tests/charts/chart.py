@@ -1,4 +1,4 @@
-"""What a chart shows: panels of series, with units and spreads. How it is drawn, and where, is `layout`'s business."""
+"""Describes a chart: panels of series, with units and spreads. `layout` decides how and where it is drawn."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Literal
 
-# Okabe and Ito's colours, which people with any kind of colour blindness can tell apart; and greys.
+# Okabe and Ito's colours, distinguishable with any kind of colour blindness; and greys.
 PALETTE = {
     "black": "#000000",
     "orange": "#E69F00",
@@ -31,8 +31,8 @@ class Series:
     """Points that belong together. y may hold nan where nothing was measured.
 
     low, high: the spread about y, drawn as bars, or as a band where points are joined; x_low, x_high: the same about x.
-    line: whether to join the points; dashed: how. labels: where its name stands: behind the last point, beside
-    the first, or `names` beside each of its points. size: of the marks, in pixels.
+    line: whether to join the points; dashed: how. labels: where its name is: behind the last point, next to the first,
+    or `names` next to each of its points. size: of the marks, in pixels.
     """
 
     name: str
@@ -55,7 +55,7 @@ class Series:
 
 @dataclass(frozen=True, slots=True)
 class Axis:
-    """label: with the unit. has_zero: of a logarithmic axis: 0 has a place of its own at its lower end.
+    """label: with the unit. has_zero: of a logarithmic axis: whether 0 has a separate place at its lower end.
 
     names: of a vertical axis: those of 0, 1, 2 ..., from the top.
     """
@@ -82,7 +82,7 @@ class Panel:
 
 @dataclass(frozen=True, slots=True)
 class Key:
-    """A line of the legend, for what is the same in all panels."""
+    """A line of the legend, for series that are in all panels."""
 
     name: str
     color: str
@@ -93,7 +93,7 @@ class Key:
 
 @dataclass(frozen=True, slots=True)
 class Chart:
-    """title: what the chart says, in a sentence. subtitle: what was measured. footer: on what, by which command."""
+    """title: the chart's statement, in a sentence. subtitle: the measured quantities. footer: machine and command."""
 
     title: str
     subtitle: str

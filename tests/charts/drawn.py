@@ -1,4 +1,4 @@
-"""What the charts of a file of figures and the sentences beside them read of it, which is all that data/ keeps."""
+"""Finds the figures that charts and the sentences about them read from a file; data/ keeps only those."""
 
 from __future__ import annotations
 
@@ -33,12 +33,12 @@ class Watched(Mapping[str, Any]):
         return len(self._values)
 
     def asked(self) -> Figures:
-        """What was asked for, as plain objects."""
+        """The values that were read, as plain objects."""
         return {key: _asked(value) for key, value in self._values.items() if key in self._asked}
 
 
 def drawn(name: str, figures: Figures) -> Figures:
-    """The part of data/NAME.json that a chart, a sentence or the zoo's table shows; the machine as it is."""
+    """The part of data/NAME.json that a chart, a sentence or the zoo's table shows; the machine is kept whole."""
     watched = Watched(figures)
     for module in (importlib.import_module(f"charts.{chart}") for chart in CHARTS):
         if name == module.DATA:

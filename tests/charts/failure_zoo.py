@@ -1,4 +1,4 @@
-"""The failure zoo: what usual methods lose on scenes made to break them, and what this engine loses there."""
+"""The failure zoo: losses of usual methods and of this engine on scenes made to break usual methods."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from charts.figures import Figures, footer, load
 
 DATA = "zoo"
 WORK = "times the work"
-ASKED = "green"  # what the engine does when it is asked to work otherwise
+ASKED = "green"  # the engine with other settings
 USUAL = "black"
 _RAYS = Axis("rays per million", log=True, has_zero=True, low=100.0, powers=True)
 
@@ -54,7 +54,7 @@ def _worst_first(cases: object) -> list[Figures]:
 
 
 def _as_triangles(rounds: list[Figures]) -> list[Figures]:
-    """What is lost where triangles stand for them; ours are the true surfaces, as the audit has found."""
+    """The losses where triangles replace curves and points; ours are the true surfaces, as the audit has found."""
     return _worst_first({**case, "naive": case["as_triangles"], "ours": 0, "other": None} for case in rounds)
 
 

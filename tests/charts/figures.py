@@ -1,4 +1,4 @@
-"""What benchmarks wrote for the charts, and the words about where it was measured."""
+"""Reads the figures that benchmarks wrote for the charts, and words the machine and command for their footers."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def load(name: str, folder: Path = DATA) -> Figures:
 
 
 def footer(figures: Figures) -> str:
-    """On what it was measured, and by which command."""
+    """The machine that the figures were measured on, and the command."""
     machine = figures["machine"]
     versions = ", ".join(
         f"{label} {machine['versions'][key]}"
@@ -38,7 +38,7 @@ def footer(figures: Figures) -> str:
 
 
 def rounds_of(meshes: list[Figures]) -> str:
-    """How many rounds stand behind quartiles: "2 to 3 rounds"."""
+    """How many rounds the quartiles are based on: "2 to 3 rounds"."""
     counts = sorted({tree["round_count"] for mesh in meshes for tree in mesh["trees"]})
     return f"{counts[0]} to {counts[-1]} rounds" if len(counts) > 1 else f"{counts[0]} rounds"
 

@@ -36,7 +36,7 @@ def around(point: Point, half: float) -> Box:
 def place_beside(
     anchors: Sequence[Point], sizes: Sequence[Point], obstacles: Iterable[Box], bounds: Box, gap: float = 6.0
 ) -> list[Box]:
-    """A box of each size beside its anchor, one after the other, each where it covers least. sizes: (width, height)."""
+    """A box of each size next to its anchor, one after the other, where it covers least. sizes: (width, height)."""
     taken = list(obstacles)
     boxes = []
     for anchor, size in zip(anchors, sizes, strict=True):
@@ -69,7 +69,7 @@ def _box(left: float, middle: float, width: float, height: float) -> Box:
 
 
 def spread_out(heights: Sequence[float], distance: float, top: float, bottom: float) -> list[float]:
-    """As near as may be to the heights, in their order, at least so far apart, between top and bottom if they fit."""
+    """Positions near the heights, in their order, at least `distance` apart, between top and bottom if they fit."""
     order = sorted(range(len(heights)), key=lambda i: heights[i])
     placed = [heights[i] for i in order]
     for _ in range(200):

@@ -74,7 +74,7 @@ def _write_legend(picture: Picture, chart: Chart, y: float) -> float:
 
 @dataclass(slots=True)
 class _Name:
-    """A name that wants a place beside a point."""
+    """A name to place next to a point."""
 
     at: Point
     words: str

@@ -1,7 +1,7 @@
-"""Draws the charts from what stands in data/, all or those that are named: python tests/charts/make.py [NAME ...].
+"""Draws the charts from the figures in data/, all or those that are named: python tests/charts/make.py [NAME ...].
 
-Needs matplotlib and numpy, not the engine: `nox -s charts` brings them. Each picture carries a fingerprint of all that
-is in it, by which a test sees whether it is in step with the figures. ZOO.md is rewritten with the zoo's chart,
+Needs matplotlib and numpy, not the engine: `nox -s charts` brings them. Each picture carries a fingerprint of its
+content, so that a test can detect a picture that does not match the figures. ZOO.md is rewritten with the zoo's chart,
 and README.md gets the sentences that told.py makes of the figures.
 """
 
@@ -60,7 +60,7 @@ def _parts(value: object) -> Iterator[str]:
 
 
 def draw(name: str) -> Path:
-    """Draws a chart and writes into the picture what it was drawn from."""
+    """Draws a chart and writes the fingerprint of its content into the picture."""
     from PIL import Image, PngImagePlugin  # matplotlib brings it
 
     chart, path = describe(name), PICTURES / f"{name}.png"

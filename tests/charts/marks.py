@@ -1,4 +1,4 @@
-"""The shapes that stand for points and spreads."""
+"""The shapes of points and spreads."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ CORNERS = {"square": (4, 45.0, 1.18), "diamond": (4, 0.0, 1.25), "triangle": (3,
 
 
 def mark_at(point: Point, mark: str, size: float, color: str) -> Iterator[Disc | Shape]:
-    """The mark with a thin white rim, so that marks over one another can be told apart."""
+    """The mark with a thin white rim, so that overlapping marks stay distinct."""
     radius = size / 2.0
     if mark in ("circle", "ring"):
         yield Disc(point, radius + 1.0, "#FFFFFF")

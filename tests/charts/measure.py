@@ -1,7 +1,7 @@
-"""Measures what the charts are drawn from, into data/: python tests/charts/measure.py [NAME ...] [--mesh FILE ...].
+"""Measures the charts' figures and writes them to data/: python tests/charts/measure.py [NAME ...] [--mesh FILE ...].
 
-Everything takes about ten minutes on two quiet cores. Charts of single meshes show the meshes that are named by
---mesh beside those that Blender makes; the native programs are looked for in --native.
+Everything takes about ten minutes on two quiet cores. Charts of single meshes show the meshes that --mesh names
+together with those that Blender makes; the native programs are looked for in --native.
 """
 
 from __future__ import annotations
@@ -87,7 +87,7 @@ def measure(name: str, chosen: argparse.Namespace) -> bool:
 
 
 def keep(name: str, figures: Figures) -> None:
-    """Writes data/NAME.json: what is drawn of the figures, without the date, which is no measurement."""
+    """Writes the figures that charts show to data/NAME.json, without the date, which is no measurement."""
     figures["machine"].pop("time", None)
     write_rows(DATA / f"{name}.json", drawn(name, rounded(figures)))
 

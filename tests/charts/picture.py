@@ -1,4 +1,4 @@
-"""Lines, shapes and words in pixels, y downwards: what a chart has become once everything has its place."""
+"""Lines, shapes and words in pixels, y downwards: a chart once its layout is done."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ class Text:
 
 @dataclass(slots=True)
 class Picture:
-    """Drawn in this order: shapes, lines, discs are what is under the words."""
+    """Draws in this order: shapes, lines and discs are under the words."""
 
     width: int
     height: int
@@ -72,14 +72,14 @@ class Picture:
 
 
 def width_of(words: str, size: float, *, bold: bool = False) -> float:
-    """About so many pixels."""
+    """The approximate width in pixels."""
     narrow = sum(letter in " .,:;'|!ijlIft()[]" for letter in words)
     wide = sum(letter.isupper() or letter in "mw" for letter in words)
     return (len(words) - 0.45 * narrow + 0.22 * wide) * size * LETTER_WIDTH * (1.08 if bold else 1.0) * 1.04
 
 
 def wrap(words: str, size: float, room: float) -> list[str]:
-    """Lines that fit into so many pixels."""
+    """Lines that fit into `room` pixels."""
     lines: list[str] = []
     for word in words.split():
         if lines and width_of(f"{lines[-1]} {word}", size) <= room:

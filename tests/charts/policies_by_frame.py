@@ -1,4 +1,4 @@
-"""(c) What each frame of an animation costs by always refitting, always rebuilding, and as the governor decides."""
+"""(c) The cost of each frame of an animation with refits only, with rebuilds only, and as the governor decides."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ def _panel(animation: Figures) -> Panel:
         middles, low, high = ([time[key] for time in times] for key in ("median", "low", "high"))
         series.append(Series(label, numbers, middles, color, "", low=low, high=high, line=True))
     for action, (words, mark) in DECISIONS.items():
-        # The dearest of what was done to several meshes at once.
+        # The most expensive action where several meshes changed at once.
         rows = policies["governed"]["frames"]
         places = [i for i, row in enumerate(rows) if _dearest(row) == action]
         ys = [rows[i]["all_ms"]["median"] for i in places]

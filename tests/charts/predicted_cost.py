@@ -1,4 +1,4 @@
-"""(f) The cost that a tree is predicted to have, against what rays cost in it: every builder on every mesh."""
+"""(f) The predicted cost of a tree, against the measured cost of rays in it: every builder on every mesh."""
 
 from __future__ import annotations
 
@@ -95,7 +95,7 @@ def determination(measured: Floats, predicted: Floats) -> float:
 
 
 def _fit(predictors: Floats, time: Floats, wanted: Floats) -> Floats:
-    """Least squares of relative errors, so that slow trees do not outweigh the others; what that gives for `wanted`."""
+    """Fits by least squares of relative errors, so that slow trees do not outweigh the others; predicts `wanted`."""
     columns = np.column_stack([np.ones(len(time)), predictors])
     weights, *_ = np.linalg.lstsq(columns / time[:, None], np.ones(len(time)), rcond=None)
     return np.asarray(np.column_stack([np.ones(len(wanted)), wanted]) @ weights)

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 from .chart import Axis
 
-ZERO_SHARE = 0.09  # of a logarithmic axis that has a zero: what lies between that and the first power
+ZERO_SHARE = 0.09  # of a logarithmic axis that has a zero: the share between zero and the first power
 SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 UNITS = ((1e9, "G"), (1e6, "M"), (1e3, "k"))
 
@@ -38,7 +38,7 @@ class Scale:
         return cls(axis, low, high if high > low else low * 10.0 if axis.log else low + 1.0)
 
     def place(self, value: float) -> float:
-        """0 at the lower end, 1 at the upper; what lies beyond stays at the end. nan for nan."""
+        """0 at the lower end, 1 at the upper; values beyond are clamped. nan for nan."""
         if math.isnan(value):
             return math.nan
         if not self.axis.log:
@@ -86,6 +86,6 @@ def short(value: float) -> str:
 
 
 def power_of_ten(value: float) -> str:
-    """10⁻⁶; 1 and 10 as they are."""
+    """Formats as 10⁻⁶; 1 and 10 without an exponent."""
     power = round(math.log10(value))
     return short(value) if 0 <= power <= 1 else "10" + str(power).translate(SUPERSCRIPTS)

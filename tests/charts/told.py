@@ -1,6 +1,7 @@
-"""What the charts show, in sentences whose numbers come from the figures: make.py writes them into README.md.
+"""Sentences about the charts whose numbers come from the figures: make.py writes them into README.md.
 
-Beside each picture they stand between two marks. What no figure can say is written there by hand.
+They are between
+two marks next to each picture. The rest of the text there is written by hand.
 """
 
 from __future__ import annotations

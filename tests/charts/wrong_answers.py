@@ -1,4 +1,4 @@
-"""(d) Answers lost or off where coordinates are hard, and what it costs in speed not to lose them."""
+"""(d) Lost or inexact answers where coordinates are hard, and the cost in speed of not losing them."""
 
 from __future__ import annotations
 
@@ -119,7 +119,7 @@ def _outlines(rows: list[Figures]) -> Panel:
 
 
 def _frontier(figures: Figures) -> Panel:
-    """At the sphere as it is."""
+    """Of the undeformed sphere."""
     lost = next(row for row in figures["sweeps"]["scale"] if row["value"] == 1.0)["vertices"]
     series = []
     for name, (words, color, mark) in LOOKS.items():

@@ -1,4 +1,4 @@
-"""What work costs on a machine of round numbers, for decisions that are to be told in advance."""
+"""A calibration in round numbers, so that tests can predict the governor's decisions."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Programs of nodes as tests need them: an image or a mesh's own colours as what a material is."""
+"""Node programs for tests: materials whose colour is an image or a mesh's own colours."""
 
 from __future__ import annotations
 

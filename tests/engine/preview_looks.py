@@ -25,7 +25,7 @@ from perfect_bvh import (
 
 SIZE = (32, 32)
 BLACK, WHITE = World(), World((1.0, 1.0, 1.0))
-PLAIN = 0.8  # what a surface without a material gives back
+PLAIN = 0.8  # the reflectance of a surface without a material
 DIRECT = LightPaths(max_bounces=0)
 
 QUAD = np.array([(0, 1, 2), (0, 2, 3)], np.int32)
@@ -112,7 +112,7 @@ def two_materials() -> InstanceTable:
 
 
 def made_of(instances: int, **columns: Any) -> dict[str, Any]:
-    """What an Appearance needs for instances of one material: `Appearance(**made_of(1, metallics=1.0))`."""
+    """An Appearance's arguments for instances of one material: `Appearance(**made_of(1, metallics=1.0))`."""
     rows = {name: np.array([value], np.float32) for name, value in columns.items()}
     return {"instances": one_material(instances), "materials": materials(**rows)}
 
@@ -153,7 +153,7 @@ def sun_in_the_sky(rotation: float) -> tuple[Appearance, Appearance]:
 
 
 def papered(image: ImageTexture, **columns: Any) -> Appearance:
-    """Mesh 0 shows an image once over; what its material does with it is in the columns."""
+    """Mesh 0 shows an image once over its whole surface; `columns` set how its material uses the image."""
     return Appearance(
         meshes={0: MeshAppearance(corner_uvs=CORNER_UVS)},
         instances=one_material(1),

@@ -136,11 +136,11 @@ def test_a_time_limit_ends_samples_too(scene: Scene) -> None:
     assert done == 1 == sampling.mean_samples
 
 
-# What is judged ------------------------------------------------------------------------------------------------------
+# Judging tiles ------------------------------------------------------------------------------------------------------
 
 
 def judge(difference: npt.ArrayLike, brightness: float = 1.0, done: int = 64, count: int = 64) -> AdaptiveSampling:
-    """Two images of one tile, which differ by so much in the red of each pixel."""
+    """Two images of one tile, which differ by this amount in the red of each pixel."""
     sampling = AdaptiveSampling((32, 32), 0.01)
     made = np.full((32, 32, 4), brightness, np.float32)
     before = made.copy()
@@ -194,7 +194,7 @@ def test_pixels_with_nothing_in_them_do_not_thin_the_noise_of_others() -> None:
 
 
 def test_alpha_alone_may_be_noisy() -> None:
-    """As it is where a shadow catcher shows nothing but shadows."""
+    """This happens where a shadow catcher shows nothing but shadows."""
     for difference, is_finished in ((0.05, False), (0.005, True)):
         sampling = AdaptiveSampling((32, 32), 0.01)
         before, made = (np.zeros((32, 32, 4), np.float32) for _ in range(2))

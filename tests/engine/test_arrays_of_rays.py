@@ -119,7 +119,7 @@ def test_memory_that_is_not_aligned_is_copied(scene):
 
 
 def shifted(array):
-    """The same numbers a byte further on than they should stand."""
+    """The same numbers, one byte off their alignment."""
     moved = np.empty(array.nbytes + 1, np.uint8)[1:].view(array.dtype).reshape(array.shape)
     moved[...] = array
     assert not moved.flags.aligned and moved.flags.c_contiguous

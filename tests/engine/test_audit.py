@@ -1,4 +1,4 @@
-"""Audits agree with the double-precision oracle, find what is wrong, and cost what they check."""
+"""Audits agree with the double-precision oracle, find wrong answers, and cost in proportion to the checked rays."""
 
 from __future__ import annotations
 
@@ -170,7 +170,7 @@ def test_the_rays_of_an_audit_do_not_depend_on_threads_or_rounds(scene_and_trian
     for _ in perfect_bvh.render_progressively(scene, camera, mode="normal", size=(80, 45), samples=4, audit=audits[2]):
         pass
     assert audits[0].result.checked_count == audits[1].result.checked_count
-    # Of several rounds the first one stands at the pixels' centres: the same rows, though not quite the same rays.
+    # The first of several rounds uses the pixels' centres: the same rows, though not quite the same rays.
     assert audits[0].result.checked_count == audits[2].result.checked_count
 
 

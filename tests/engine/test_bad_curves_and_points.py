@@ -1,4 +1,4 @@
-"""Curves and points that cannot be: a ValueError that says what and where, and answers as before, bit for bit."""
+"""Invalid curves and points: a ValueError names the fault and its place, and answers stay the same, bit for bit."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from perfect_bvh import Scene
 NAN, INF = np.nan, np.inf
 FIELDS = ("t_hit", "instance_ids", "mesh_ids", "primitive_ids", "primitive_uvs", "geometric_normals")
 THREE = np.array([(0, 0, 0), (1, 0, 0), (1, 1, 0)], np.float32)
-MESH, POINTS, CURVES, BENT = range(4)  # ids of what the scene has
+MESH, POINTS, CURVES, BENT = range(4)  # ids of the scene's meshes and instances
 
 
 def with_value(value: float, row: int = 2) -> np.ndarray:
@@ -43,8 +43,8 @@ def answers(scene: Scene) -> list[bytes]:
     return [getattr(hits, field).tobytes() for field in FIELDS]
 
 
-# What any function that takes places and radii refuses: the places, the radii, and the words after its name. With {}
-# for what it calls the places.
+# Cases that any function with positions and radii refuses: the positions, the radii, and the words after its name. {}
+# is the function's own word for positions.
 PLACES_AND_RADII: tuple[tuple[Any, Any, str], ...] = (
     (with_value(NAN), 0.1, "{}[2] must be finite"),
     (with_value(INF), 0.1, "{}[2] must be finite"),
@@ -91,7 +91,7 @@ def test_places_and_radii(
     _assert_refused(scene, lambda: call(scene, places, radii), f"{name}: {words.format(what)}")
 
 
-# What curves alone have: the offsets and further arguments, and the words.
+# Cases for curves only: the offsets and further arguments, and the words.
 OFFSETS: tuple[tuple[Any, dict[str, Any], str], ...] = (
     ([], {}, "curve_offsets must begin with 0"),
     ([1, 3], {}, "curve_offsets must begin with 0"),
@@ -176,7 +176,7 @@ def _assert_refused(scene: Scene, call: Callable[[], Any], words: str) -> None:
     scene.commit()  # nothing is kept for later either
     assert answers(scene) == before
     bent = THREE + (0.5, 0, 3)
-    scene.update_curves(BENT, bent)  # the curve's own numbers are as they were
+    scene.update_curves(BENT, bent)  # the curve's own numbers are unchanged
     scene.commit()
     fresh = Scene()
     fresh.add_instance(fresh.add_curves(bent, 0.1, [0, 3], kind="catmull_rom"))

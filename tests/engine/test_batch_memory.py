@@ -1,4 +1,4 @@
-"""A batch needs no more memory than its arguments and its answers: measured in a process of its own."""
+"""A batch needs no more memory than its arguments and its answers: measured in a separate process."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ CALLS = {
     "cast_rays": ("scene.cast_rays(origins, down, fields=('t_hit',)).t_hit", 4),
     "test_occlusions": ("scene.test_occlusions(origins, down)", 1),
     "count_intersections": ("scene.count_intersections(origins, down)", 4),
-    # counts and ray_splits beside one t for each of the rays
+    # counts and ray_splits in addition to one t for each of the rays
     "list_intersections": ("scene.list_intersections(origins, down, fields=('t_hit',))", 4 + 4 + 8),
 }
 
@@ -51,7 +51,7 @@ def test_memory_of_many_rays(name):
     )
     assert done.returncode == 0, done.stderr
     grown = float(done.stdout)
-    # Beside the answer: copies of a million rays' origins and directions, and what Python itself moves about.
+    # In addition to the answer: copies of a million rays' origins and directions, and Python's own allocations.
     allowed = RAYS * bytes_per_ray / MEGABYTE + 96
     assert grown < allowed, f"{name} of {RAYS} rays took {grown:.0f} MB, allowed {allowed:.0f}"
     assert RAYS * 24 / MEGABYTE > 200, "so many that a copy of the origins alone would not be allowed"

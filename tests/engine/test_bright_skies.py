@@ -1,4 +1,4 @@
-"""What is bright in a world's image is found once for images that cannot change, and every time for those that can."""
+"""Bright regions of a world's image are found once if the image cannot change, and at every render if it can."""
 
 from __future__ import annotations
 

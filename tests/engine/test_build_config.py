@@ -1,4 +1,4 @@
-"""What may be chosen about a tree: every builder with every setting is right, and each setting does what it says."""
+"""Build settings: trees of every builder with every setting are correct, and each setting has its documented effect."""
 
 from __future__ import annotations
 

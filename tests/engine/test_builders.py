@@ -79,7 +79,7 @@ def test_usage_decides_where_the_choice_is_left_to_the_engine(usage, build, expe
     scene = perfect_bvh.Scene()
     positions, triangles = meshes.sphere(12, 16)
     mesh = scene.add_mesh(positions, triangles, usage=usage, build=build)
-    flat = scene.add_instance(mesh, np.diag([1.0, 1.0, 0.0, 1.0]))  # traced as a copy with a tree of its own
+    flat = scene.add_instance(mesh, np.diag([1.0, 1.0, 0.0, 1.0]))  # traced as a copy with a separate tree
     reports = [scene.commit().meshes[0]]
     scene.replace_mesh(mesh, *meshes.sphere(14, 20))
     reports.append(scene.commit().meshes[0])

@@ -1,4 +1,4 @@
-"""The long loops of `perfect_bvh.bulk`, against what numpy says."""
+"""The long loops of `perfect_bvh.bulk`, compared with numpy's results."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The calibration: its file, the measurement, and what becomes of a file that is no good."""
+"""The calibration: its file, the measurement, and the treatment of an invalid file."""
 
 from __future__ import annotations
 

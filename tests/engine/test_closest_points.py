@@ -96,7 +96,7 @@ def parts_of_all_kinds():
 
 
 def test_transforms_masks_and_limits():
-    """A flattened instance is baked to float32 in world space: 1e-7 is what that holds."""
+    """A flattened instance is baked to float32 in world space, whose precision is 1e-7."""
     scene, world = make_scene(parts_of_all_kinds())
     points = some_points(1500, 3, 6.0)
     check(scene, world, points, tolerance=1e-7)
@@ -169,7 +169,7 @@ def test_on_the_surface_and_at_the_limit():
 
 
 def test_given_in_float64_far_from_zero():
-    """A million units away distances are as exact as at zero, up to what float64 itself holds there."""
+    """A million units away distances are as exact as at zero, up to float64's own precision there."""
     positions, triangles = meshes.sphere(30, 40)
     points = some_points(500, 14)
     near, _ = make_scene([((positions, triangles), np.eye(4), 1)])

@@ -1,4 +1,4 @@
-"""Curves over control points: how far their chains are from the true curves, and what becomes of them that move."""
+"""Curves over control points: the distance of their chains from the true curves, and chains of moving curves."""
 
 from __future__ import annotations
 
@@ -92,7 +92,7 @@ def test_hits_are_as_near_the_true_curve_as_the_tolerance_says(kind, tolerance):
         centres, sizes = true_curve(kind, points[own], u), np.maximum(true_curve(kind, radii[own], u), 0.0)
         away = np.linalg.norm(hits.positions[rows][:, None] - centres, axis=2) - sizes
         assert np.abs(away.min(axis=1)).max() <= tolerance + 1e-6  # how finely the true curve is looked at comes on top
-        # The same place along the curve as along the chain, but for what the chain leaves out.
+        # The same place along the curve as along the chain, except for the detail that the chain leaves out.
         at = true_curve(kind, points[own], hits.primitive_uvs[rows, 0].astype(np.float64))
         size = np.abs(true_curve(kind, radii[own], hits.primitive_uvs[rows, 0].astype(np.float64)))
         assert np.abs(np.linalg.norm(hits.positions[rows] - at, axis=1) - size).max() <= 0.02 + 3 * tolerance
@@ -125,7 +125,7 @@ def test_chains_are_polys_of_the_same_balls(kind):
     poly, _ = scene_of("poly", chains)
     hits, expected = (one.cast_rays(*rays_at(3000), fields=FIELDS) for one in (scene, poly))
     assert expected.is_hit.sum() > 200 and segment_count(scene) == segment_count(poly)
-    # But for balls whose last digit rounds the other way, sums being made in another order.
+    # Except for balls whose last digit rounds differently because sums are in another order.
     assert (hits.primitive_ids != expected.primitive_ids).sum() <= 2
     assert (hits.t_hit == expected.t_hit).sum() > 0.99 * len(hits.t_hit)
     both = hits.is_hit & expected.is_hit
@@ -189,7 +189,7 @@ def test_curves_that_bend_more_get_more_pieces(kind):
     after = segment_count(scene)
     fresh, _ = scene_of(kind, (bent, radii, offsets), tolerance=0.002)
     assert after == segment_count(fresh) > before
-    scene.update_curves(mesh, points)  # straight again: they keep what they have
+    scene.update_curves(mesh, points)  # straight again: the number of segments stays
     scene.commit()
     assert segment_count(scene) == after
 
@@ -273,7 +273,7 @@ def test_bad_input_changes_nothing(call, words):
 
 
 def test_an_edit_within_a_commit_s_progress_is_refused():
-    """And does not wait for what waits for it."""
+    """And the edit does not wait for the commit, which waits for the edit."""
     scene, mesh = scene_of("catmull_rom", points_of("catmull_rom"))
     scene.update_curves(mesh, points_of("catmull_rom")[0] * 2)
     refused = []

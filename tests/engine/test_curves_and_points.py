@@ -1,4 +1,4 @@
-"""Curves and points in a scene: rays against a reference of its own, what hits tell of them, how they move."""
+"""Curves and points in a scene: rays compared with a separate reference, the attributes of hits, and motion."""
 
 from __future__ import annotations
 
@@ -127,7 +127,7 @@ def test_audits_say_that_they_do_not_judge_them(kind):
 
 
 def test_audits_judge_triangles_beside_them():
-    """A miss where a triangle is surely hit is wrong, whatever else is near; so is a curve where none can be."""
+    """A miss of a surely hit triangle is wrong, even near curves; so is a hit of a curve where none can be."""
     scene = Scene()
     add(scene, "curves", [np.eye(4)])
     scene.add_instance(scene.add_mesh([(-9, -9, 0), (9, -9, 0), (0, 9, 0)], [(0, 1, 2)]))

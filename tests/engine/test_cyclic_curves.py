@@ -1,4 +1,4 @@
-"""Cyclic curves, and points that are given twice: what lies inside of the joints is no surface."""
+"""Cyclic curves, and points that are given twice: surfaces inside of the joints are not hit."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def ring(count: int, seed: int, bend: float = 0.2) -> np.ndarray:
 
 
 def of_each_kind(seed: int = 1) -> dict[str, np.ndarray]:
-    """By what is odd about them: rings, each of a cyclic curve."""
+    """Rings by the name of their peculiarity, each a cyclic curve."""
     five = ring(5, seed)
     return {
         "ring": ring(9, seed),
@@ -93,7 +93,7 @@ def test_against_the_reference(kind, shape):
     for seed in range(3):
         points = of_each_kind(seed)[kind]
         radii = np.random.default_rng(seed).uniform(0.05, 0.4, len(points)).astype(np.float32)
-        for i in range(1, len(points)):  # what is there twice is as wide
+        for i in range(1, len(points)):  # a point given twice has one radius
             same = np.flatnonzero((points[:i] == points[i]).all(axis=1))
             radii[i] = radii[same[0]] if len(same) else radii[i]
         scene, _ = scene_of(points, radii, cyclic=True, shape=shape)

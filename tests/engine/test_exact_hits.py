@@ -68,7 +68,7 @@ def make_case(shape: str, scale: float, offset: float, kind: str, count: int, se
     directions *= unit_step
     steps = random.choice([0.125, 1.0, 2.0, 5.0, 64.0, 2.0**20], (count, 1))
     origins = targets - steps * directions
-    as_floats = random.random(count) < 0.5  # what float32 callers have: exact for some, beside the edge for the others
+    as_floats = random.random(count) < 0.5  # float32 input: exact for some, next to the edge for the others
     origins[as_floats] = origins[as_floats].astype(np.float32)
     directions[as_floats] = (targets[as_floats] - origins[as_floats]).astype(np.float32)
     directions[~directions.any(axis=1)] = (0.0, 0.0, unit_step)
@@ -185,7 +185,7 @@ def rays_near_planes(positions: np.ndarray, triangles: np.ndarray, random) -> tu
 
 @pytest.mark.parametrize("kind", ["at rest", "mirrored", "squeezed", "turning", "bending"])
 def test_front_faces_are_those_that_culling_leaves(kind: str) -> None:
-    """Rays almost in the planes of slivers, whose sides a rounded product of normal and direction does not tell."""
+    """Rays almost in the planes of slivers, where a rounded product of normal and direction does not give the side."""
     random = np.random.default_rng(21)
     unlike_count = found = 0
     for _ in range(30):

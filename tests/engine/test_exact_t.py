@@ -112,7 +112,7 @@ def test_on_grounds_of_any_size(side, tilt, strategy):
 @pytest.mark.parametrize("slope", [30.0, 1_000.0])
 @pytest.mark.parametrize("tilt", [None, 1, 2])
 def test_where_rays_graze_a_ground(tilt, slope):
-    """Seen so steeply the weighted corners say nothing of t; what they say of the edges still holds."""
+    """At such grazing angles the weighted corners do not determine t; they still decide the edges."""
     turn = np.eye(3) if tilt is None else rotation(tilt)
     check(*ground(15_000.0, turn), np.eye(4), *rays_above(turn, slope=slope))
 
@@ -201,7 +201,7 @@ CUBE_TRIANGLES = np.array(
 
 @functools.cache
 def beside_edges_of_a_cube(offset: float, away: float) -> tuple[npt.NDArray[np.float32], F64, F64, list[list[int]]]:
-    """Positions, origins, directions and what they meet, for each set of instructions the same."""
+    """Positions, origins, directions and exact hits, the same for each instruction set."""
     positions = (CUBE @ rotation(12).T + offset).astype(np.float32)
     origins, directions = beside_edges(positions, CUBE_TRIANGLES, offset + np.array([4.0, 3.0, 2.0]), away)
     return positions, origins, directions, exact_hits(positions, CUBE_TRIANGLES, origins, directions)
@@ -211,7 +211,7 @@ def beside_edges_of_a_cube(offset: float, away: float) -> tuple[npt.NDArray[np.f
 @pytest.mark.parametrize("away", [1e-6, 1e-8])
 @pytest.mark.parametrize("offset", [0.0, 1e3])
 def test_beside_edges(offset, away, strategy):
-    """What is hit is what the ray meets, though float cannot tell, behind a silhouette too; t is that of its plane."""
+    """The hit is exact where float could not decide, behind a silhouette too; t is that of the triangle's plane."""
     positions, origins, directions, expected = beside_edges_of_a_cube(offset, away)
     scene = perfect_bvh.Scene()
     scene.add_instance(scene.add_mesh(positions, CUBE_TRIANGLES))
@@ -228,7 +228,7 @@ def test_beside_edges(offset, away, strategy):
 
 
 def rays_along(corners: F64, angle: float, farthest: float) -> tuple[F64, F64]:
-    """From up to so far away to points of a triangle, at so small an angle to its plane."""
+    """From at most `farthest` away to points of a triangle, at `angle` to its plane."""
     random = np.random.default_rng(16)
     across = np.cross(corners[1] - corners[0], corners[2] - corners[0])
     along = random.normal(size=(RAYS, 2)) @ (corners[1:] - corners[0])
@@ -254,7 +254,7 @@ def check_exactly(positions: npt.NDArray[np.float32], triangles: np.ndarray, ray
 @pytest.mark.parametrize("strategy", ["stream", "packets"])
 @pytest.mark.parametrize(("exponent", "farthest"), [(-20, 3), (-25, 1000), (-30, 3), (-40, 3), (-50, 3), (-60, 3)])
 def test_where_rays_run_nearly_within_the_plane(exponent, farthest, strategy):
-    """At 2^-60 rays and triangle are in one plane, but for how doubles round: where they meet is anywhere on it."""
+    """At 2^-60 rays and triangle are in one plane up to rounding of doubles: they can meet anywhere on it."""
     corners = (np.array([(0.0, 0.0, 0.0), (2.0, 0.3, 0.0), (0.4, 2.0, 0.0)]) @ rotation(15).T + 0.5).astype(np.float32)
     rays = rays_along(corners.astype(np.float64), 2.0**exponent, farthest)
     check_exactly(corners, np.array([(0, 1, 2)]), rays, strategy)
@@ -270,7 +270,7 @@ def test_where_rays_run_nearly_within_flat_boxes(angle, strategy):
 
 
 def test_beside_the_edge_that_two_grounds_share():
-    """A roof of a hundred kilometres: beside its ridge each side has its own t."""
+    """A roof of a hundred kilometres: next to its ridge each side has its own t."""
     turn = rotation(13)
     flat = 1e5 * np.array([(-1.0, 0.0, -0.3), (0.0, -1.0, 0.0), (0.0, 1.0, 0.0), (1.0, 0.0, -0.7)])
     positions, triangles = (flat @ turn.T).astype(np.float32), np.array([(0, 1, 2), (1, 3, 2)])

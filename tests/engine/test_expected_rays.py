@@ -1,4 +1,4 @@
-"""How many rays a commit reckons with where it is told nothing, and what is made of those that were cast."""
+"""The number of rays that a commit expects by default, and how the rays cast so far change it."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def test_every_ray_is_counted():
         call()
         assert scene.rays_cast == 300 * (number + 1)
     scene.list_intersections(origins, directions)
-    assert scene.rays_cast == 5 * 300  # once to count what they meet, and once to list it
+    assert scene.rays_cast == 5 * 300  # once to count the intersections, and once to list them
     snapshot.walk_ray(origins[0], directions[0])
     assert scene.rays_cast == 5 * 300
 

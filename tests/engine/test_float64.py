@@ -50,7 +50,7 @@ def test_a_sphere_far_from_zero_is_as_exact_as_at_zero(offset, where):
     assert home.is_hit.all() and far.is_hit.all(), f"{RAYS - int(far.is_hit.sum())} of {RAYS} missed"
     near_error = error_of(home, positions, triangles, origins, directions, 0.0)
     far_error = error_of(far, positions, triangles, origins, directions, centre)
-    unit = np.spacing(offset)  # what float64 itself holds there, in vertices, origins and answers
+    unit = np.spacing(offset)  # float64's own precision there, in vertices, origins and answers
     assert far_error <= near_error + 8.0 * unit
     assert near_error < 1e-5
 

@@ -1,4 +1,4 @@
-"""A process that is forked while it has a scene: the child's copy is a scene of its own, and the parent's stays."""
+"""A process that is forked while it has a scene: the child's copy is independent, and the parent's stays."""
 
 from __future__ import annotations
 

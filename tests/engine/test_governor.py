@@ -1,4 +1,4 @@
-"""What a scene does about moved vertices: decisions repeat, explain themselves, and never change a hit."""
+"""How a scene treats moved vertices: its decisions are reproducible, explained, and never change a hit."""
 
 from __future__ import annotations
 
@@ -114,7 +114,7 @@ def test_rays_are_shared_out_by_area():
     scene.update_mesh(once, cube * 0.5)
     assert scene.commit(1800).meshes[0].expected_rays == pytest.approx(150)
     scene.update_mesh(once, cube)
-    assert scene.commit().meshes[0].expected_rays == pytest.approx(600)  # of as many as the last commit was told
+    assert scene.commit().meshes[0].expected_rays == pytest.approx(600)  # of the number passed to the last commit
 
 
 @pytest.mark.parametrize("policy", POLICIES)

@@ -125,7 +125,7 @@ print("refused", len(natives))
 
 
 def test_native_objects_without_a_value_cannot_be_made() -> None:
-    """In a process of its own: their first method used to end it."""
+    """In a separate process: their first method used to crash it."""
     done = subprocess.run([sys.executable, "-c", MAKE_WITHOUT_INIT], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     assert done.stdout.startswith("refused")

@@ -134,7 +134,7 @@ def test_shapes():
 
 
 def test_batches_in_pieces(monkeypatch):
-    """What is copied piece by piece answers as if it were whole."""
+    """Lists that are copied in pieces equal one copied whole."""
     scene, _ = make_scene([(meshes.soup(300, 1), np.eye(4), 1)])
     origins, directions = (rays.reshape(10, 30, 3) for rays in meshes.random_rays(300, 2))
     whole = scene.list_intersections(origins, directions)
@@ -157,7 +157,7 @@ def test_batches_in_pieces(monkeypatch):
 
 
 def test_closed_surfaces_are_left_as_often_as_entered():
-    """From outside to outside a ray crosses a sphere an even number of times, whatever is hit on the way."""
+    """From outside to outside a ray crosses a sphere an even number of times, even through edges and vertices."""
     scene, _ = make_scene([(meshes.sphere(40, 60), np.eye(4), 1)])
     origins, directions = meshes.random_rays(5000, 9)
     outside = np.linalg.norm(origins, axis=1) > 1.0

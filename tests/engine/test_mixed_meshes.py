@@ -1,4 +1,4 @@
-"""Meshes of every kind in one scene, and the smallest ones: answers, whatever built the trees, and bytes."""
+"""Meshes of every kind in one scene, and the smallest ones: their answers with every builder, and their bytes."""
 
 from __future__ import annotations
 

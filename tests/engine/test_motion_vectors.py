@@ -1,4 +1,4 @@
-"""The pass "vector": how what each pixel shows moves in the image."""
+"""The pass "vector": the motion in the image of the surface that each pixel shows."""
 
 from __future__ import annotations
 
@@ -90,12 +90,12 @@ def test_vertices_curves_and_points_move() -> None:
     assert np.allclose(found[seen == 0], [-2, 0, -2, 0], atol=1e-4)
     assert (seen == 1).any() and (seen == 2).any()
     for instance, pixels in ((1, 1.0), (2, 2.0)):
-        # A little more than what the axis does: these surfaces are nearer than it.
+        # A little more than the axis moves: these surfaces are nearer than it.
         assert np.allclose(found[seen == instance], [0, -pixels, 0, -pixels], atol=0.25)
 
 
 def test_a_panorama_goes_round() -> None:
-    """What leaves on one side and comes back on the other has moved by the short way."""
+    """A surface that leaves on one side and comes back on the other has moved by the short way."""
     panorama = replace(CAMERA, projection="equirectangular", window=(-np.pi, np.pi, -np.pi / 2, np.pi / 2))
     behind = np.array([(-2, -2, -9), (2, -2, -9), (2, -2, 9), (-2, -2, 9)], np.float32)
     scene = Scene()

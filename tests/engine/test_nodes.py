@@ -1,4 +1,4 @@
-"""Programs of shader nodes: how they are built, and what they make of a surface."""
+"""Programs of shader nodes: how they are built, and how they shade a surface."""
 
 from __future__ import annotations
 
@@ -100,7 +100,7 @@ def test_an_instances_own_values_are_asked_for() -> None:
 
 
 def test_places_are_those_of_the_surface() -> None:
-    """Seen from above, the floor's own place, its texture space and its uvs are each a colour of their own."""
+    """Seen from above, the floor's own place, its texture space and its uvs each give a different colour."""
     space = np.array([(0.25, 0.5, 1.0), (0.5, 0.25, 0.125)], np.float32)
     hits = floor().cast_rays(np.array([(0.25, 0.125, 4.0)], np.float32), np.array([(0.0, 0.0, -1.0)], np.float32))
     for mode, expected in (

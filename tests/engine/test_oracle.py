@@ -84,7 +84,7 @@ def test_axis_parallel_rays():
 
 
 def test_rays_that_start_on_a_surface():
-    """T = 0 counts when t_min is 0, whichever way the ray goes."""
+    """T = 0 counts when t_min is 0, in both directions of the ray."""
     mesh = as_float32(meshes.grid(4))
     origins = np.zeros((50, 3), np.float32)
     origins[:, :2] = np.random.default_rng(1).uniform(-0.9, 0.9, (50, 2))
@@ -134,7 +134,7 @@ def test_far_from_the_origin():
         scene.add_instance(scene.add_mesh(positions + offset, triangles))
         scene.commit()
         answers.append(scene.cast_rays(origins.astype(np.float64) + offset, directions))
-    for far, tolerance in zip(answers[1:], (2e-9, 2e-6), strict=True):  # what float64 itself holds at 1e6, 1e9
+    for far, tolerance in zip(answers[1:], (2e-9, 2e-6), strict=True):  # float64's own precision at 1e6, 1e9
         assert (far.is_hit == answers[0].is_hit).mean() > 1 - 1e-3
         both = far.is_hit & answers[0].is_hit
         length = np.linalg.norm(directions, axis=1)[both]
@@ -143,7 +143,7 @@ def test_far_from_the_origin():
 
 
 def test_tiny_triangles_far_away_are_ambiguous():
-    """Smaller than what a double can tell of the distance: they may not be called surely hit."""
+    """Smaller than a double's precision at that distance: they may not be called surely hit."""
     random = np.random.default_rng(9)
     corners = random.normal(size=(20, 3, 3)) * 1e-12
     world = WorldTriangles.of([(0, corners.reshape(-1, 3), np.arange(60).reshape(-1, 3), np.eye(4), 1)])

@@ -93,7 +93,7 @@ def test_through_an_instance(distance):
 
 @pytest.mark.parametrize(("thinness", "aside", "far"), [(1.0, (-12, -6), (3, 6)), (1e-3, (-15, -8), (0, 2))])
 def test_edge_on_and_thread_thin(thinness, aside, far):
-    """Where the plane tells nothing, a position stands on its triangle all the same.
+    """Where the plane does not determine a position, it is still on its triangle.
 
     aside, far: powers of ten, by how much rays leave the plane and from how many triangles away they come.
     """

@@ -62,7 +62,7 @@ def test_between_pixels_bytes_are_srgb_and_floats_linear(share):
 
 @pytest.mark.parametrize("interpolation", ["linear", "closest"])
 def test_linear_bytes_are_the_same_as_their_floats(interpolation):
-    """Bit for bit: every value of a byte, and what lies between pixels."""
+    """Bit for bit: every value of a byte, and values between pixels."""
     pixels = np.random.default_rng(3).permutation(np.tile(np.arange(256, dtype=np.uint8), 16)).reshape(32, 32, 4)
     floats, black = pixels * np.float32(1.0 / 255.0), np.zeros((1, 3), np.float32)
     seen = []

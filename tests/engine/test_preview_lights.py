@@ -1,4 +1,4 @@
-"""What lights give in the preview mode, where physics says how much."""
+"""Brightness of lights in the preview mode, compared with physics."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ def test_what_is_in_the_way_throws_a_shadow():
 @pytest.mark.parametrize("kind", [3, 4], ids=["rectangle", "ellipse"])
 @pytest.mark.parametrize("spread", [0.02, 0.4, 1.5, 3.0])
 def test_a_grid_before_an_area_light_gathers_its_light_and_keeps_its_watts(kind, spread):
-    """All light of a small lamp falls on the floor below it: the same sum whatever the spread, on a smaller spot."""
+    """All light of a small lamp falls on the floor below it: the same sum for every spread, on a smaller spot."""
     lamp = replace(lights(kind, power=1.0, size=(0.001, 0.001)), cones=np.array([(spread, 0.0)], np.float32))
     reach = 2.0 * math.tan(spread / 2) * 1.1  # the lamp is two above the floor
     wide = Camera.look_at((0, 0, 50), (0, 0, 0), up=(0, 1, 0), angle=2 * math.atan(reach / 50), aspect=1.0)
@@ -122,7 +122,7 @@ def test_without_lights_and_world_the_studio_shines():
 def test_corner_normals_far_off_their_triangle_are_lit_from_below_it(tilt, below):
     """A square whose normals all lean towards +X, and a sun there, below the square.
 
-    The surface that they suggest rises to the square's edge, so that nothing hides the sun: what falls there is the
+    The surface that they suggest rises to the square's edge, so that nothing hides the sun: the light there is the
     cosine of the angle between the normals and the sun.
     """
     scene = quads(square(1.0, 0.0))

@@ -1,4 +1,4 @@
-"""What surfaces give back of the light in the preview mode: metal, plastic, glass, and what is only partly there."""
+"""Reflection of surfaces in the preview mode: metal, plastic, glass, and partly transparent ones."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def test_a_smooth_metal_is_a_coloured_mirror():
 
 @pytest.mark.parametrize(("roughness", "least"), [(0.0, 0.995), (0.3, 0.98), (0.6, 0.98), (1.0, 0.98)])
 def test_a_white_metal_gives_back_no_more_than_it_gets(roughness, least):
-    """In a white furnace, from above and aside. What its facets throw at each other is not lost."""
+    """In a white furnace, from above and aside. Light between its facets is not lost."""
     look = made_of(1, base_colors=(1.0, 1.0, 1.0), metallics=1.0, roughnesses=roughness)
     for camera, lost in ((ABOVE, 0.0), (ASIDE, 0.12)):
         seen = brightness(floor(), Appearance(**look, world=WHITE), camera, samples=64)
@@ -65,7 +65,7 @@ def test_what_has_no_material_mirrors_as_a_material_of_roughness_a_half_does():
 
 @pytest.mark.parametrize(("power", "expected"), [(1.0, 0.25), (0.5, 0.5), (0.0, 1.0)])
 def test_a_metal_has_its_colour_times_the_base_colour_to_a_power(power, expected):
-    """In a white furnace, from above: of its own, and of that of the surface."""
+    """In a white furnace, from above: the metal's own colour times a power of the base colour."""
     metal = {"metallics": 1.0, "roughnesses": 0.1, "metal_colors": (0.5, 0.5, 0.5), "metal_powers": power}
     look = Appearance(**made_of(1, base_colors=(0.25, 0.25, 0.25), **metal), world=WHITE)
     assert brightness(floor(), look, ABOVE, samples=64) == pytest.approx(0.5 * expected, rel=0.02)
@@ -81,7 +81,7 @@ def test_glass_bends_light_and_keeps_that_of_points_away():
 
     look = Appearance(**clear, world=WHITE, film_transparent=True)
     image = render(quads(pane), ABOVE, "preview", SIZE, 4, look)
-    np.testing.assert_allclose(image[10:20, 10:20], 1.0, atol=0.015)  # it is there, and shows what it bends
+    np.testing.assert_allclose(image[10:20, 10:20], 1.0, atol=0.015)  # it is there, and shows refracted light
 
 
 @pytest.mark.parametrize(("alpha", "through"), [(1.0, 0.0), (0.5, 0.5), (0.0, 1.0)])
@@ -114,7 +114,7 @@ def test_mirrored_rays_pass_by_what_they_must_not_see():
 
 
 def test_light_bounces_off_what_is_held_out_of_the_image():
-    """A red wall beside a floor colours it whether the wall itself is seen or is a hole."""
+    """A red wall next to a floor colours it whether the camera sees the wall or it is a hole."""
     wall = np.array([(1, -50, 0), (1, 50, 0), (1, 50, 50), (1, -50, 50)], np.float64)
     scene = floor(wall)
     red = made_of(2, base_colors=(1.0, 0.0, 0.0))
@@ -128,7 +128,7 @@ def test_light_bounces_off_what_is_held_out_of_the_image():
 
 @pytest.mark.parametrize(("share", "alpha"), [(1.0, 1.0), (0.5, 1.0), (1.0, 0.5), (0.25, 0.5)])
 def test_a_material_cuts_as_much_of_a_hole_as_it_says(share, alpha):
-    """A black pane before a bright floor, which it hides as much as it is there, whatever of it is a hole."""
+    """A black pane before a bright floor hides it in proportion to its alpha, even where it is a hole."""
     cut = made_of(1, base_colors=(0.0, 0.0, 0.0), alphas=alpha, holdouts=share)
     cut["instances"] = replace(cut["instances"], ids=np.array([1], np.int32))
     image = render(floor(square(50.0, 1.0)), ABOVE, "preview", SIZE, 4, Appearance(**cut, world=WHITE))

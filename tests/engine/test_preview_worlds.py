@@ -1,4 +1,4 @@
-"""Worlds in the preview mode: even, an image with a sun in it, a backdrop; and what keeps their light away."""
+"""Worlds in the preview mode: even, an image with a sun in it, a backdrop; and objects that block their light."""
 
 from __future__ import annotations
 

@@ -58,7 +58,7 @@ class Body:
             scene.update_curves(mesh, first, radii)
 
     def move(self, scene: Scene, mesh: int) -> None:
-        """Brings the scene's mesh to all steps; a motion of one step stands still."""
+        """Brings the scene's mesh to all steps; a motion of one step does not move."""
         if self.kind == "triangles":
             scene.set_mesh_motion(mesh, self.positions, self.span)
         elif self.kind == "points":
@@ -90,7 +90,7 @@ class Placed:
 
 @dataclass
 class Play:
-    """A scene under edits, and what it should hold."""
+    """A scene under edits, and its expected content."""
 
     policy: str
     seed: int
@@ -167,7 +167,7 @@ class Play:
         self.placed[self.scene.add_instance(placed.mesh, placed.transforms[0], placed.mask)] = placed
 
     def remove(self) -> None:
-        """An instance, or a mesh with all of its own."""
+        """An instance, or a mesh with all its instances."""
         if len(self.placed) <= 6:
             return
         if self.random.random() < 0.7:
@@ -222,7 +222,7 @@ class Play:
         return mesh
 
     def replace_and_move(self) -> None:
-        """A motion of what no tree was ever built over."""
+        """A motion of a mesh that never had a tree."""
         mesh = self.replace()
         body = self.bodies[mesh]
         if body.builder != "spatial":

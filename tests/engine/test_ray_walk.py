@@ -62,7 +62,7 @@ def count(walk: RayWalk, *events: WalkEvent) -> int:
 
 
 def check_order(walk: RayWalk) -> None:
-    """Whatever is hit is visited or pruned, and nothing else; a hit is nearer than those before it."""
+    """Exactly the boxes that are hit are visited or pruned; a hit is nearer than those before it."""
     event = WalkEvent
     visits = (event.ENTER_NODE, event.ENTER_LEAF, event.ENTER_INSTANCE, event.SKIP_INSTANCE)
     roots = (1 if len(walk) else 0) + count(walk, event.ENTER_INSTANCE)
@@ -169,7 +169,7 @@ def test_boxes_are_those_that_the_tree_lists() -> None:
     walk = snapshot.walk_ray(origin, direction, mask=7)
     baked = snapshot.walk_ray(origin, direction, mask=0).instance_ids  # reached, none is entered
     assert (baked != -1).sum() == count(snapshot.walk_ray(origin, direction, mask=0), WalkEvent.SKIP_INSTANCE)
-    is_flat = walk.instance_ids % 7 == 6  # baked: with trees of their own
+    is_flat = walk.instance_ids % 7 == 6  # baked: with separate trees
     of_top_level = (walk.instance_ids < 0) | np.isin(walk.events, (WalkEvent.ENTER_INSTANCE, WalkEvent.SKIP_INSTANCE))
     checked = 0
     for row in np.flatnonzero(of_top_level | ~is_flat):

@@ -1,4 +1,4 @@
-"""How renders are asked for: the same image for any threads, rounds, modes, cancelling, and what is refused."""
+"""Calls of `render`: the same image for any number of threads and rounds, modes, cancelling, and refused arguments."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ def test_images_are_equal_for_any_number_of_threads(scene: Scene, mode: Any, sam
 
 @pytest.mark.parametrize("mode", MODES)
 def test_combined_is_the_same_with_and_without_other_passes(scene: Scene, mode: Any) -> None:
-    """Beside a denoiser's guides, pixels are independent of one another: that is another image."""
+    """With a denoiser's guides, pixels are independent of one another: that is another image."""
     passes = [name for name in PASSES if not name.startswith("denoising")]
     alone = render(scene, CAMERA, mode, SIZE)
     among = render_passes(scene, CAMERA, mode=mode, size=SIZE, passes=passes)

@@ -1,4 +1,4 @@
-"""What a lens does to an image: how far it blurs, what it leaves sharp, and what it must not touch."""
+"""A lens's effect on an image: how far it blurs, which parts stay sharp, and which passes it must not change."""
 
 from __future__ import annotations
 
@@ -157,7 +157,7 @@ def test_rounds_of_samples_add_up_to_the_blur() -> None:
 
 @pytest.mark.parametrize("blades", [0, 5])
 def test_samples_spread_over_the_lens(blades: int) -> None:
-    """The error of 64 samples a pixel is less than half of what that many independent ones leave."""
+    """The error of 64 samples a pixel is less than half of that of 64 independent ones."""
     scene = squares((0, 0, -6.0), (0.7, -0.4, -3.0), half=0.5)
     camera = Camera(window=WINDOW, lens=Lens(0.4, 2.0, blades=blades))
     reference, image = (

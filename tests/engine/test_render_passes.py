@@ -1,4 +1,4 @@
-"""What each pixel's ray hits, against scenes whose answers are known by hand."""
+"""The hits of each pixel's ray, in scenes whose answers are known by hand."""
 
 from __future__ import annotations
 
@@ -106,7 +106,7 @@ def test_clipping_is_along_the_view_axis(projection: str) -> None:
 
 
 def test_panoramas_see_by_longitude_and_latitude() -> None:
-    """Beside rays cast one by one, from a camera that is turned; depth is the distance."""
+    """Compared with rays cast one by one, from a camera that is turned; depth is the distance."""
     scene = quad_scene(
         *(placed(x, y, z, 1.5) for x, y, z in [(0, 0, -4), (5, 1, 0), (-5, 0, 3), (0, 4, 2), (1, -4, 1)])
     )
@@ -175,7 +175,7 @@ def test_uvs_are_those_of_the_map_and_black_without_one() -> None:
 
 
 def test_a_matcap_shows_the_same_ball_from_everywhere() -> None:
-    """Its shade follows from the normal as it is seen: turning camera and ball together changes nothing."""
+    """Its shade follows from the normal relative to the camera: turning camera and ball together changes nothing."""
     scene = Scene()
     ball = scene.add_mesh(*meshes.sphere(64, 128, 1.0))
     scene.add_instance(ball)
@@ -417,7 +417,7 @@ def test_a_sample_that_others_follow_spreads_like_them() -> None:
 
 
 def panes(alphas: tuple[float, ...], threshold: float, **more: Any) -> Appearance:
-    """Squares one behind the other, each of its own material: rows 0, 1 ..., pass indices 1, 2 ..."""
+    """Squares one behind the other, each with its own material: rows 0, 1 ..., pass indices 1, 2 ..."""
     count = len(alphas)
     table = np.arange(count, dtype=np.int32)
     return Appearance(

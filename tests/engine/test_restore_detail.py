@@ -1,4 +1,4 @@
-"""What a denoiser takes away wrongly is put back; what is noise is not."""
+"""Detail that a denoiser has removed is restored; noise is not."""
 
 from __future__ import annotations
 
@@ -90,7 +90,7 @@ def test_it_is_as_near_as_the_nearer_one_at_any_noise(sigma: float) -> None:
 
 
 def test_what_seldom_samples_find_on_an_even_surface_is_no_detail() -> None:
-    """The last round has found none of them: noise does not tell."""
+    """The last round has hit none of them: noise does not reveal them."""
     truth = fine_and_flat()
     image, noise = traced(truth, 0.01)
     clean, through = blurred(image), blurred(noise)

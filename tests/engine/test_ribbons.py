@@ -1,4 +1,4 @@
-"""Flat curves that face the ray: what they are in hard places, what hits tell of them, and what becomes of them."""
+"""Flat curves that face the ray: their shape in hard places, the attributes of hits, and edits."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ def test_joints_of_a_zigzag(far):
 
 
 def test_no_ray_passes_between_two_segments():
-    """Of a chain that winds, from all sides: whatever passes the axis at less than the least radius is met."""
+    """Of a chain that winds, from all sides: every ray that passes the axis at less than the least radius hits."""
     steps = np.linspace(0.0, 6.0, 200)
     points = np.stack([np.cos(3 * steps), np.sin(3 * steps), 0.3 * steps], axis=1).astype(np.float32)
     scene, _ = ribbons(points, 0.02, [0, 200])

@@ -1,4 +1,4 @@
-"""What curves and points look up: uvs and materials of a whole one, and between the control points of a curve."""
+"""Attributes of curves and points: uvs and materials of a whole one, and between the control points of a curve."""
 
 from __future__ import annotations
 

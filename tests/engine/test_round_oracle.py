@@ -1,4 +1,4 @@
-"""The double-precision reference of curves and points, against what can be worked out by hand and by bisection."""
+"""The double-precision reference of curves and points, compared with calculations by hand and by bisection."""
 
 from __future__ import annotations
 
@@ -130,7 +130,7 @@ def test_joints_show_each_surface_once():
     assert own[surfaces.rays == 0].sum() == 1 and own[surfaces.rays == 3].sum() == 2
     t = {ray: sorted(surfaces.low[surfaces.rays == ray].tolist()) for ray in range(4)}
     np.testing.assert_allclose(t[0], [2.5, 7.5, 7.5], rtol=1e-6)
-    np.testing.assert_allclose(t[1], [2.5, 2.5, 3.5, 3.5], rtol=1e-6)  # either segment's: which, nobody can tell
+    np.testing.assert_allclose(t[1], [2.5, 2.5, 3.5, 3.5], rtol=1e-6)  # either segment's: they cannot be distinguished
     np.testing.assert_allclose([min(t[2]), max(t[2])], [2.5, 7.5], rtol=1e-6)
     verdict = judge_lists(
         world, *rays, np.repeat(range(4), 2), [2.5, 7.5, 2.5, 3.5, 2.5, 7.5, 2.5, 3.5], [0] * 8, [0] * 8
@@ -167,7 +167,7 @@ def test_wrong_hits_are_called_wrong(x, t_hit, instance_id, primitive_id, is_wro
 
 
 def test_ranges_and_masks():
-    """From inside the exit is met, whatever segment it is of; what the mask hides is not there."""
+    """From inside the ray hits the exit, on any segment; curves hidden by the mask are not hit."""
     world = world_of(ZIGZAG, np.full(4, 0.5), [0, 4], mask=2)
     rays = np.array([[1.0, 0.0, 0.0]]), np.array([[1.0, 0.0, 0.0]])
     assert not judge(world, *rays, [3.5], [0], [0]).wrong.any()
@@ -179,7 +179,7 @@ def test_ranges_and_masks():
 
 
 def test_tangents_are_ambiguous_and_no_more():
-    """On the surface's edge nobody knows; a millionth of a millionth beside it everybody does."""
+    """On the surface's edge the answer is undecided; a millionth of a millionth next to it, it is decided."""
     world = world_of([[0, 0, 0]], [1.0])
     for off, verdict in ((0.0, (True, False)), (1e-12, (False, False)), (-1e-12, (False, True))):
         rays = np.array([[1.0 + off, 0.0, 3.0]]), np.array([DOWN])

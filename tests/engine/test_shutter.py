@@ -1,7 +1,7 @@
 """Images of what moves while the shutter is open.
 
 A shutter that rolls without any duration gives each row of pixels a single time, so that rows are compared with those
-of scenes that stand still as they are at that time.
+of scenes frozen at that time.
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ def test_each_row_shows_the_scene_as_it_is_at_its_time(time_range: tuple[float, 
         moving.frozen(still, float(time))
         expected = preview(still, look, None)[row]
         differing += int((np.abs(image[row] - expected).max(axis=1) > 1e-4).sum())
-    # Transforms of the frozen scene are rounded otherwise, which a path beside an edge may take the other way.
+    # Transforms of the frozen scene are rounded differently, so a path close to an edge may pass it on the other side.
     assert differing <= SIZE[0] * SIZE[1] // 100
     assert np.ptp(image[..., :3]) > 0.1
 

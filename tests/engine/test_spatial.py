@@ -1,4 +1,4 @@
-"""Trees with spatial splits, seen from Python: the same hits as any other tree, and honest about what they are."""
+"""Trees with spatial splits, seen from Python: the same hits as any other tree, and correct reports."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def joined(*parts: meshes.Mesh) -> meshes.Mesh:
 
 
 def hall() -> meshes.Mesh:
-    """A floor and walls of large flat triangles, round columns, and beams across: large beside small."""
+    """A floor and walls of large flat triangles, round columns, and beams across: large next to small."""
     floor = meshes.grid(3, 2.0)
     wall = floor[0][:, [2, 0, 1]] + (2.0, 0.0, 0.0), floor[1]
     columns = [meshes.sphere(8, 12, 0.3, (x, y, 0.3)) for x in (-1.0, 0.0, 1.0) for y in (-1.0, 1.0)]

@@ -105,7 +105,7 @@ def test_a_refitted_trees_figures_are_todays():
     assert scene.commit().meshes[0].action == "refitted"
     after = scene.statistics(detailed=True).meshes[0]
     assert after.sah != before.sah
-    assert after.epo is after.leaf_count_variability is None  # they are told of binary trees
+    assert after.epo is after.leaf_count_variability is None  # the statistics describe binary trees
     assert (after.node_count, after.depth) == (before.node_count, before.depth)
     assert after.node_count == after.wide_node_count + after.wide_leaf_count
 

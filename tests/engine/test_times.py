@@ -1,4 +1,4 @@
-"""Rays at times of their own: each meets the scene as it would be if it stood still then."""
+"""Rays with individual times: each meets the scene frozen at its time."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ FIELDS = ("t_hit", "instance_ids", "primitive_ids", "primitive_uvs", "front_face
 
 @pytest.mark.parametrize(("steps", "time_range"), [(2, RANGES[0]), (3, RANGES[1]), (5, RANGES[2]), (9, RANGES[0])])
 def test_a_ray_meets_the_scene_frozen_at_its_time(steps, time_range):
-    """250 times of each motion, 1,000 in all, each beside a scene that stands still."""
+    """250 times of each motion, 1,000 in all, each compared with a frozen scene."""
     moving = MovingScene(steps, time_range)
     still = still_copy(moving, steps, 0)
     random = np.random.default_rng(7)
@@ -53,7 +53,7 @@ def test_a_ray_meets_the_scene_frozen_at_its_time(steps, time_range):
 
 @pytest.mark.parametrize("count", [1, 4, 9])
 def test_a_tree_of_a_single_leaf_moves_like_any_other(count):
-    """It has no node that could tell of the next step. 9: two leaves."""
+    """It has no inner node that could hold the next step's boxes. 9: two leaves."""
     random = np.random.default_rng(count)
     triangles = np.arange(3 * count).reshape(-1, 3)
     shapes = random.uniform(-1.0, 1.0, (3, 3 * count, 3)).astype(np.float32)
@@ -125,7 +125,7 @@ def test_same_bits_on_every_instruction_set_builder_and_thread_count():
 
 @pytest.mark.parametrize("time_range", [(0.0, 1.0), (0.25, 0.75)])
 def test_a_lone_mesh_that_deforms_is_met_as_if_it_were_not_alone(time_range):
-    """Rays enter it as they are, but for those from far away or along an axis; beside others, through the top level."""
+    """Most rays enter it directly; rays from far away or along an axis, and scenes with more meshes, use the top level."""
     random = np.random.default_rng(27)
     positions, triangles = meshes.sphere(24, 32)
     steps = positions + random.normal(0, 0.1, (3, 1, 3)) + random.normal(0, 0.02, (3, *positions.shape))
@@ -437,7 +437,7 @@ def test_bad_motions_of_curves_and_points_change_nothing():
 
 @pytest.mark.parametrize("time_range", RANGES)
 def test_images_show_the_scene_where_the_shutter_opens(time_range):
-    """Also where motions began before: what is traced and what is shaded are of one time."""
+    """Also where motions began before: tracing and shading use the same time."""
     moving = MovingScene(3, time_range, seed=11)
     still = MovingScene(3, time_range, seed=11).scene
     moving.frozen(still, 0.0)

@@ -1,4 +1,4 @@
-"""`Snapshot.tree_boxes()`: the boxes hold what they say, nest level by level, and add up to the tree's cost."""
+"""`Snapshot.tree_boxes()`: the boxes contain their primitives, nest level by level, and add up to the tree's cost."""
 
 from __future__ import annotations
 
@@ -88,7 +88,7 @@ def test_a_level_with_the_leaves_above_is_a_cut(build: str) -> None:
         rows = (whole.levels == level) | ((whole.levels < level) & (whole.leaf_sizes > 0))
         for name in COLUMNS:
             np.testing.assert_array_equal(getattr(cut, name), getattr(whole, name)[rows])
-    assert had_leaves_above > 0 or build == "median"  # whose leaves all stand on one level here
+    assert had_leaves_above > 0 or build == "median"  # whose leaves are all on one level here
     np.testing.assert_array_equal(np.sort(whole.levels[whole.leaf_sizes > 0]), np.sort(cut.levels))
 
 
@@ -126,7 +126,7 @@ def test_the_heuristic_alone_is_that_of_the_boxes(usage: str, count: int) -> Non
 
 def test_the_heuristic_alone_of_trees_without_surface_or_that_are_not_there() -> None:
     line = np.stack([np.arange(60.0), np.zeros(60), np.zeros(60)], axis=1), np.arange(60).reshape(-1, 3)
-    assert snapshot_of(line).tree_sah(0) == 20.0  # the triangles stand in
+    assert snapshot_of(line).tree_sah(0) == 20.0  # the number of triangles replaces it
     with pytest.raises(ValueError, match="tree_sah: mesh_id 1 is not in this snapshot"):
         snapshot_of(line).tree_sah(1)
 

@@ -1,4 +1,4 @@
-"""The intersector for trimesh: its contract, and what its own two intersectors get wrong."""
+"""The intersector for trimesh: its contract, and errors of trimesh's own two intersectors."""
 
 from __future__ import annotations
 
