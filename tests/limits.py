@@ -10,7 +10,7 @@ import pytest
 
 @contextmanager
 def full_disk(size: int) -> Iterator[None]:
-    """No file can grow beyond `size` bytes meanwhile: writing fails as it does where nothing is left."""
+    """Within the context no file can grow beyond `size` bytes: writing fails as on a full disk."""
     resource = pytest.importorskip("resource", reason="this system limits no process's files, as Windows does not")
     soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (size, hard))

@@ -1,7 +1,7 @@
 """Which tests are near a change: those that were changed, bear a changed file's name, or import or include it.
 
-What imports it through others is near as well, and comes later. `nox -s quick` runs as many as its time is enough for:
-what a change breaks further away, the whole suite finds.
+Tests that import it through other modules are near as well, and come later. `nox -s quick` runs as many as fit into its
+time; the whole suite finds breakages further away.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ REPOSITORY = Path(__file__).resolve().parent.parent
 # Where Python packages are, by the names that tests import them by.
 PACKAGES = {"addon": "perfect_bvh_addon", "native/python/perfect_bvh": "perfect_bvh", "tests": "", "blend_scenes": ""}
 NATIVE_SUFFIXES = (".cpp", ".h", ".inl")
-# What holds for all sources: layers, documents, stubs.
+# Tests of all sources: layers, documents, stubs.
 ALWAYS = ("tests/test_architecture.py", "tests/test_contributing.py", "tests/test_layers.py", "tests/test_stubs.py")
 _INCLUDE = re.compile(r'^#include "([^"]+)"', re.MULTILINE)
 _SUITE = re.compile(r"^(?:TYPED_)?TEST(?:_P|_F)?\((\w+),", re.MULTILINE)
@@ -33,7 +33,7 @@ def changed_files(base: str = "origin/main") -> list[str]:
 
 
 def near_python_tests(changed: Iterable[str], root: Path = REPOSITORY) -> list[str]:
-    """Test files, the nearest first: with each import between a test and what was changed it is one step further."""
+    """Test files, the nearest first: each import between a test and a changed file counts as one step."""
     paths = [path for path in changed if path.endswith(".py")]
     stems = {Path(path).stem for path in paths} - {"__init__"}
     steps = _steps_to({name for path in paths if (name := module_name(path)) is not None}, _all_imports(root))
@@ -53,7 +53,7 @@ def near_python_tests(changed: Iterable[str], root: Path = REPOSITORY) -> list[s
 
 @lru_cache
 def _all_imports(root: Path) -> dict[str, set[str]]:
-    """What each module imports, by name."""
+    """The imports of each module, by name."""
     files = {
         name: path
         for folder in PACKAGES
@@ -64,7 +64,7 @@ def _all_imports(root: Path) -> dict[str, set[str]]:
 
 
 def _steps_to(found: set[str], needs: Mapping[str, set[str]]) -> dict[str | None, int]:
-    """How many imports lead to one of `found`, by what imports it; 0 for those themselves."""
+    """The number of imports that lead to one of `found`, by importing module; 0 for those themselves."""
     steps: dict[str | None, int] = dict.fromkeys(found, 0)
     while found:
         far = max(steps.values()) + 1
@@ -74,7 +74,7 @@ def _steps_to(found: set[str], needs: Mapping[str, set[str]]) -> dict[str | None
 
 
 def module_name(path: str) -> str | None:
-    """The name that tests import a file by; None for what no test can import."""
+    """The name that tests import a file by; None for files that no test can import."""
     for folder, package in PACKAGES.items():
         if path.startswith(f"{folder}/"):
             parts = Path(path[len(folder) + 1 :]).with_suffix("").parts
@@ -95,7 +95,7 @@ def _imports(path: Path, name: str) -> Iterator[str]:
 
 
 def near_native_suites(changed: Iterable[str], root: Path = REPOSITORY) -> list[str]:
-    """GoogleTest suites of the test files that were changed, or include, be it through others, what was changed.
+    """GoogleTest suites of the test files that were changed, or include a changed file, directly or through others.
 
     A changed source counts as its header.
     """
@@ -112,7 +112,7 @@ def near_native_suites(changed: Iterable[str], root: Path = REPOSITORY) -> list[
 
 
 def _includes(path: Path) -> set[str]:
-    """Paths of what a file includes, from `native/src` or `native`."""
+    """Paths of a file's includes, from `native/src` or `native`."""
     names = _INCLUDE.findall(path.read_text(encoding="utf-8"))
     return {f"{folder}/{name}" for folder in ("native/src", "native") for name in names}
 

@@ -1,6 +1,6 @@
 """Find words that readers stumble over: `python tests/plain_words.py` prints each with a better one, and fails.
 
-PLAIN lists what is looked through: documents whose words were gone through. Add others once theirs were.
+PLAIN lists the documents to check: those whose words have been revised. Add others once theirs have been.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ REPOSITORY = Path(__file__).resolve().parent.parent
 PLAIN = ("README.md", "SECURITY.md", "CONTRIBUTING.md", "docs/**/*.md", ".github/**/*.md", ".github/**/*.yml")
 PLAIN += ("examples/README.md", "native/README.md", "blend_scenes/README.md", "tests/charts/README.md")
 PLAIN += ("addon/scanning/light/README.md",)
-# A pattern, and what to write.
+# A pattern, and its replacement.
 INSTEAD = {
     r"whatever|whoever|wherever|whichever": "any, all, or who and what it is",
     r"beside": "next to, with, compared with",
@@ -52,7 +52,7 @@ def find_words(text: str) -> list[tuple[int, str, str]]:
 
 
 def main() -> int:
-    """Print what is found; the exit status."""
+    """Print the words found; return the exit status."""
     paths = sorted({path for pattern in PLAIN for path in REPOSITORY.glob(pattern)})
     count = 0
     for path in paths:

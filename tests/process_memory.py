@@ -1,4 +1,4 @@
-"""How much memory this process takes, as each system tells it, in megabytes of 2^20 bytes."""
+"""How much memory this process takes, as each system reports it, in megabytes of 2^20 bytes."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def peak_megabytes() -> float:
 
 
 def resident_megabytes() -> float:
-    """What is resident now."""
+    """The resident memory now."""
     if os.name == "nt":
         return _working_sets()[1] / MEGABYTE
     pages = Path("/proc/self/statm")
@@ -57,9 +57,9 @@ class _ProcessUsage(ctypes.Structure):
 
 
 def held_megabytes() -> float:
-    """What is allocated and not freed; where the C library does not tell (any but glibc from 2.33 on), the resident.
+    """Memory that is allocated and not freed; the resident memory without glibc >= 2.33.
 
-    What is resident also grows with how freed memory is scattered, which depends on which thread came first.
+    Resident memory also grows with fragmentation, which depends on the order of threads.
     """
     tell = None if os.name == "nt" else getattr(ctypes.CDLL(None), "mallinfo2", None)
     if tell is None:
@@ -70,7 +70,7 @@ def held_megabytes() -> float:
 
 
 def _working_sets() -> tuple[int, int]:
-    """The largest that Windows' working set of this process was, and what it is, in bytes."""
+    """The largest and the current working set of this process on Windows, in bytes."""
     system, found = ctypes.CDLL("kernel32"), _ProcessUsage(size=ctypes.sizeof(_ProcessUsage))
     system.GetCurrentProcess.restype = ctypes.c_void_p
     system.K32GetProcessMemoryInfo.argtypes = (ctypes.c_void_p, ctypes.c_void_p, ctypes.c_uint32)

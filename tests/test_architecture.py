@@ -1,4 +1,4 @@
-"""ARCHITECTURE.md is true as far as a test can tell: its layers are the enforced ones, and its paths exist."""
+"""ARCHITECTURE.md is true as far as a test can check: its layers are the enforced ones, and its paths exist."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import pytest
 from test_layers import ADDON_LAYERS, NATIVE_LAYERS, RENDER_LAYERS
 
 LONGEST = 270
-# Folders that a path in the text begins with, and the names in it that stand for what a reader adds.
+# Folders that a path in the text begins with, and the placeholders in it for names that a reader adds.
 TOP = ("addon", "blend_scenes", "native", "release", "tests")
 INVENTED = re.compile(r"(^|_)x(\.|$)")
 

@@ -1,4 +1,4 @@
-"""The benchmark of curves and points: what it hands to the native program, what it makes of the answer, its goals."""
+"""The benchmark of curves and points: its input to the native program, its treatment of the answer, its goals."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from benchmarks import curves, generated_curves
 
-# Stands for the native program: it answers with what it was given, and with speeds that are made up.
+# Replaces the native program: it answers with its input, and with made-up speeds.
 FAKE = """#!{python}
 import json, sys
 words = sys.argv[1:]

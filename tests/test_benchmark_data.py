@@ -1,4 +1,4 @@
-"""What the benchmark of data sets reckons on paper."""
+"""The calculations on paper of the benchmark of data sets."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The benchmark of motion: what it hands to the native program, what it makes of the answer, its goals."""
+"""The benchmark of motion: its input to the native program, its treatment of the answer, its goals."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from benchmarks import generated_motion
 
-# Stands for the native program: it answers with how much it was given, and with speeds that are made up.
+# Replaces the native program: it answers with the size of its input, and with made-up speeds.
 FAKE = """#!{python}
 import json, sys
 words = sys.argv[1:]

@@ -1,4 +1,4 @@
-"""Both benchmarks run on a small mesh without the native programs and write what they promise; no time is looked at.
+"""Both benchmarks run on a small mesh without the native programs and write their output; no test depends on a time.
 
 Their judge finds the answers that are wrong, and no others.
 """
@@ -36,7 +36,7 @@ def mesh_file(tmp_path: Path) -> Path:
 
 
 def run(repository: Path, script: str, mesh_file: Path, *arguments: str) -> tuple[dict[str, Any], str]:
-    """The JSON that a benchmark wrote, and what it said."""
+    """A benchmark's JSON and its printed output."""
     out = mesh_file.parent / "figures" / "out.json"
     command = [sys.executable, str(repository / "tests" / "benchmarks" / script), "--mesh", str(mesh_file)]
     command += ["--json", str(out), "--native", str(mesh_file.parent / "nowhere"), "--rounds", "1"]

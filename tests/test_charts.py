@@ -1,4 +1,4 @@
-"""Every chart can be drawn from the figures beside it, which say where they come from."""
+"""Every chart can be drawn from its figures in data/, which say where they come from."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""CONTRIBUTING.md is true as far as a test can tell: its sessions, presets, tests and paths exist."""
+"""CONTRIBUTING.md is true as far as a test can check: its sessions, presets, tests and paths exist."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
-"""What documents, docstrings and comments name exists: files, folders, and the modules that a package lists.
+"""Files, folders and modules that documents, docstrings and comments name exist.
 
-The changelog is left out: it names what was there.
+The changelog is left out: it names old files.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ COMMENTS = {
     **dict.fromkeys((".sh", ".toml", ".yml"), re.compile(r"(?:^|\s)#[^\n]*", re.MULTILINE)),
 }
 
-INVENTED = re.compile(r"(^|[_/])x\.\w+$")  # stands for what a reader adds
+INVENTED = re.compile(r"(^|[_/])x\.\w+$")  # a placeholder for a file that a reader adds
 ELSEWHERE = {
     "the site's that shows the repository": ("../../releases",),
     "any example": ("examples/NAME.py",),
@@ -60,10 +60,10 @@ class Tree:
             self._ends.setdefault(posixpath.basename(path), []).append(path)
 
     def has(self, name: str, file: str) -> bool:
-        """Tell whether `file` may mean something by `name`: from its folder or one around it, or deeper.
+        """Return whether `name` in `file` can mean an existing path: from its folder or one around it, or deeper.
 
         The add-on has many files of one name, so there it must lie in or around the folder of the file that names it.
-        Elsewhere a name counts wherever it is.
+        Elsewhere a name counts in any folder.
         """
         folder = PurePosixPath(file).parent
         if any(posixpath.normpath(str(around / name)) in self._paths for around in (folder, *folder.parents)):
@@ -90,7 +90,7 @@ def python_prose(source: str) -> Iterator[str]:
 
 
 def prose_of(file: str, source: str) -> str:
-    """Return what a file tells its readers: all of a document, the docstrings and comments of a source."""
+    """Return a file's text for readers: all of a document, the docstrings and comments of a source."""
     suffix = PurePosixPath(file).suffix
     if suffix in (".py", ".pyi"):
         return "\n".join(python_prose(source))
@@ -105,7 +105,7 @@ def names_in(text: str) -> set[str]:
 
 
 def missing(tree: Tree, file: str, source: str) -> set[str]:
-    """Return the paths that a file tells of and that do not exist."""
+    """Return the paths that a file names and that do not exist."""
     suspects = {name for name in names_in(source) if not INVENTED.search(name) and not tree.has(name, file)}
     return suspects & names_in(prose_of(file, source)) if suspects else suspects  # reading comments takes long
 
@@ -146,7 +146,7 @@ def test_each_module_that_a_package_lists_exists(tree: Tree) -> None:
 
 
 def test_each_package_of_the_add_on_lists_its_modules(tree: Tree) -> None:
-    """But for those of two modules or fewer."""
+    """Packages of two modules or fewer are exempt."""
     packages = [file for file in tree.files if file.startswith("addon/") and file.count("/") > 1]
     found = {}
     for file in packages:

@@ -1,4 +1,4 @@
-"""What an answer or an image is made of calls no elementary function of a C library: each system's rounds otherwise."""
+"""Code behind answers and images calls no elementary function of a C library, as each system's rounds differently."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the engine's own README shows, works, and the Pythons that it names are those that wheels are built for."""
+"""The examples in the engine's own README work, and the Pythons that it names are those that wheels are built for."""
 
 from __future__ import annotations
 

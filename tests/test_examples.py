@@ -44,7 +44,7 @@ PRINTED = {
 
 @pytest.fixture(scope="module")
 def made(tmp_path_factory: pytest.TempPathFactory) -> dict[str, gallery.Made]:
-    """What each example makes of tiny pictures; the gallery's page is next to their folders."""
+    """The output of each example with tiny pictures; the gallery's page is next to their folders."""
     return gallery.make_gallery(tmp_path_factory.mktemp("gallery"), WIDTH)
 
 
@@ -109,7 +109,7 @@ def test_each_example_is_short_and_on_a_page() -> None:
 
 
 def run_shell(script: str, folder: Path) -> str:
-    """Run lines of a POSIX shell that has `perfect-bvh` and the example scenes, and return what they print."""
+    """Run lines of a POSIX shell that has `perfect-bvh` and the example scenes, and return their output."""
     if not (folder / "bin").exists():
         (folder / "blend_scenes").symlink_to(REPOSITORY / "blend_scenes")
         command = folder / "bin" / "perfect-bvh"

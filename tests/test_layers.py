@@ -1,7 +1,7 @@
 """The architecture's import rules, checked by reading the sources: no layer reaches upwards.
 
-A layer may use itself and those before it in its list, and nothing after it. What files
-and folders in one folder of Python's import of each other has no circle.
+A layer may use itself and those before it in its list, and nothing after it. Imports between the files and folders of a
+Python folder have no cycle.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from pathlib import Path
 
 import pytest
 
-# `stats` holds plain structs, so it stands first: everything may include it, and it includes nothing.
+# `stats` holds plain structs, so it comes first: everything may include it, and it includes nothing.
 NATIVE_LAYERS = (
     "stats",
     "core",
@@ -31,10 +31,10 @@ NATIVE_LAYERS = (
     "render",
 )
 
-# The renderer is a house of its own: folders in `render`, from the ground up.
+# The renderer has its own layers: folders in `render`, from the lowest up.
 RENDER_LAYERS = ("sampling", "appearance", "surface", "light", "filter", "modes", "image")
 
-# What a layer must not know, although it lies below.
+# Lower layers that a layer must not include all the same.
 NATIVE_IGNORANCE = {
     "math": ("core/thread_pool.h",),
     "mesh": ("core/thread_pool.h",),
@@ -42,7 +42,7 @@ NATIVE_IGNORANCE = {
     "traverse": ("core/thread_pool.h",),
 }
 
-# Rooms of the add-on in one group know nothing of each other; a group may import those above it in this list.
+# Packages of the add-on in one group do not import each other; a group may import those above it in this list.
 ADDON_LAYERS = (
     ("support", "events", "settings", "sync"),
     ("extract", "statistics"),
@@ -190,10 +190,10 @@ def addon_objection(layer: str, name: str) -> str | None:
 
 
 def circles_in(root: Path) -> list[str]:
-    """Circles of imports between what lies in one folder under `root`, files and folders alike, as sentences."""
+    """Cycles of imports between the files and folders in one folder under `root`, as sentences."""
     modules = list(modules_in(root, root.name))
     files = {(root.name, *inside): inside for _, _, inside in modules}
-    uses: dict[tuple[str, ...], dict[str, set[str]]] = {}  # by folder: what each of its files and folders imports of it
+    uses: dict[tuple[str, ...], dict[str, set[str]]] = {}  # by folder: each of its entries' imports from it
     for path, package, inside in modules:
         for name in imports_of(path, package):
             parts = tuple(name.replace("perfect_bvh_addon", root.name, 1).split("."))
@@ -207,7 +207,7 @@ def circles_in(root: Path) -> list[str]:
 
 
 def file_of(name: tuple[str, ...], files: dict[tuple[str, ...], tuple[str, ...]]) -> tuple[str, ...] | None:
-    """The file that an imported name is of: a module, a package, or what is within one of these; None if of none."""
+    """The file of an imported name: a module, a package, or a name within one of these; None if there is no file."""
     for each in (name, name[:-1]):
         found = files.get(each) or files.get((*each, "__init__"))
         if found is not None:

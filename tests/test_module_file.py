@@ -1,4 +1,4 @@
-"""The compiled module as a file: what it exports, what it needs, which version it says it is."""
+"""The compiled module as a file: its exports, its dependencies, its version."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the README shows, works: its Python examples run, and lists are complete."""
+"""The README is correct: its Python examples run, and lists are complete."""
 
 from __future__ import annotations
 

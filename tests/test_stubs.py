@@ -1,4 +1,4 @@
-"""The committed stub of the compiled module says what the module holds: names, parameters, defaults.
+"""The committed stub of the compiled module matches the module: names, parameters, defaults.
 
 pybind11 writes each function's signature into its docstring as Python; both sides are parsed and compared.
 """
@@ -67,7 +67,7 @@ def flatten_stub(body: list[ast.stmt], prefix: str = "") -> Iterator[tuple[str, 
 
 
 def flatten_module(owner: object, prefix: str = "") -> Iterator[tuple[str, Signatures]]:
-    """The same for what is really there."""
+    """The same for the module itself."""
     for name, value in vars(owner).items():
         if name == "__init__" and isinstance(owner, type):
             if "__init__(self" in (value.__doc__ or ""):
@@ -95,7 +95,7 @@ def differences(stub: dict[str, Signatures], module: dict[str, Signatures]) -> l
 
 
 def public(items: Iterator[tuple[str, Signatures]]) -> dict[str, Signatures]:
-    """Leave out what begins with an underscore, constructors apart."""
+    """Leave out names that begin with an underscore, except constructors."""
     return {
         name: signatures
         for name, signatures in items

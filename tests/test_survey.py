@@ -1,4 +1,4 @@
-"""The survey of other people's files: what it counts, and that a file that fails is listed with its reason."""
+"""The survey of other people's files: its counts, and that a file that fails is listed with its reason."""
 
 from __future__ import annotations
 

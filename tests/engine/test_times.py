@@ -125,7 +125,7 @@ def test_same_bits_on_every_instruction_set_builder_and_thread_count():
 
 @pytest.mark.parametrize("time_range", [(0.0, 1.0), (0.25, 0.75)])
 def test_a_lone_mesh_that_deforms_is_met_as_if_it_were_not_alone(time_range):
-    """Most rays enter it directly; rays from far away or along an axis, and scenes with more meshes, use the top level."""
+    """Most rays enter it directly; rays from far away or along an axis, and larger scenes, use the top level."""
     random = np.random.default_rng(27)
     positions, triangles = meshes.sphere(24, 32)
     steps = positions + random.normal(0, 0.1, (3, 1, 3)) + random.normal(0, 0.02, (3, *positions.shape))

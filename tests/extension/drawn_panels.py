@@ -1,4 +1,4 @@
-"""Which settings the panels of each tab draw, without a window: panels draw into what keeps what they ask for."""
+"""Finds the settings that each tab's panels draw, without a window: panels draw into a layout that records them."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ POPOVERS_AND_SIDEBAR = ("shading", "overlay", "sidebar")
 
 
 class Recorder:
-    """Takes whatever `UILayout` takes, and keeps what settings are drawn, as (type, name)."""
+    """Accepts any call of `UILayout`, and records the drawn settings as (type, name)."""
 
     def __init__(self) -> None:
         self.drawn: list[tuple[str, str]] = []
@@ -43,7 +43,7 @@ class Recorder:
 
 
 class Stand:
-    """Takes the place of a panel that is drawn: what its class has, and a layout."""
+    """Replaces a panel instance: it has the attributes of the panel's class, and a layout."""
 
     def __init__(self, panel: type, layout: Recorder) -> None:
         self.layout = layout
@@ -59,7 +59,7 @@ class Stand:
 
 
 class Context:
-    """A tab of the Properties editor, or a 3D viewport. Blender's own, but for what is given."""
+    """A tab of the Properties editor, or a 3D viewport. Blender's own context, except for the given members."""
 
     def __init__(self, **given: Any) -> None:
         self.__dict__.update(given)
@@ -69,7 +69,7 @@ class Context:
         return getattr(bpy.context, name, None)
 
 
-# What there is to look at --------------------------------------------------------------------------------------------
+# Contexts --------------------------------------------------------------------------------------------
 
 
 def contexts() -> Iterator[tuple[str, Context]]:
@@ -125,7 +125,7 @@ def _objects() -> Iterator[tuple[Any, Any]]:
 
 
 def _kinds_of(data: Any) -> Iterator[Callable[[], None]]:
-    """What changes which settings a data-block has."""
+    """Functions that switch a data-block to each kind that has other settings."""
     if isinstance(data, bpy.types.Camera):
         for kind, unit, fit in (
             ("PERSP", "FOV", "VERTICAL"),
@@ -148,7 +148,7 @@ def _set_all(owner: Any, **values: Any) -> None:
         setattr(owner, name, value)
 
 
-# What is shown -------------------------------------------------------------------------------------------------------
+# Shown panels -------------------------------------------------------------------------------------------------------
 
 
 def _all_panels(base: type = bpy.types.Panel) -> Iterator[type]:
@@ -172,7 +172,7 @@ def _is_shown(panel: type, context: Context) -> bool:
     try:
         if poll is not None and not poll(context):
             return False
-    except (AttributeError, TypeError):  # one of Blender's own asks for what is not there
+    except (AttributeError, TypeError):  # one of Blender's own reads a missing attribute
         if is_ours(panel):
             raise
         return False

@@ -1,6 +1,6 @@
 """Run by each Blender: install from the repository at REPOSITORY_URL, update to its newer version, remove.
 
-The server shows the newer version after a request for `newer`. Prints what is installed after each step.
+The server shows the newer version after a request for `newer`. Prints the installed version after each step.
 """
 
 from __future__ import annotations

@@ -1,9 +1,9 @@
 """Renders one scene with the extension, or with the package that is installed; runs in any Blender.
 
-python render_scene.py, or blender --background --python render_scene.py. What to do stands in the environment:
+python render_scene.py, or blender --background --python render_scene.py. The environment says what to do:
 
 BLEND: the scene. OUTPUT: the .npz file for the image. EXTENSION: the zip to install, "" for pip's package. With a zip
-BLENDER_USER_RESOURCES must be a folder of its own.
+BLENDER_USER_RESOURCES must be a separate folder.
 """
 
 from __future__ import annotations
@@ -22,8 +22,8 @@ MODES = ("PREVIEW", "CLAY", "NORMAL", "DEPTH", "INSTANCE")
 def install(extension: str) -> str:
     """Install and enable the zip; its package."""
     bpy.ops.extensions.package_install_files(filepath=extension, repo="user_default", enable_on_install=False)
-    # Where Blender unpacks wheels when it enables the extension: before the package that a test may have beside it. It
-    # must be there from the start, or Python remembers that it was not.
+    # Where Blender unpacks wheels when it enables the extension: before any package that the test itself has installed.
+    # It must be there from the start, or Python remembers that it was not.
     user = Path(os.environ["BLENDER_USER_RESOURCES"])
     packages = user / "extensions/.local/lib/python{}.{}/site-packages".format(*sys.version_info)
     packages.mkdir(parents=True, exist_ok=True)
@@ -52,7 +52,7 @@ def main() -> None:
     scene = bpy.context.scene
     scene.render.engine = "PERFECT_BVH"
     scene.perfect_bvh.samples = 4
-    scene.perfect_bvh.use_denoising = False  # each Blender has a library of its own for that
+    scene.perfect_bvh.use_denoising = False  # each Blender has a different library for that
     scene.render.resolution_x, scene.render.resolution_y, scene.render.resolution_percentage = 320, 180, 100
     images = {}
     for mode in MODES:

@@ -1,9 +1,10 @@
 """Which settings the add-on reads, and which of them some panel shows with its engine; runs in any Blender.
 
 python shown_settings.py, or blender --background --python shown_settings.py; in the environment EXTENSION and
-BLENDER_USER_RESOURCES as for render_scene.py. Prints what is wrong, and fails if anything is.
+BLENDER_USER_RESOURCES as for render_scene.py. Prints each fault, and fails if there is any.
 
-Nobody keeps the list of settings: it is every name in the code that reads Blender that is a property of Blender's, too.
+There is no list of settings to maintain: every name in the code that reads Blender counts if it is a property of
+Blender's.
 """
 
 from __future__ import annotations
@@ -31,7 +32,8 @@ READING = (
 )
 
 
-# What is read --------------------------------------------------------------------------------------------------------
+# Settings that are read
+# --------------------------------------------------------------------------------------------------------
 
 
 def names_read(package: Path) -> set[str]:
@@ -48,7 +50,7 @@ def _files(place: Path) -> list[Path]:
 
 
 def settings_read(names: set[str]) -> set[tuple[str, str]]:
-    """Of all that panels are about: what a user could change, as (type, name)."""
+    """The properties that a user can change, of all types that panels show, as (type, name)."""
     scene, layer, area = bpy.context.scene, bpy.context.view_layer, bpy.data.lights.new("Read", "AREA")
     camera = bpy.data.cameras.new("Read")
     owners = [bpy.types.Object, bpy.types.Material, bpy.types.World, bpy.types.Camera, bpy.types.CameraDOFSettings]
@@ -72,7 +74,7 @@ def _is_setting(owner: Any, name: str) -> bool:
 
 
 def what_is_wrong(package: Path) -> list[str]:
-    """A sentence for each setting that no panel shows, and for each panel or setting that stands twice in a tab."""
+    """A sentence for each setting that no panel shows, and for each panel or setting that is twice in a tab."""
     shown: set[tuple[str, str]] = set()
     wrong: dict[str, None] = {}
     for tab, context in contexts():

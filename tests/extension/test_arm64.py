@@ -62,7 +62,7 @@ def answers_of(command: list[str | Path], inputs: Path, folder: Path, environmen
 
 @pytest.fixture(scope="module")
 def expected(repository: Path, inputs: Path, tmp_path_factory: pytest.TempPathFactory) -> Answers:
-    """What the engine answers that this Python has."""
+    """The answers of this Python's engine."""
     folder = tmp_path_factory.mktemp("here")
     return answers_of([sys.executable, repository / SCRIPT], inputs, folder, dict(os.environ))
 
@@ -97,7 +97,7 @@ def emulated(
         file.extractall(folder / "engine")
     packages = os.pathsep.join(str(path) for path in (folder / "engine", root / "packages"))
     command = [EMULATOR, "-L", root, root / "usr" / "bin" / f"python{python}"]
-    # Compiling numpy's sources takes an emulator longer than all else here: what the first run makes of them is kept.
+    # In an emulator compiling numpy takes longer than all else here, so the first run's result is kept.
     return Emulated(python, command, os.environ | {"PYTHONPATH": packages, "PYTHONDONTWRITEBYTECODE": ""})
 
 

@@ -1,7 +1,7 @@
 """The same zip in every Blender that can be had here, and the installed package, render the same and show each setting.
 
-`nox -s blenders` puts older modules of Blender into .cache/blenders, and a chroot beside them that has Blender 5.2
-as Debian ships it (CPython 3.14) and as a module (3.13).
+`nox -s blenders` puts older modules of Blender into .cache/blenders, together with a chroot that has Blender 5.2 as
+Debian ships it (CPython 3.14) and as a module (3.13).
 """
 
 from __future__ import annotations
@@ -27,8 +27,8 @@ SCRIPT = "tests/extension/render_scene.py"
 SETTINGS_SCRIPT = "tests/extension/shown_settings.py"
 MODES = ("preview", "clay", "normal", "depth", "instance")
 
-# Blender's versions round colors and matrices differently: a fortieth of what a byte of an image can tell, and where a
-# value is above one (a highlight), a thousandth of it.
+# Blender's versions round colors and matrices differently: by a fortieth of an 8-bit step, and where a value is above
+# one (a highlight), by a thousandth of it.
 BLENDERS_ROUNDING = 1e-4
 
 Render = dict[str, Any]
@@ -52,7 +52,7 @@ def render_here(interpreter: Path, repository: Path, folder: Path, blend: Path, 
 
 @pytest.fixture(scope="module")
 def expected(repository: Path, blend_file, tmp_path_factory) -> Render:
-    """What the package renders that this Python has."""
+    """The image of the package that this Python has."""
     folder = tmp_path_factory.mktemp("package")
     return render_here(Path(sys.executable), repository, folder, blend_file("courtyard"), None)
 

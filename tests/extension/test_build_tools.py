@@ -1,4 +1,4 @@
-"""What makes wheels and zips for other systems, on small inputs written here byte by byte."""
+"""The tools that make wheels and zips for other systems, on small inputs written here byte by byte."""
 
 from __future__ import annotations
 
@@ -85,7 +85,7 @@ def test_kernels_that_the_linker_may_merge_end_the_build(tools, tmp_path: Path) 
         tools["weak_symbols"].check_kernels(tmp_path)
 
 
-# What is built and published -----------------------------------------------------------------------------------------
+# Builds and releases -----------------------------------------------------------------------------------------
 
 
 def test_platforms_are_read_with_their_pythons(tools) -> None:

@@ -1,4 +1,4 @@
-"""The extension's zips: what is in each, and that Blender takes it. test_wheels.py looks into their wheels."""
+"""The extension's zips: the content of each, and that Blender accepts it. test_wheels.py looks into their wheels."""
 
 from __future__ import annotations
 

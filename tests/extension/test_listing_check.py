@@ -1,4 +1,4 @@
-"""The check of what reviewers refuse finds each fault, and none in the zips that are built."""
+"""The check for faults that reviewers reject finds each fault, and none in the built zips."""
 
 from __future__ import annotations
 

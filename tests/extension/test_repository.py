@@ -1,4 +1,4 @@
-"""The repository of extensions: what it lists, and that Blenders install from it, update from it and remove."""
+"""The repository of extensions: its list, and that Blenders install from it, update from it and remove."""
 
 from __future__ import annotations
 
@@ -87,7 +87,7 @@ def test_it_lists_each_zip_with_its_hash_size_and_platform(tmp_path: Path) -> No
         assert entry["archive_hash"] == f"sha256:{hashlib.sha256(path.read_bytes()).hexdigest()}"
         assert entry["archive_size"] == path.stat().st_size
         assert entry["blender_version_min"] == "4.2.0"
-        # What Blender reads from a link that is dragged into it.
+        # The values that Blender reads from a link that is dragged into it.
         assert re.search(rf'href="{re.escape(entry["archive_url"])}\?repository=[^"]*index.json[^"]*platforms=', page)
 
 
@@ -138,7 +138,7 @@ def test_blenders_command_line_installs_updates_and_removes(tmp_path: Path, serv
 
 
 def steps_of(command: list[str | Path], environment: dict[str, str]) -> list[str]:
-    """Return what each step of SCRIPT left installed."""
+    """Return the installed version after each step of SCRIPT."""
     done = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=300)
     assert done.returncode == 0, done.stdout + done.stderr
     return re.findall(r"^STEP (.*)$", done.stdout, re.MULTILINE)

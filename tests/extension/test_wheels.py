@@ -1,4 +1,4 @@
-"""The engine's wheels, one for each Python and platform: names, metadata, and what systems will ask of their modules.
+"""The engine's wheels, one for each Python and platform: names, metadata, and systems' demands on their modules.
 
 `nox -s extension` leaves them in dist/wheels. Most are for other systems than this: they are read, not run.
 """
@@ -198,7 +198,7 @@ def test_on_windows_it_may_be_placed_anywhere_and_data_does_not_run(windows: Whe
 
 @pytest.fixture
 def read_file(macos: Wheel) -> Any:
-    """What the reader holds of a module's file; the module that it hands out lives no longer than it."""
+    """The reader's object for a module's file; the module that it returns is valid only while this object lives."""
     binaries = lief.MachO.parse(list(macos.module))
     assert binaries.size == 1
     return binaries
@@ -254,7 +254,7 @@ def test_on_macos_it_is_a_library_and_no_program(macos: Wheel, mach_o: Any) -> N
 
 
 def test_on_macos_its_signature_holds_the_hash_of_each_page(macos: Wheel, mach_o: Any) -> None:
-    """What 64-bit ARM checks before it runs a page; of whoever signed it nothing is said ("ad hoc")."""
+    """64-bit ARM checks the hashes before it runs a page; the signature names no signer ("ad hoc")."""
     signatures = commands_of(mach_o, lief.MachO.LoadCommand.TYPE.CODE_SIGNATURE)
     if macos.platform == "macos-x64":
         assert not signatures, "that for Intel has one: check its hashes as well"

@@ -1,4 +1,4 @@
-"""Builds trees and traces rays with whatever `perfect_bvh` is found; runs on any machine that has numpy.
+"""Builds trees and traces rays with the `perfect_bvh` that Python finds; runs on any machine that has numpy.
 
 python trace_scene.py INPUTS.npz ANSWERS.npz. The inputs come as a file, so that no other machine's sines are in them.
 """
@@ -36,7 +36,7 @@ def make_scene(inputs: Arrays, config: object, policy: str = "governed") -> Scen
 
 
 def trace(scene: Scene, inputs: Arrays) -> Arrays:
-    """What rays, points and boxes of trees say of the scene."""
+    """The scene's answers to rays and points, and the boxes of its trees."""
     answers = {}
     for name in ("scattered", "coherent"):
         origins, directions = inputs[f"{name}_origins"], inputs[f"{name}_directions"]

@@ -1,4 +1,4 @@
-"""What the add-on and Blender know, for steps to check: images of viewports, the overlay, what was reported."""
+"""The state of the add-on and Blender, for steps to check: images of viewports, the overlay, reports."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ def overlay_settings() -> Any:
 
 
 def overlay() -> Any:
-    """What is drawn of the trees, None if nothing is."""
+    """The drawn boxes of the trees, None if there are none."""
     with bpy.context.temp_override(**context_of(area_of("VIEW_3D"))):
         return module("view3d.tree_overlay.overlay").overlay_of(bpy.context)
 
@@ -85,7 +85,7 @@ def is_working() -> bool:
 
 
 def close_image_windows() -> Step:
-    """Renders open a window of their own, or take the place of an area."""
+    """Renders open a new window, or replace an area."""
     for window in list(bpy.context.window_manager.windows)[1:]:
         with bpy.context.temp_override(window=window):
             bpy.ops.wm.window_close()
@@ -110,7 +110,7 @@ def _all_reports_selected() -> Iterator[None]:
 
 
 def forget_reports() -> None:
-    """What was reported before counts no more."""
+    """Ignore earlier reports from now on."""
     with _all_reports_selected():
         bpy.ops.info.report_delete()
 

@@ -1,4 +1,4 @@
-"""What users do by mistake, and what can fail around Blender, as they see it: a message, and nothing lost."""
+"""Users' mistakes and failures around Blender: users see a message, and nothing is lost."""
 
 from __future__ import annotations
 
@@ -43,9 +43,9 @@ def type_zeros() -> Step:
 
 
 def render_and_wait(entry: str = "r") -> Step:
-    """By the menu, since what a script's operators report is not shown. entry: the letter that chooses it there.
+    """Use the menu, as Blender hides reports of scripts' operators. entry: the letter that chooses it there.
 
-    The image takes the place of the largest area.
+    The image replaces the largest area.
     """
     bpy.context.preferences.view.render_display_type = "AREA"
     forget_reports()
@@ -65,7 +65,7 @@ def dismiss_error() -> Step:
 
 
 def close_image(kind: str) -> Step:
-    """And the panels that tell of it. kind: of the area in whose place the image is."""
+    """Also checks the panels that show it. kind: of the area that the image replaces."""
     yield from dismiss_error()
     module("statistics.last_result").forget()
     area_of("PROPERTIES").tag_redraw()

@@ -1,4 +1,4 @@
-"""Trees that take long, in the Blender that is tried: a mesh for them, and whether Blender answers meanwhile."""
+"""Slow tree builds in the tested Blender: a mesh for them, and whether Blender responds during the build."""
 
 from __future__ import annotations
 
@@ -26,16 +26,16 @@ def is_building() -> bool:
 
 
 def with_cloud(work: Callable[[Gate], Step]) -> Step:
-    """Do something in the scene with a mesh whose tree takes a while, and is held as soon as it is begun.
+    """Do something in the scene with a mesh whose tree build is slow, and is held as soon as it begins.
 
     Mesh and gate are gone afterwards.
     """
-    samples, settings().samples = settings().samples, 256  # for so many rays a tree is worth its time
+    samples, settings().samples = settings().samples, 256  # enough rays to make a tree worth its time
     active = bpy.context.view_layer.objects.active
     with gate_of_builds() as gate:
         gate.hold_when(always)
         made = add_cloud(TRIANGLES)
-        made.display_type = "BOUNDS"  # without a graphics card Blender's own drawing of it would be what is waited for
+        made.display_type = "BOUNDS"  # without a graphics card the wait would be for Blender's own drawing
         yield from redrawn()
         yield from work(gate)
     settings().samples = samples

@@ -1,7 +1,7 @@
 """The buttons of a Properties editor, or of a 3D viewport's sidebar: found with the mouse, pressed as their kinds ask.
 
-A property's button tells its data path, an operator's button its call, once the mouse is over it. Of a closed panel's
-header nothing tells where it is but the height of those above.
+Under the mouse, a property's button gives its data path, an operator's button its call. The position of a closed
+panel's header is only known from the height of those above.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from places import context_of, panel_region
 STEP = 9  # less than half of a button
 HEADER_HEIGHT = 26
 FIRST_HEADER = 32  # below the middle of the last button of the panel above
-COLUMN = 0.75  # of the region's width: labels stand left of it
+COLUMN = 0.75  # of the region's width: labels are left of it
 
 
 @dataclass(frozen=True, slots=True)
@@ -112,10 +112,10 @@ def change(
     text: str | None = None,
     look: Callable[[], object] = lambda: None,
 ) -> Step:
-    """Change a property of `owner` by its button, see that it has changed, and put the old value back.
+    """Change a property of `owner` by its button, check that it has changed, and restore the old value.
 
-    text: what is typed into a field; numbers get one more than they have without it. look: called before the old value
-    comes back, for what follows from the new one.
+    text: to type into a field; without it numbers increase by one. look: called before the old value is restored, to
+    check the effects of the new one.
     """
     name = button.what.rpartition(".")[2]
     kind = owner.bl_rna.properties[name].type

@@ -44,7 +44,7 @@ def look_from_the_front() -> None:
 
 
 def take_a_comb(radius: int) -> None:
-    """The brush that combs, so many pixels wide, as it comes with Blender."""
+    """The brush that combs, with this width in pixels, otherwise as Blender ships it."""
     with bpy.context.temp_override(**context_of(area_of("VIEW_3D"))):
         bpy.ops.brush.asset_activate(
             asset_library_type="ESSENTIALS",
@@ -59,7 +59,7 @@ def take_a_comb(radius: int) -> None:
 
 
 def view_pixels() -> npt.NDArray[np.int16]:
-    """(H, W, 3), rows from the top: what the screen shows of the viewport."""
+    """The viewport on the screen: (H, W, 3), rows from the top."""
     area = area_of("VIEW_3D")
     region = region_of(area)
     seen = area_pixels(area).reshape(area.height, area.width, -1)[..., :3].astype(np.int16)
@@ -68,7 +68,7 @@ def view_pixels() -> npt.NDArray[np.int16]:
 
 
 def share_shown(places: npt.NDArray[np.float32], seen: npt.NDArray[np.int16], empty: npt.NDArray[np.int16]) -> float:
-    """Of points (..., 3), those where the screen has something, or a pixel beside."""
+    """Which of the points (..., 3) have something on the screen, there or a pixel away."""
     differs = np.abs(seen - empty).max(axis=-1) > 5
     height, width = differs.shape
     near = np.pad(differs, 1)

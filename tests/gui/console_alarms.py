@@ -1,4 +1,4 @@
-"""Find what is alarming on a Blender's console; `python console_alarms.py FILE` prints it and fails if there is any.
+"""Find alarming lines on a Blender's console; `python console_alarms.py FILE` prints them and fails if there are any.
 
 Imports neither Blender nor another library: windows.sh runs it with any Python, a step within Blender's own.
 """

@@ -1,4 +1,4 @@
-"""Blender's previews of materials, lights and worlds, which the engine makes on threads beside what the user does."""
+"""Blender's previews of materials, lights and worlds, which the engine makes on threads while the user works."""
 
 from __future__ import annotations
 
@@ -76,7 +76,7 @@ def follow(area: bpy.types.Area, tab: str, paint: Paint) -> Step:
 
 
 def painter(tab: str, obj: bpy.types.Object) -> Paint:
-    """What gives the tab's data-block a color."""
+    """Sets the color of the tab's data-block."""
     if tab == "DATA":
         return lambda color: setattr(obj.data, "color", color[:3])
     block = bpy.context.scene.world if tab == "WORLD" else obj.active_material

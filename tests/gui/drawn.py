@@ -1,4 +1,4 @@
-"""What the add-on's panels draw, and what of it was pressed: at the end nothing must be left."""
+"""Keeps track of the add-on's buttons that steps have pressed: at the end none must be left."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ pressed: set[str] = set()
 
 
 class RecordingLayout:
-    """Takes whatever `UILayout` takes, and keeps the names of properties and operators."""
+    """Accepts any call of `UILayout`, and records the names of properties and operators."""
 
     def __init__(self, prefix: str = "") -> None:
         self._prefix = prefix
@@ -43,7 +43,7 @@ class RecordingLayout:
 
 
 def note_drawn() -> None:
-    """What the preferences and every panel of the add-on that is shown now would draw, were it open."""
+    """The buttons of the preferences and of every panel of the add-on that is shown now, as if all were open."""
     preferences = SimpleNamespace(layout=RecordingLayout(OF_PREFERENCES))
     module("settings.preferences").PERFECT_BVH_AP_preferences.draw(preferences, bpy.context)
     if not any(area.type == "PROPERTIES" for area in front_window().screen.areas):
@@ -52,7 +52,7 @@ def note_drawn() -> None:
     with bpy.context.temp_override(**context_of(area_of("PROPERTIES"))):
         tab = area_of("PROPERTIES").spaces.active.context.lower()
         of_tab = [panel for panel in module("panels").CLASSES if getattr(panel, "bl_context", "") == tab]
-        # Of the sidebar those that stand for one thing each; the others have steps of their own.
+        # Of the sidebar only panels for a single task; the others have separate steps.
         for panel in (*of_tab, *module("panels.output").SCAN_CLASSES, *module("panels.reports").BENCH_CLASSES):
             if not panel.poll(bpy.context):
                 continue

@@ -1,7 +1,7 @@
 """Runs steps inside a Blender with windows, and looks at its screen.
 
-Steps are generators that yield seconds to wait, during which Blender works on. None may be long enough by hope alone:
-steps wait until something is so, and what has to last is held (gates.py).
+Steps are generators that yield seconds to wait, during which Blender works on. No wait may rely on timing: steps wait
+for a condition, and gates hold work that has to last (gates.py).
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ def check(condition: object, message: str) -> None:
 
 
 def wait_until(condition: Callable[[], object], what: str, seconds: float = 180.0, every: float = 0.05) -> Step:
-    """Let Blender work until `condition` holds; fail after `seconds`, looking every so many of them."""
+    """Let Blender work until `condition` holds, checked at the interval `every`; fail after `seconds`."""
     deadline = time.monotonic() + seconds
     while not condition():
         if time.monotonic() > deadline:
@@ -46,7 +46,7 @@ def wait_until(condition: Callable[[], object], what: str, seconds: float = 180.
 
 
 def redrawn() -> Step:
-    """Until what scripts have changed was evaluated and drawn, which Blender does between two looks of a timer."""
+    """Wait until scripts' changes are evaluated and drawn, which Blender does between two calls of a timer."""
     for _ in range(2):
         yield 0.01
 
@@ -66,7 +66,7 @@ def screen_pixels() -> npt.NDArray[np.uint8]:
 
 
 def area_pixels(area: bpy.types.Area) -> npt.NDArray[np.uint8]:
-    """What the screen shows of an area of the first window, flat."""
+    """The screen's pixels of an area of the first window, flat."""
     window = bpy.context.window_manager.windows[0]
     shape = f"{area.width}x{area.height}+{area.x}+{window.height - area.y - area.height}"
     command = ["import", "-window", "root", "-crop", shape, "-depth", "8", "rgb:-"]
@@ -74,7 +74,7 @@ def area_pixels(area: bpy.types.Area) -> npt.NDArray[np.uint8]:
 
 
 def at_rest(area: bpy.types.Area, pause: float = 0.15) -> Step:
-    """Until nothing in it moves for so many seconds: panels glide to their places. Returns its pixels."""
+    """Wait until nothing in it moves for this number of seconds, as panels slide into place. Returns its pixels."""
     before = None
     for _ in range(100):
         yield pause
@@ -121,7 +121,7 @@ def run(steps: Iterable[Callable[[], Step]], finish: Callable[[], object]) -> No
         except StopIteration:
             print("ALL STEPS PASSED", flush=True)
             finish()
-        except Exception:  # noqa: BLE001 - whatever it is, the run must end and say so
+        except Exception:  # noqa: BLE001 - after any error the run must end and report it
             traceback.print_exc()
             screenshot("failure")
             print("A STEP FAILED", flush=True)

@@ -65,7 +65,7 @@ def keep_the_interface() -> Step:
 
 
 def scan_an_example() -> Step:
-    """The points are seen at once, in their colours, whatever the viewport's shading."""
+    """The points are visible at once, in their colours, with any shading of the viewport."""
     area = area_of("VIEW_3D")
     chosen = bpy.context.view_layer.objects.active, bpy.context.selected_objects
     yield from open_sidebar(area)

@@ -31,7 +31,7 @@ def open_another_file() -> Step:
 def first_image_after_an_edit() -> Step:
     """How long Blender is away for a moved object: its trees brought in step, its new image drawn and swapped.
 
-    However long the trees take: they are waited for, where a slow machine would show its last image meanwhile.
+    The step waits for the trees even where a slow machine would show its last image first.
     """
     pending_commit = module("live.pending_commit")
     before, pending_commit.BUILDING_SECONDS = pending_commit.BUILDING_SECONDS, 60.0

@@ -1,6 +1,6 @@
-"""Work that stays where a step wants it, however fast the machine is: it goes as far as its gate lets it, no further.
+"""Gates hold work at the point that a step needs, independent of the machine's speed.
 
-What has to be under way still when something is done to it is held, and not only made so large that it should last.
+A step that needs unfinished work holds it at a gate instead of making it large and hoping that it lasts.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from driver import Step, wait_until
 Condition = Callable[[Any, Any], object]
 
 HELD_SECONDS = 0.02
-LONGEST = 300.0  # then work is let go, and the step fails: a Blender that waits for what is held could not
+LONGEST = 300.0  # then work is released, and the step fails: a Blender that waits for held work could not go on
 
 
 class Gate:
@@ -28,7 +28,7 @@ class Gate:
         self._deadline = 0.0
 
     def hold_when(self, condition: Condition) -> None:
-        """Called with the work and how far it is; what it is true of goes no further."""
+        """Hold work for which `condition` is true; it is called with the work and its progress."""
         self._deadline = time.monotonic() + LONGEST
         self._shall_hold = condition
 
@@ -37,7 +37,7 @@ class Gate:
 
     @property
     def is_holding(self) -> bool:
-        """Whether some work waits for what the gate was told last."""
+        """Whether some work is held by the latest condition."""
         return self._holds_for is not None and self._holds_for is self._shall_hold
 
     def wait(self, what: str) -> Step:
@@ -45,7 +45,7 @@ class Gate:
         yield from wait_until(lambda: self.is_holding, f"{what} is not under way, or over before it could be held")
 
     def keeps(self, work: Any, far: Any) -> bool:
-        """Asked by work on any thread, time and again as long as it is so."""
+        """Called repeatedly by work on any thread, as long as it returns true."""
         condition = self._shall_hold
         is_kept = condition is not None and bool(condition(work, far)) and time.monotonic() < self._deadline
         self._holds_for = condition if is_kept else None
@@ -70,7 +70,7 @@ def _placed(gate: Gate, owner: Any, name: str, make: Callable[[Any], Any]) -> It
 
 @contextmanager
 def gate_of_steps(owner: type) -> Iterator[Gate]:
-    """For a class whose `steps()` do its work in parts while Blender goes on. How far: what a step yields."""
+    """For a class whose `steps()` do its work in parts while Blender goes on. Progress: the value of a step."""
     gate = Gate()
 
     def make(original: Callable[[Any], Generator[Any, None, None]]) -> Any:
@@ -93,7 +93,7 @@ def gate_of_steps(owner: type) -> Iterator[Gate]:
 
 @contextmanager
 def gate_of_builds() -> Iterator[Gate]:
-    """For trees that are built beside Blender; one that shall stop is let go. How far: the share done."""
+    """For trees that are built while Blender goes on; a cancelled build is released. The progress is the share done."""
     gate = Gate()
 
     def make(original: Callable[[Any, float], bool]) -> Any:

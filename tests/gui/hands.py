@@ -1,6 +1,6 @@
 """Hands on the mouse and the keyboard of a Blender with windows: real clicks and keys, through the X server.
 
-What the user does is what is tried; each move of the hands ends when Blender has done what it asks for.
+The tests use only the input of a user; each call ends when Blender has handled it.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ def x_tool(*arguments: object) -> None:
 def screen_point(x: float, y: float) -> tuple[int, int]:
     """The X server's coordinates, from the top, of Blender's in the window in front, from the bottom."""
     window = front_window()
-    # The first one begins in the corner of the screen, whatever height it has been given.
+    # The first one begins in the corner of the screen, at any height.
     is_first = window == bpy.context.window_manager.windows[0]
     left, top = (0, 0) if is_first else (window.x, SCREEN_HEIGHT - window.y - window.height)
     return int(left + x), int(top + window.height - 1 - y)
@@ -104,9 +104,10 @@ def last_events() -> set[tuple[str, str]]:
 
 
 def handled() -> Step:
-    """Until Blender has done all that the hands have asked for, and drawn what comes of it.
+    """Wait until Blender has handled all input, and drawn the result.
 
-    Input is handled in its order: so an idle key is pressed that no window has heard last, until one has.
+    Input is handled in order: so this presses an idle key that is not the last in any window, until a window has
+    received it.
     """
     before = {name for name, _ in last_events()}
     key, name = next(item for item in IDLE_KEYS.items() if item[1] not in before)
@@ -130,7 +131,7 @@ def set_window_size(width: int, height: int) -> None:
 
 
 def set_viewport_size(width: int, height: int) -> Step:
-    """Move the edge beside the 3D viewport and resize the window until the viewport has this size, nearly."""
+    """Move the edge of the 3D viewport and resize the window until the viewport has approximately this size."""
     for _ in range(12):
         area = main_area()
         missing = width - region_of(area).width
@@ -145,7 +146,7 @@ def set_viewport_size(width: int, height: int) -> Step:
             yield 0.02
         yield from redrawn()
         region = region_of(main_area())
-        # Areas share what a window gains or loses, and round it: not every height can be had.
+        # Areas share a window's change in size, and round it, so some heights are impossible.
         if abs(region.width - width) <= 2 and abs(region.height - height) <= 8:
             return
     raise StepError(f"the viewport has {region.width} x {region.height} pixels, not {width} x {height}")

@@ -1,4 +1,4 @@
-"""The Label Images button: run to its end, and what the Image Editor shows then."""
+"""The Label Images button: run it to its end, and check the Image Editor."""
 
 from __future__ import annotations
 

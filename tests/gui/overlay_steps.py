@@ -14,7 +14,7 @@ from places import area_of, context_of, middle_of
 
 
 def shown() -> object | None:
-    """What is drawn of the top level."""
+    """The drawn boxes of the top level."""
     found = overlay()
     return None if found is None or found.top_level is None else found.top_level.shown
 
@@ -57,7 +57,7 @@ def show_the_top_level() -> Step:
 
 
 def point_at_a_box() -> Step:
-    """What is under the mouse is told, until the mouse goes; clicks and undo go on meanwhile."""
+    """The overlay describes the object under the mouse until the mouse leaves; clicks and undo still work."""
     area = area_of("VIEW_3D")
     hover(*middle_of(area))
     yield from handled()
@@ -108,7 +108,7 @@ def follow_an_animation() -> Step:
 
 
 def draw_100000_boxes() -> Step:
-    """The deepest levels of a large mesh's tree: what a redraw takes, and that Blender still listens."""
+    """The deepest levels of a large mesh's tree: the time of a redraw, and that Blender still responds."""
     yield from set_overlay(show_top_level=False)
     bpy.ops.mesh.primitive_grid_add(x_subdivisions=700, y_subdivisions=700, size=12.0, location=(0.0, 0.0, 6.0))
     grid = bpy.context.object

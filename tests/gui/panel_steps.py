@@ -44,7 +44,7 @@ MAIN_BUTTONS = [
     "perfect_bvh.preview_percentage",
 ]
 HEADER_CHECKBOX_OF_PANEL = 0.13
-SWITCHES = 0.44  # of the region's width: those beside the values that they turn on
+SWITCHES = 0.44  # of the region's width: the switches next to the values that they turn on
 ROW_AND_GAP = 26  # from the middle of a button to that of the next group
 
 
@@ -98,7 +98,7 @@ def press_sampling_film_and_performance() -> Step:
     render = bpy.context.scene.render
     sampling = {"viewport_samples": "3", "samples": "4", "time_limit": "9"}
     switches = dict.fromkeys(("use_render_samples", "use_denoising", "use_viewport_denoising"))
-    settings().viewport_samples = 7  # a number of their own
+    settings().viewport_samples = 7  # different from the render's samples
     for kind, text in (("", "0.05"), ("viewport_", "0.5")):
         sampling |= {f"{kind}noise_threshold": text, f"{kind}min_samples": "7"}
     yield from open_panel("Sampling", change_all(settings(), sampling | switches))
@@ -142,7 +142,7 @@ def press_curves() -> Step:
 
 
 def switch_thresholds(buttons: list[Button]) -> Step:
-    """Their switches stand left of the values."""
+    """Their switches are left of the values."""
     area, top = area_of("PROPERTIES"), max(button.y for button in buttons)
     found = yield from list_buttons(area, top=top + STEP, column=SWITCHES)
     names = ("use_noise_threshold", "use_viewport_noise_threshold")
@@ -261,7 +261,7 @@ def is_set(owner: object, name: str, value: object) -> bool:
 
 
 def press_denoising_data(area: bpy.types.Area, buttons: list[Button]) -> Step:
-    """On, and off again. Blender cannot tell what stands there, as Cycles keeps it: it is the row below the last."""
+    """On, and off again. The button has no data path because Cycles has the property: it is the row below the last."""
     above = next(button for button in buttons if button.what.endswith("use_pass_material_index"))
     region, switches = region_of(area), bpy.context.view_layer.cycles
     for wanted in (True, False):

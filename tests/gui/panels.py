@@ -81,7 +81,7 @@ def photograph(title: str) -> None:
 
 
 def change_all(owner: object, names: dict[str, str | None], kind: str = "PROPERTIES") -> Callable[[list[Button]], Step]:
-    """Change these properties, by what is typed into each. kind: of the area that shows them."""
+    """Change these properties by typing the given text into each. kind: of the area that shows them."""
 
     def work(buttons: list[Button]) -> Step:
         found = {button.what.rpartition(".")[2]: button for button in buttons}

@@ -16,7 +16,7 @@ def front_window() -> bpy.types.Window:
 
 
 def work_in_window(number: int) -> None:
-    """From now on the mouse is in this window, counted as they were opened."""
+    """From now on the mouse is in this window, numbered in the order of opening."""
     global _front
     _front = number
 
@@ -62,5 +62,5 @@ def middle_of(area: bpy.types.Area) -> tuple[float, float]:
 
 
 def context_of(area: bpy.types.Area) -> dict[str, object]:
-    """What `temp_override` wants to be in an area."""
+    """The arguments of `temp_override` for an area."""
     return {"window": front_window(), "area": area, "region": region_of(area)}

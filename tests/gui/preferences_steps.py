@@ -12,7 +12,7 @@ from places import area_of, front_window, region_of, window_stands, work_in_wind
 
 EDIT_MENU = (79, 14)  # from the upper left
 ADD_ONS_BELOW_TOP = 229  # the middle of the section's button
-# Where the field to search in and an entry's arrow stand in the width of the region; how far down rows begin.
+# Positions of the search field and an entry's arrow in the region's width; how far down rows begin.
 SEARCH, UNFOLD = 0.3, 0.03
 FIRST_ROW, SECOND_ROW = 36, 70
 

@@ -1,4 +1,4 @@
-"""Renders: the Preview button, F12, Escape, the panels that tell of them, and what goes wrong."""
+"""Renders: the Preview button, F12, Escape, the panels that report on them, and failures."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def find_and_press_preview() -> Step:
 
 
 def check_shows_whole(area: bpy.types.Area) -> None:
-    """That nothing of an editor's image is outside of it."""
+    """Check that an editor's image is entirely inside of it."""
     region, space = region_of(area), area.spaces.active
     width, height = (length * space.zoom_percentage / 100 for length in space.image.size)
     check(
@@ -42,7 +42,7 @@ def check_shows_whole(area: bpy.types.Area) -> None:
 
 
 def press_preview() -> Step:
-    """Its image takes the place of the 3D viewport, or a window of its own, until that is closed."""
+    """Its image replaces the 3D viewport or is in a new window, until that is closed."""
     settings().preview_percentage = 50
     yield from find_and_press_preview()
     yield from wait_until(lambda: "Perfect BVH View" in bpy.data.images, "no image of the preview")

@@ -23,7 +23,7 @@ def scans() -> list[bpy.types.Object]:
 
 
 def was_stopped(what: str) -> Step:
-    """By the user; nothing has come of it."""
+    """Check that the user has stopped it, and that it has left nothing."""
     yield from wait_until(lambda: not is_working(), f"Escape does not stop {what}")
     yield from wait_for_report("Scan canceled: nothing was written")
     check(not scans(), f"{what} was stopped, but has made an object")

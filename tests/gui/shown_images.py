@@ -1,4 +1,4 @@
-"""What each of several viewports has to show, from a sync of its own, and what is on the screen in its place."""
+"""The image that each of several viewports has to show, from a separate sync, and the pixels on the screen there."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from addon_state import module, viewports
 from driver import Step, check, wait_until
 from places import region_of
 
-HEADERS = 60  # in pixels: what lies over the upper edge of a viewport
+HEADERS = 60  # in pixels: the headers over the upper edge of a viewport
 # Below the first window, which is less high while its viewport has 540 lines.
 SECOND_WINDOW = {"left": 0, "top": 660, "width": 1000, "height": 340}
 LEAST_LIKENESS = 0.9  # correlation of the screen's colors with the image's before the view transform
@@ -32,7 +32,7 @@ def override(window: bpy.types.Window, area: bpy.types.Area) -> Any:
 
 
 def expected_image(window: bpy.types.Window, area: bpy.types.Area) -> Any:
-    """(H, W, 4): what an area has to show, from a sync that has read nothing but what it shows now."""
+    """The image that an area has to show, (H, W, 4), from a sync that has read only the current state."""
     refinement, appearance = module("image.refinement"), module("sync.appearance")
     space, region = area.spaces.active, region_of(area)
     with override(window, area):
@@ -63,7 +63,7 @@ def on_screen(window: bpy.types.Window, area: bpy.types.Area) -> Any:
 
 
 def check_shows(window: bpy.types.Window, area: bpy.types.Area, what: str) -> Step:
-    """That an area shows what its own scene and view ask for: to the bit, and on the screen. Returns the image."""
+    """Check that an area shows the image of its scene and view, to the bit, and on the screen. Returns the image."""
     wanted = expected_image(window, area)
     images = [found._refinement.image for found in viewports()]
     differences = [float(abs(image - wanted).max()) for image in images if image.shape == wanted.shape]
@@ -77,7 +77,7 @@ def check_shows(window: bpy.types.Window, area: bpy.types.Area, what: str) -> St
 
 
 def show_plainly(area: bpy.types.Area) -> None:
-    """Nothing over the image, neither what Blender draws beside a camera's frame."""
+    """Remove everything over the image, and the frame that Blender draws for a camera."""
     space = area.spaces.active
     space.region_3d.view_perspective = "PERSP"
     space.overlay.show_overlays = space.show_gizmo = False

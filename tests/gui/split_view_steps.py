@@ -1,4 +1,4 @@
-"""Two viewports beside each other: each shows its own, whole."""
+"""Two viewports next to each other: each shows its own image, complete."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def show_two_viewports() -> Step:
 
 
 def edit_beside_two_viewports() -> Step:
-    """An edit shows in both; what follows it ends."""
+    """An edit shows in both; the work that follows it ends."""
     window = main_window()
     before = yield from check_both(window, "left", "right")
     hill = bpy.data.objects["Hill"]
@@ -50,7 +50,7 @@ def edit_beside_two_viewports() -> Step:
 
 
 def hide_in_one_of_two_viewports() -> Step:
-    """Local view, filters and local collections are one viewport's: the other shows all, whichever was drawn last."""
+    """Local view, filters and local collections are one viewport's: the other shows all, in any drawing order."""
     window = main_window()
     right = view_areas(window)[1]
     whole = yield from check_both(window, "left", "right")

@@ -1,4 +1,4 @@
-"""What a user does with the add-on in a Blender with windows, step by step; blender -P steps.py, see windows.sh.
+"""Runs a user's actions with the add-on in a Blender with windows, step by step; blender -P steps.py, see windows.sh.
 
 The extension is installed but not enabled, and tree_in_wind.blend is open.
 """
@@ -115,7 +115,7 @@ STEPS = (
     file_steps.report,
 )
 
-# What most users do, for the check of each change.
+# The actions of most users, for the check of each change.
 MAIN_STEPS = (
     panel_steps.enable,
     panel_steps.press_the_main_panels_buttons,

@@ -1,4 +1,4 @@
-"""The mouse rests on a button until its tooltip shows: what the button is, or why it is grey."""
+"""The mouse rests on a button until its tooltip explains the button, or why it is grey."""
 
 from __future__ import annotations
 
@@ -14,7 +14,8 @@ from panels import main_buttons, open_sidebar
 from places import area_of, front_window, main_area, middle_of, panel_region
 
 TOOLTIP_BYTES = 6000  # of the screen that a tooltip changes, at least
-# In pixels: what lights up at once, up and down from the middle of the button, and the status bar with its hints.
+# In pixels: the area that lights up at once, up and down from the middle of the button, and the status bar with its
+# hints.
 LIT, STATUS_BAR = 16, 30
 
 
@@ -54,7 +55,7 @@ def rest_on(button: Button, name: str, kind: str = "PROPERTIES") -> Step:
     hover(region.x + region.width * button.column, button.y)
     yield from handled()
     x_tool("mousemove_relative", "--", 1, 0)  # where a sidebar scrolls, the move that enters it shows none
-    for _ in range(20):  # and what is shown stays
+    for _ in range(20):  # and a shown tooltip stays
         now = yield from same_twice(lambda: around(button))
         if (now != before).sum() > TOOLTIP_BYTES:
             break

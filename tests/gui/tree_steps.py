@@ -46,7 +46,7 @@ def press_in_sidebar(area: bpy.types.Area, call: str) -> Step:
 
 
 def click_cross(area: bpy.types.Area, right: float, top: float) -> Step:
-    """That in the corner of what is drawn, by the corner's place in the region."""
+    """Click the cross in the corner of the legend, by the corner's place in the region."""
     region, rect = region_of(area), module("view3d.legend").close_rect(right, top)
     yield from click(region.x + (rect.left + rect.right) / 2, region.y + (rect.bottom + rect.top) / 2)
 

@@ -1,4 +1,4 @@
-"""Two scenes in two windows: each shows its own, whole; and renders of what goes while they last."""
+"""Two scenes in two windows: each shows its own, complete; and renders of a scene that is removed during the render."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def place_window(window: str, left: int, top: int, width: int, height: int) -> S
 
 
 def open_second_window() -> Step:
-    """A main window of its own, where the first one leaves the screen free."""
+    """A second main window, where the first one leaves the screen free."""
     before = blender_windows()
     with bpy.context.temp_override(window=main_window()):
         bpy.ops.wm.window_new_main()
@@ -54,7 +54,7 @@ def open_second_window() -> Step:
 
 
 def make_second_scene() -> bpy.types.Scene:
-    """Boxes that stand in a row, and of the first scene's objects the hill."""
+    """Boxes in a row, and of the first scene's objects the hill."""
     scene = bpy.data.scenes.new("Other")
     scene.render.engine = "PERFECT_BVH"
     scene.perfect_bvh.mode, scene.perfect_bvh.samples = "CLAY", 4
@@ -86,7 +86,7 @@ def show_two_scenes_in_two_windows() -> Step:
 
 
 def edit_in_two_scenes() -> Step:
-    """What belongs to one scene lets the other's image stand; what belongs to both shows in both."""
+    """Edits of one scene's objects leave the other's image unchanged; edits of shared objects show in both."""
     first, second = main_window(), second_window()
     images = {}
 

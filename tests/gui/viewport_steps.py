@@ -43,7 +43,7 @@ def show_each_mode() -> Step:
     images = {}
     for name in names:
         settings().mode = name
-        area_of("VIEW_3D").tag_redraw()  # what a script sets has to be shown by it, too
+        area_of("VIEW_3D").tag_redraw()  # a script that changes a setting also has to redraw
         yield from finished(f"mode {name}")
         images[name] = image()
         if name != "UV":  # nothing here has any
@@ -58,7 +58,7 @@ def show_each_mode() -> Step:
 
 
 def trace_while_nobody_redraws() -> Step:
-    """The image becomes better although Blender does not so much as look at it; then it shows by itself."""
+    """The image improves in the background while Blender does not draw it; then it shows by itself."""
     before, settings().samples = settings().samples, 5
     area_of("VIEW_3D").tag_redraw()
     (shown,) = viewports()
@@ -96,7 +96,7 @@ def look_through_the_camera() -> Step:
 
 
 def restrict_to_a_border() -> Step:
-    settings().use_viewport_denoising = False  # what is outside would be missed inside
+    settings().use_viewport_denoising = False  # the denoiser would lack the pixels outside of the border
     area_of("VIEW_3D").tag_redraw()
     yield from finished("without denoising")
     whole = image()
@@ -160,7 +160,7 @@ def edit_and_undo() -> Step:
 
 
 def edit_lights_and_materials() -> Step:
-    """What the depsgraph names otherwise than objects and meshes: each edit must show, and show no more once undone."""
+    """Edits that the depsgraph does not report as objects or meshes: each must show, and disappear once undone."""
     before = image()
     light = next(obj.data for obj in bpy.context.scene.objects if obj.type == "LIGHT")
     material = bpy.data.objects["Hill"].active_material
@@ -179,7 +179,7 @@ def edit_lights_and_materials() -> Step:
 
 
 def build_beside_the_viewport() -> Step:
-    """A mesh whose tree takes seconds: the last image stays meanwhile, and edits of the view are heeded."""
+    """A mesh whose tree takes seconds: the last image stays during the build, and changes of the view take effect."""
     before = image()
 
     def show(gate: Gate) -> Step:

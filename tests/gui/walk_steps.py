@@ -12,12 +12,12 @@ from places import area_of, context_of, middle_of, region_of
 
 
 def walk() -> Any:
-    """What is shown."""
+    """The ray walk that is shown."""
     return module("view3d.walk.walk_view").shown()
 
 
 def start() -> Step:
-    """In the camera's view, wherever earlier steps have turned the viewport."""
+    """In the camera's view, even if earlier steps have turned the viewport."""
     area_of("VIEW_3D").spaces.active.region_3d.view_perspective = "CAMERA"
     yield from redrawn()
     with bpy.context.temp_override(**context_of(area_of("VIEW_3D"))):
@@ -38,7 +38,7 @@ def maximize_and_restore() -> Step:
 
 
 def click_a_pixel(across: float, up: float) -> Step:
-    """Fractions of the viewport; returns what is shown then."""
+    """Takes fractions of the viewport; returns the walk shown after the click."""
     region, before = region_of(area_of("VIEW_3D")), walk()
     yield from click(region.x + across * region.width, region.y + up * region.height)
     yield from wait_until(lambda: walk() is not None and walk() is not before, "no ray is walked")
@@ -101,7 +101,7 @@ def leave_the_workspace_while_walking() -> Step:
 
 
 def undo_while_walking() -> Step:
-    bpy.ops.ed.undo_push(message="before")  # what scripts have set until now is in no undo step yet
+    bpy.ops.ed.undo_push(message="before")  # scripts' changes until now are in no undo step yet
     bpy.context.scene.camera.location.x += 0.01
     bpy.ops.ed.undo_push(message="moved")
     yield from start()

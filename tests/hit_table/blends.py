@@ -1,4 +1,4 @@
-"""Fingerprints of what becomes of the example scenes, to prove that a change of the inside changed no answer.
+"""Fingerprints of all results from the example scenes, to prove that an internal change has changed no answer.
 
     python tests/hit_table/blends.py before.json    # with the package of before the change
     python tests/hit_table/blends.py after.json     # with that of after it
@@ -30,7 +30,7 @@ if __name__ == "__main__":
     sys.path.insert(0, str(TESTS))
     engine = importlib.util.find_spec("perfect_bvh")
     assert engine is not None and engine.origin is not None, "perfect_bvh is not installed"
-    # Decisions follow the package's own calibration, whatever was measured on this machine.
+    # Decisions follow the package's own calibration, independent of this machine's measurements.
     os.environ["PERFECT_BVH_CALIBRATION"] = str(Path(engine.origin).with_name("calibration.json"))
 
 import bpy
@@ -52,7 +52,7 @@ CLOUD_COLUMNS = (
     "positions", "distances", "normals", "object_ids", "instance_ids", "material_ids", "times", "ray_ids",
 )  # fmt: skip
 CLOSEST_FIELDS = ("points", "distances", "instance_ids", "mesh_ids", "primitive_ids", "primitive_uvs")
-# Durations, and numbers that only tell commits of one process apart.
+# Durations, and numbers that only distinguish commits of one process.
 UNSTEADY = ("scene_id", "milliseconds")
 Values = dict[str, Any]
 
@@ -73,7 +73,7 @@ def main() -> None:
 
 
 def digests_of(values: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
-    """Names, of mappings within mappings with slashes between, and sha256 of what is no mapping."""
+    """Yields names, joined by slashes for nested mappings, and sha256 of all values that are no mappings."""
     for name, value in values.items():
         if isinstance(value, Mapping):
             yield from ((f"{name}/{inner}", digest) for inner, digest in digests_of(value))
@@ -91,7 +91,7 @@ def digest_of(value: Any) -> str:
 
 
 def answers_of(path: Path, folder: Path) -> Values:
-    """One file, as a script uses the add-on; folder: for what Blender writes meanwhile."""
+    """One file, as a script uses the add-on; folder: for the files that Blender writes."""
     bpy.ops.wm.open_mainfile(filepath=str(path))
     attributes = perfect_bvh_addon.AttributeRequest(
         material_slots=True, corner_normals=True, corner_uvs=True, shading=True
@@ -142,7 +142,7 @@ def plain(value: Any) -> Any:
 
 
 def lookups_of(sync: Any) -> Values:
-    """All queries about the camera, what each hit is called in Blender, and the trees."""
+    """All queries about the camera, the name of each hit in Blender, and the trees."""
     directions = np.random.default_rng(41).normal(size=(2000, 3))
     origin, scene = sync.camera.matrix[:3, 3], sync.scene
     hits = scene.cast_rays(origin, directions)

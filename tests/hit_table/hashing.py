@@ -1,7 +1,7 @@
 """Numbers that are the same bits on every system: integers are mixed, then scaled by powers of two.
 
-No sine, logarithm or generator of a library is in what is made of them: sums, products, quotients and square roots
-alone, one after the other, which every processor rounds alike.
+No sine, logarithm or generator of a library is used: only sums, products, quotients and square roots, one after the
+other, which every processor rounds in the same way.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ Doubles = npt.NDArray[np.float64]
 
 
 def mixed(count: int, seed: int) -> npt.NDArray[np.uint32]:
-    """So many 32-bit numbers without a pattern (the finalizer of MurmurHash3, applied twice)."""
+    """`count` 32-bit numbers without a pattern (the finalizer of MurmurHash3, applied twice)."""
     with np.errstate(over="ignore"):
         values = np.arange(count, dtype=np.uint32) * np.uint32(0x9E3779B9) + np.uint32(seed) * np.uint32(0x85EBCA77)
         for _ in range(2):

@@ -1,4 +1,4 @@
-"""Twelve scenes, each hard for one part of the engine, about the origin or about a centre of their own."""
+"""Twelve scenes, each hard for one part of the engine, about the origin or about another centre."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from perfect_bvh import BuildConfig, Scene
 
 @dataclass(frozen=True)
 class Made:
-    """scene: committed. centre: (3,) float64, what rays are about."""
+    """scene: committed. centre: (3,) float64, the centre of the rays."""
 
     scene: Scene
     centre: Doubles

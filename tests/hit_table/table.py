@@ -1,4 +1,4 @@
-"""The table of hits: what rays meet in twelve scenes, as hashes that are the same on every system and processor.
+"""The table of hits: the hits of rays in twelve scenes, as hashes that are the same on every system and processor.
 
     python tests/hit_table/table.py            # compare this machine with recorded.json; exits with 1 where it differs
     python tests/hit_table/table.py --record   # write recorded.json: only where answers are meant to change
@@ -54,13 +54,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def load_record() -> Record:
-    """By scene, what every system must answer."""
+    """By scene, the hashes that every system must give."""
     recorded: Record = json.loads(RECORD.read_text(encoding="utf-8"))
     return recorded
 
 
 def record() -> Record:
-    """By scene, what this machine answers. Raises AssertionError where its own rows disagree."""
+    """By scene, the hashes of this machine. Raises AssertionError where its own rows disagree."""
     found: Record = {}
     for name in SCENES:
         for row, hashes in rows_of(name):
@@ -70,7 +70,7 @@ def record() -> Record:
 
 
 def rows_of(name: str) -> Iterator[tuple[str, Hashes]]:
-    """Instruction set and strategy as words, with the hashes of what they answer."""
+    """Instruction set and strategy as words, with the hashes of their answers."""
     before = perfect_bvh.active_isa()
     try:
         made = SCENES[name]()

@@ -1,9 +1,9 @@
-"""The judge: every ray against every triangle, in double precision, with its own rounding error made explicit.
+"""The judge: every ray against every triangle, in double precision, with an explicit bound of its own rounding error.
 
 A triangle is *surely hit* by a ray if the ray passes inside all three of its edges by more than `margin`, *surely
-missed* if it passes outside one of them by more than that, and *ambiguous* in between. The margin is what double
-precision loses on a ray's way into an instance's space and back: the engine's kernels decide in it wherever float could
-be wrong. Of peers, whose kernels are float's alone, it is what rounding the ray to float can move it by.
+missed* if it passes outside one of them by more than that, and *ambiguous* in between. The margin is the rounding error
+of double precision on a ray's way into an instance's space and back: the engine's kernels decide in it wherever float
+could be wrong. For peers, whose kernels use float only, it is the distance that rounding to float can move the ray.
 
 An answer is right if
 - it is a miss, and no triangle is surely hit within the ray's range; or
@@ -12,9 +12,9 @@ An answer is right if
 Bounds: with u = 2^-24 and all lengths in world units, rounding the ray to float moves it by at most 4 u (M + |o|), M
 the largest coordinate of the instance about its own origin or in the world, whichever is greater; double precision,
 through matrices that squeeze by up to a hundred thousand, by at most 2^-36 (M + |o|). t of a surely hit triangle is
-that of its plane, however large the triangle: right to 2 u |t|, and what double precision loses by M and |o|. That of
-an ambiguous one may be where the moved ray is: the margin shows along the ray divided by |d| |cos| (the angle of ray
-and normal).
+that of its plane, however large the triangle: right to 2 u |t|, plus the rounding error of double precision by M and
+|o|. That of an ambiguous one may be where the moved ray is: the margin shows along the ray divided by |d| |cos| (the
+angle of ray and normal).
 """
 
 from __future__ import annotations
@@ -101,8 +101,8 @@ class _Block:
 def _classify(world: WorldTriangles, origins: F64, directions: F64) -> _Block:
     """Every ray of a block (R) against every triangle (T): arrays of shape (R, T).
 
-    Lines are told apart by their moments about zero, in products of matrices: what double precision loses by that is
-    four decimal places below the lesser margin.
+    Lines are represented by their moments about zero, in products of matrices: the rounding error of that in double
+    precision is four decimal places below the lesser margin.
     """
     length = np.linalg.norm(directions, axis=1)
     corners = world.corners
@@ -120,7 +120,7 @@ def _classify(world: WorldTriangles, origins: F64, directions: F64) -> _Block:
     moment = np.cross(origins, directions)
     inside = np.full(t.shape, np.inf)
     for k in range(3):
-        # The side from the corners themselves: q - p would lose what a small triangle is to a far origin.
+        # The side from the corners themselves: q - p would lose the shape of a small triangle far from the origin.
         side = corners[:, (k + 1) % 3] - corners[:, k]
         volume = directions @ np.cross(corners[:, k], side).T + moment @ side.T
         edge = _lengths_of_crosses(side, directions)

@@ -30,7 +30,7 @@ FLAT = ("Depth.Z", f"{OBJECT_INDEX}.X", f"{MATERIAL_INDEX}.X")  # in the order o
 
 @dataclass(frozen=True, slots=True)
 class Surfaces:
-    """What each pixel shows: float32, row 0 on top.
+    """The passes of each pixel: float32, row 0 on top.
 
     depth: (H, W), Z along the view axis, 1e10 on the background. normal: (H, W, 3), world space, turned to the
     viewer, zero on the background. object_index, material_index: (H, W).
@@ -44,7 +44,7 @@ class Surfaces:
 
 @dataclass(frozen=True, slots=True)
 class Passes(Surfaces):
-    """What each pixel shows, and combined: (H, W, 4)."""
+    """The passes of each pixel, and combined: (H, W, 4)."""
 
     combined: npt.NDArray[np.float32]
 
@@ -65,7 +65,7 @@ def preserved(*settings: tuple[object, str, object]) -> Iterator[None]:
 
 @contextmanager
 def _as_multilayer(path: Path, scene: bpy.types.Scene, engine: str, is_denoised: bool) -> Iterator[None]:
-    """The scene renders with `engine`, every pass on, into an uncompressed 32-bit multilayer OpenEXR file meanwhile."""
+    """Set the scene to render with `engine`, with every pass, into an uncompressed 32-bit multilayer EXR file."""
     view_layer = scene.view_layers[0]
     image = scene.render.image_settings
     settings = [

@@ -73,7 +73,7 @@ def random_rays(count: int, seed: int, reach: float = 2.5) -> tuple[npt.NDArray[
 
 
 def scattered(count: int, reach: float, seed: int) -> npt.NDArray[np.float64]:
-    """Transforms (N, 4, 4) of instances that stand anywhere from -reach to reach along each axis, not turned."""
+    """Transforms (N, 4, 4) of instances placed anywhere from -reach to reach along each axis, not turned."""
     places = np.tile(np.eye(4), (count, 1, 1))
     places[:, :3, 3] = np.random.default_rng(seed).uniform(-reach, reach, (count, 3))
     return places

@@ -1,4 +1,4 @@
-"""A scene frozen at a time of the shutter, by formulas of their own: where vertices and instances are then."""
+"""A scene frozen at a time of the shutter: positions of vertices and instances by independent formulas."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def positions_at(steps: np.ndarray, time: float, time_range: tuple[float, float]
 
 
 def rotation_and_stretch(matrix: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """(3, 3) each: a rotation, and what is left; by singular values."""
+    """(3, 3) each: a rotation, and the remaining factor; by singular values."""
     left, _, right = np.linalg.svd(matrix)
     rotation = left @ right
     if np.linalg.det(rotation) < 0:

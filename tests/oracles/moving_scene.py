@@ -1,4 +1,4 @@
-"""A scene in which all sorts of things move, and copies of it that stand still at a time."""
+"""A scene with many kinds of motion, and copies of it frozen at a time."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def matrix(random: np.random.Generator, size: float = 1.0) -> np.ndarray:
 
 
 class MovingScene:
-    """A soup and a ball that change shape, a cube that stays; instances that turn, and some that stand still."""
+    """A soup and a ball that change shape, a cube that stays; instances that turn, and some that do not move."""
 
     def __init__(self, steps: int, time_range=(0.0, 1.0), seed: int = 0, dtype=np.float32, **settings) -> None:
         random = np.random.default_rng(seed)

@@ -23,7 +23,7 @@ def read_png(path: Path) -> npt.NDArray[np.uint8]:
     image = load_image(path)
     try:
         image.colorspace_settings.name = "Non-Color"
-        image.alpha_mode = "CHANNEL_PACKED"  # colour and alpha as they are, not multiplied
+        image.alpha_mode = "CHANNEL_PACKED"  # straight alpha: colour is not multiplied by it
         width, height = image.size
         pixels = np.empty(width * height * 4, np.float32)
         image.pixels.foreach_get(pixels)

@@ -1,9 +1,9 @@
 """Cycles' images as files, so that tests wait for Cycles once: `nox -s cycles_images` writes tests/cycles_images.
 
 An image is found by the digest of the scene that it was made of (`scene_digest`), so no other scene's can be taken for
-it, whatever test asks, in whatever order. A scene without a recording is rendered. pytest's summary says how many were.
-Outside pytest, and without Blender's release that recorded them, everything is rendered. `pytest --live-cycles` renders
-everything, and tells whether Cycles still makes what was recorded.
+it, by any test in any order. A scene without a recording is rendered. pytest's summary says how many were. Outside
+pytest, and without Blender's release that recorded them, everything is rendered. `pytest --live-cycles` renders
+everything, and reports whether Cycles still makes the recorded images.
 """
 
 from __future__ import annotations
@@ -21,15 +21,15 @@ import numpy.typing as npt
 Planes = dict[str, npt.NDArray[np.float32]]
 Mode = Literal["recall", "record", "live"]
 SUFFIX = ".npz.xz"
-# What is kept of a value: its bytes, the first of all values, then the second, and so on. So they are packed smaller.
+# Values are kept as bytes: the first byte of all values, then the second, and so on. So they compress better.
 Packed = npt.NDArray[np.uint8]
 
 
 class Recordings:
-    """The files of one session of tests, a file for each file of tests.
+    """The recordings of one session of tests, a file for each test file.
 
-    mode: "recall" renders what has no recording, "record" renders everything and writes it in the end, "live" renders
-    everything and compares it with what was recorded.
+    mode: "recall" renders scenes without a recording, "record" renders everything and writes it in the end, "live"
+    renders everything and compares it with the recordings.
     """
 
     def __init__(self, folder: Path, mode: Mode) -> None:
@@ -40,7 +40,7 @@ class Recordings:
         self._counts: Counter[str] = Counter()
 
     def planes(self, digest: str, names: Sequence[str], is_half: bool, render: Callable[[], Planes]) -> Planes:
-        """The planes `names` of the scene with this digest; is_half: what is rendered may be rounded to 11 bits."""
+        """The planes `names` of the scene with this digest; is_half: rendered values may be rounded to 11 bits."""
         if self.current is None:
             return render()
         kept = self._kept(self.current)
@@ -67,7 +67,7 @@ class Recordings:
         return counts
 
     def write(self, failed: Collection[str | None] = ()) -> None:
-        """Replace the files of those tests that have run; those that have `failed` keep what they had."""
+        """Replace the files of those tests that have run; those that have `failed` keep their recordings."""
         for name, kept in self._files.items():
             if name in failed:
                 continue
@@ -105,7 +105,7 @@ def is_alike(plane: npt.NDArray[np.float32], other: npt.NDArray[np.float32]) -> 
 def pack(plane: npt.NDArray[np.float32], is_half: bool) -> Packed:
     """(N, H, W) of an (H, W) image: N bytes of each value; is_half: rounded to half precision where that suffices.
 
-    N tells the type: 1 for whole numbers below 256, 2 for half, 4 for single precision.
+    N gives the type: 1 for whole numbers below 256, 2 for half, 4 for single precision.
     """
     kept: npt.NDArray[np.generic] = plane
     if plane.min() >= 0.0 and plane.max() <= 255.0 and not (plane % 1.0).any():

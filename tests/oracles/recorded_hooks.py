@@ -1,4 +1,4 @@
-"""pytest's side of `recorded`: which file of tests is at work, and what the summary says of images rendered anew."""
+"""pytest's side of `recorded`: notes the current test file, and reports newly rendered images in the summary."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def add_options(parser: pytest.Parser) -> None:
 
 
 def mode_of(config: pytest.Config) -> recorded.Mode:
-    """What the options ask for.
+    """The recordings in the mode of the options.
 
     Raises:
         pytest.UsageError: --record-cycles for parts of files, or in several processes.

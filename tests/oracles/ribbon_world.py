@@ -1,12 +1,13 @@
-"""Where rays may meet flat curves that face them, in the longest float, by none of the engine's formulas.
+"""Where rays may meet flat curves that face them, in the longest float, by formulas independent of the engine's.
 
-Cross products tell where the line of a ray and that of a segment's axis are nearest to each other; beyond an end of the
-axis that end is taken. A ribbon is met there if the ray passes no farther than the radius, unless the curve ends there
-and the nearest place is beyond, or one of the neighbours' axes is nearer.
+Cross products give the nearest points of a ray's line and a segment's axis; beyond an end of the axis that end is
+taken. A ribbon is met there if the ray passes no farther than the radius, unless the curve ends there and the nearest
+place is beyond, or one of the neighbours' axes is nearer.
 
-What double precision loses is as if either ball had been shifted by no more than m (`round_world.py`'s margin): so
-distances are known to m. With e the length of the axis as the ray sees it, the share of the axis is known to
-m / e (2 + distance / e + |share|), four times which is taken; where e is less than 16 m all shares may be meant.
+The rounding errors of double precision are equivalent to a shift of either ball by at most m (`round_world.py`'s
+margin): so distances are known to m. With e the length of the axis as the ray sees it, the share of the axis is known
+to m / e (2 + distance / e + |share|), and the bound is four times that; where e is less than 16 m any share is
+possible.
 """
 
 from __future__ import annotations
@@ -91,7 +92,7 @@ class RibbonMeetings:
 
 
 def find_meetings(world: RoundWorld, origins: npt.ArrayLike, directions: npt.ArrayLike) -> RibbonMeetings:
-    """Of every ray, (R, 3) both, with every segment, whatever their masks."""
+    """Of every ray, (R, 3) both, with every segment, ignoring masks."""
     rays, segments = near_pairs(world, origins, directions)
     own, may, sure = _judged(world, origins, directions, rays, segments)
     hidden, alone = np.zeros(len(rays), np.bool_), np.ones(len(rays), np.bool_)
@@ -173,7 +174,7 @@ def ribbon_at(
     back = -(direction - dot(direction, tangent) / dot(tangent, tangent) * tangent)
     back /= np.sqrt(dot(back, back))
     sine = distances[best] / radii[best]
-    # Of the tube in the mesh's own space: planes are mapped to the world by what is transposed of the way back.
+    # Of the tube in the mesh's own space: the transposed inverse maps planes to the world.
     normal = ((sine * across + np.sqrt(1.0 - sine**2) * back)[:, None] * inverse[:, :3]).sum(axis=0)
     normal /= np.sqrt(dot(normal, normal))
     u = (world.steps[rows[best]] + shares[best]) / world.counts[rows[best]]

@@ -42,7 +42,7 @@ class Surfaces:
 
 
 def find_surfaces(world: RoundWorld, origins: npt.ArrayLike, directions: npt.ArrayLike) -> Surfaces:
-    """All that rays meet, in either direction along them, whatever their masks and ranges."""
+    """All intersections of rays, in either direction along them, ignoring masks and ranges."""
     if world.shape == "ribbon":
         met = find_meetings(world, origins, directions)
         columns = (met.low, met.high, met.sure_low, met.sure_high, met.is_there, met.is_own)

@@ -1,10 +1,10 @@
-"""Hulls of two balls along a ray, by the balls between the two: in the longest float, by none of the engine's formulas.
+"""Hulls of two balls along a ray, by the balls between the two: in the longest float, by independent formulas.
 
 The convex hull of the balls (c0, r0) and (c1, r1) is the union of the balls (c0 + s (c1 - c0), r0 + s (r1 - r0)), s in
 [0, 1]. With T(s) how far along the ray a ball's middle is, and h(s) how far from the ray, the ray is in that ball from
 T - sqrt(q) to T + sqrt(q), q = r^2 - h^2, a quadratic in s. The hull's interval reaches from the least of these to the
-greatest: at an end, or where the derivative is zero. Whatever s is tried, its ball lies in the hull, and near the best
-s the interval changes with the square of what s is off by: an s that is not quite right makes next to no difference.
+greatest: at an end, or where the derivative is zero. For any s the ball lies in the hull, and near the best s the
+interval changes with the square of the error of s: so a small error of s hardly matters.
 """
 
 from __future__ import annotations
@@ -78,7 +78,7 @@ def _shares_of_no_negative_radius(radius: Reals, step: Reals) -> tuple[Reals, Re
 def _flat_places(
     off: Reals, off_step: Reals, radius: Reals, radius_step: Reals, middle_step: Reals, axis: Reals
 ) -> list[Reals]:
-    """The s at which T -+ sqrt(q) may be flat, and that of the greatest q; what is not finite is none.
+    """The s at which T -+ sqrt(q) may be flat, and that of the greatest q; values that are not finite do not count.
 
     q(s) = A s^2 + B s + C is flat at m = -B / 2A, and zero as far from there as sqrt(-q(m) / A). With T' constant,
     T' = +-q' / (2 sqrt(q)) holds |T'| / L times as far from m, where L^2 = |c1 - c0|^2 - (r1 - r0)^2 = T'^2 - A; if

@@ -5,13 +5,13 @@ point is a ball. Of a segment's interval along a ray, the entry is the curve's s
 after holds it, and so is the exit. Strands that are no neighbours are not united. A cyclic curve's first and last
 segments are neighbours, and so are those on both sides of segments whose two balls are equal.
 
-The margin. What double precision loses is as if the ray had been shifted by no more than m; a hull whose radii are m
-less lies within any such hull, and one whose radii are m more around it. A ray *surely hits* the hull if it hits the
-lesser, *surely misses* it if it misses the greater, and enters it between where it enters the one and the other:
-that holds for tangents and tips as well. u = 2^-53, in the instance's own space: with N the inverse of its matrix A,
-mapping a point p costs no more than 8 u |N| |A| |N| (|p| + |translation|), component by component, and a direction the
-same, times the t of the hit. Being subtracted from a ball's middle, and setting up the equation, cost no more than
-24 u (largest coordinate + distance of the origin).
+The margin. The rounding errors of double precision are equivalent to a shift of the ray by at most m; a hull whose
+radii are m less lies within any such hull, and one whose radii are m more around it. A ray *surely hits* the hull if it
+hits the lesser, *surely misses* it if it misses the greater, and enters it between where it enters the one and the
+other: that holds for tangents and tips as well. u = 2^-53, in the instance's own space: with N the inverse of its
+matrix A, mapping a point p costs no more than 8 u |N| |A| |N| (|p| + |translation|), component by component, and a
+direction the same, times the t of the hit. Being subtracted from a ball's middle, and setting up the equation, cost no
+more than 24 u (largest coordinate + distance of the origin).
 """
 
 from __future__ import annotations
@@ -104,7 +104,7 @@ class RoundWorld:
         return cls(hulls, *flat, *(np.stack(arrays) for arrays in zip(*maps, strict=True)), shape)
 
     def beside(self, segments: Ints, step: int) -> Iterator[Ints]:
-        """Yields the row, or -1, of what comes after (step 1) or before (-1) each segment, then what balls let through.
+        """Yields the row, or -1, of the segment after (step 1) or before (-1) each one; goes on past balls.
 
         These are all that can hide the segment on that side.
         """
@@ -187,7 +187,7 @@ class Chords:
 
 
 def find_chords(world: RoundWorld, origins: npt.ArrayLike, directions: npt.ArrayLike) -> Chords:
-    """Of every ray, (R, 3) both, with every segment, whatever their masks."""
+    """Of every ray, (R, 3) both, with every segment, ignoring masks."""
     origins, directions = (np.asarray(rows, np.float64).reshape(-1, 3) for rows in (origins, directions))
     size = max(1, _PAIRS_AT_A_TIME // max(1, len(world.parts)))
     found = []
@@ -201,7 +201,7 @@ def find_chords(world: RoundWorld, origins: npt.ArrayLike, directions: npt.Array
 
 
 def _near_pairs(world: RoundWorld, origins: npt.NDArray[np.float64], directions: npt.NDArray[np.float64]) -> tuple:
-    """Pairs whose line passes the axis closer than the larger radius, and 1e-9 of what was reckoned with: a sieve."""
+    """Filters pairs whose line passes the axis closer than the larger radius, plus 1e-9 of the magnitudes involved."""
     near = np.zeros((len(origins), len(world.parts)), np.bool_)
     for part in np.unique(world.parts):
         mine = np.flatnonzero(world.parts == part)

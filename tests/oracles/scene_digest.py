@@ -1,9 +1,9 @@
 """A digest of all that an image of a scene depends on, as Blender holds it: equal digests, equal images.
 
 Blender describes its data to Python ("RNA"): each struct lists its properties. The walk starts at the scene, follows
-every pointer and takes in every value, but for those that are named here: they change no image of Cycles, or Blender
-works them out of others. What the walk does not know it takes in, so that what Blender or a test adds is not missed.
-Files are taken in by their bytes, not by their paths.
+every pointer and takes in every value, except those named here: they change no image of Cycles, or Blender derives them
+from others. Unknown properties are taken in, so that additions by Blender or a test are not missed. Files are taken in
+by their bytes, not by their paths.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from typing import Any
 import bpy
 import numpy as np
 
-# Of any struct: numbers of the process, what is for editors alone, and what Blender works out on the way.
+# Of any struct: numbers of the process, properties for editors only, and values that Blender derives on the way.
 PASSED_OVER = (
     "rna_type original session_uid users is_evaluated tag preview asset_data library library_weak_reference "
     "override_library is_library_indirect is_missing is_editable show_expanded is_embedded_data is_runtime_data "
@@ -38,7 +38,7 @@ PASSED_OVER_OF = {
     "Constraint": "error_location error_rotation",
     "ParticleSystem": "dt_frac",
     "PoseBone": "matrix matrix_channel head tail length",
-    # The mesh's attributes hold these, but for the first corner of each face and the weights, which are read apart.
+    # The mesh's attributes hold these, except the first corner of each face and the weights, which are read separately.
     "Mesh": "vertices edges loops polygons loop_triangles loop_triangle_polygons vertex_normals polygon_normals "
     "corner_normals is_editmode",
     "Curves": "normals",  # worked out of the points, and not of equal bits in every process
@@ -47,9 +47,9 @@ PASSED_OVER_OF = {
 OURS = "perfect_bvh"  # the add-on's own settings say nothing to Cycles
 HANDLERS = ("render_init", "render_pre", "frame_change_pre", "frame_change_post", "depsgraph_update_post")
 ARRAY_TYPES = {"BOOLEAN": np.bool_, "INT": np.int32, "FLOAT": np.float32}
-# Blender 5.0 gives some of them a type that they do not have, and shows what lies beyond them.
+# Blender 5.0 reports a wrong type for some of them, and returns memory beyond their end.
 SELECTIONS = (".select", ".uv_select")
-LONG = 64  # from so many elements on a collection is read as arrays, where its elements are plain
+LONG = 64  # a collection of at least this many plain elements is read as arrays
 
 
 def scene_digest(scene: bpy.types.Scene) -> str:
@@ -63,7 +63,7 @@ def scene_digest(scene: bpy.types.Scene) -> str:
 
 
 def _handlers() -> Iterator[str]:
-    """What may change a scene while it is rendered, by name."""
+    """Handlers that may change a scene while it is rendered, by name."""
     for name in HANDLERS:
         for function in getattr(bpy.app.handlers, name):
             if not function.__module__.startswith(OURS):
@@ -86,7 +86,7 @@ class _Walk:
         self.hash.update(np.ascontiguousarray(array).data)
 
     def _take_unseen(self) -> None:
-        """Make the digest differ from all others: Python cannot see what the scene holds here."""
+        """Make the digest differ from all others: Python cannot read this part of the scene."""
         self.hash.update(os.urandom(16))
 
     def visit_ids(self, first: bpy.types.ID) -> None:
@@ -104,7 +104,7 @@ class _Walk:
                 self._visit_image(item)
 
     def _point_to(self, item: Any) -> None:
-        """Take in which struct is meant; what it holds, once."""
+        """Take in a reference to the struct; take in its content once."""
         key = (item.as_pointer(), item.bl_rna.identifier)
         is_new = key not in self._seen
         self.take(self._seen.setdefault(key, len(self._seen)))

@@ -1,4 +1,4 @@
-"""Any bytes as an argument of the engine: arrays of any type, shape, layout and value, and what is no array at all."""
+"""Any bytes as an argument of the engine: arrays of any type, shape, layout and value, and other objects."""
 
 from __future__ import annotations
 

@@ -15,7 +15,7 @@ from .bytes import Bytes, Features, kind_of
 
 @cache
 def scene() -> perfect_bvh.Scene:
-    """A mesh that stands there as it is, sheared and mirrored, and flattened."""
+    """A mesh in three instances: untransformed, sheared and mirrored, and flattened."""
     made = perfect_bvh.Scene()
     corners = np.random.default_rng(1).normal(size=(30, 3)).astype(np.float32)
     mesh = made.add_mesh(corners, np.arange(30).reshape(-1, 3), build=perfect_bvh.BuildConfig(builder="spatial"))
@@ -27,7 +27,7 @@ def scene() -> perfect_bvh.Scene:
 
 
 class Caller:
-    """Calls, and remembers in what ways it was refused."""
+    """Calls, and remembers the kinds of refusals."""
 
     def __init__(self) -> None:
         self.features: Features = set()

@@ -35,5 +35,5 @@ class Bytes:
 
 
 def kind_of(sentence: str) -> str:
-    """What kind of sentence it is, whatever the numbers in it."""
+    """The kind of a sentence, ignoring the numbers in it."""
     return re.sub(r"\(.*?\)|-?\d[-\d.,e]*", "#", sentence)

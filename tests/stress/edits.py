@@ -1,6 +1,6 @@
-"""Any bytes as a series of edits of a scene, played on the engine beside a plain model of what the scene should hold.
+"""Any bytes as a series of edits of a scene, played on the engine and on a plain model of the scene's expected content.
 
-After each commit the answers are audited, and compared bit by bit with those of a scene filled afresh from the model.
+After each commit the answers are audited, and compared bit by bit with those of a new scene filled from the model.
 """
 
 from __future__ import annotations
@@ -62,7 +62,7 @@ class Placed:
 
 @dataclass
 class Play:
-    """One scene and the model of it. features: what was seen to happen, for the search for new inputs."""
+    """One scene and the model of it. features: the observed behaviour, for the search for new inputs."""
 
     data: bytes
     source: Bytes = field(init=False)
@@ -237,5 +237,5 @@ EDITS: tuple[Callable[[Play], None], ...] = (
 
 
 def edit_scenes(data: bytes) -> Features:
-    """One scene, edited and asked. Returns what was seen to happen."""
+    """Edits and queries one scene. Returns the observed behaviour."""
     return Play(data).run()

@@ -50,7 +50,7 @@ def read_corpus(target: str) -> list[bytes]:
 
 
 def run(target: str, data: bytes) -> Features:
-    """What an input shows. Raises AssertionError, which says how to play it again, if it breaks something."""
+    """The features of an input. Raises AssertionError, which says how to replay it, if it breaks something."""
     try:
         return with_lines(TARGETS[target], data)
     except Exception as failure:

@@ -25,7 +25,7 @@ def trace_hard_mesh(data: bytes) -> Features:
     build = perfect_bvh.BuildConfig(builder=source.pick(BUILDERS))
     triangles = np.array([[source.take(VERTICES) for _ in range(3)] for _ in range(TRIANGLES)], np.int32)
     positions = scale * np.array([[source.pick(COORDINATES) for _ in range(3)] for _ in range(VERTICES)], np.float32)
-    # From and to what the rest of the bytes names, and then what follows from them.
+    # Origins and targets from the rest of the bytes, then pairs derived from them.
     random = np.random.default_rng(list(source.data))
     origins, targets = scale * random.choice(COORDINATES, (2, RAYS, 3))
     made = perfect_bvh.Scene()

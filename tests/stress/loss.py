@@ -1,4 +1,4 @@
-"""A pair of numbers: what a usual method loses, what this engine loses."""
+"""A pair of numbers: the losses of a usual method and of this engine."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ WORK = "times the work"
 
 @dataclass(frozen=True)
 class Loss:
-    """naive, ours: what each loses, in `unit`; `nothing` is the number that means no loss.
+    """naive, ours: the losses, in `unit`; `nothing` is the number that means no loss.
 
-    other: what this engine loses in the same unit if it is asked to work otherwise, and what was asked.
+    other: this engine's loss in the same unit with other settings, and these settings.
     """
 
     unit: str

@@ -1,4 +1,4 @@
-"""What a usual method loses on each failure case, and what this engine loses there: counted, never timed."""
+"""The losses of a usual method and of this engine on each failure case: counted, never timed."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from .loss import Loss
 
 @dataclass(frozen=True)
 class Measure:
-    """method: the usual one, in words. take: measures what it and this engine lose."""
+    """method: the usual one, in words. take: measures its and this engine's losses."""
 
     method: str
     take: Callable[[FailureCase], Loss]
@@ -63,5 +63,5 @@ MEASURES: dict[str, Measure] = {
 
 @cache
 def measure(case: FailureCase) -> Loss:
-    """What is lost on a case; the same numbers in every run on one instruction set."""
+    """The losses on a case; the same numbers in every run on one instruction set."""
     return MEASURES[case.name].take(case)

@@ -55,7 +55,7 @@ def grazed(case: FailureCase) -> Loss:
 
 
 def distances(case: FailureCase) -> Loss:
-    """Rays whose t is off by more than 1e-6 of itself, whichever of the triangles at an edge they meet."""
+    """Rays whose t is off by more than 1e-6 of itself, on any of the triangles at an edge."""
     (moment,) = play(case.states())
     rays = case.rays(moment.state, RAYS, 1)
     corners = world_corners(moment.state)
@@ -104,7 +104,7 @@ def other_rounding(case: FailureCase) -> Loss:
 
 
 def usual_slabs(case: FailureCase) -> Loss:
-    """Of the rays that hit, those that the usual slab test lets pass by the very box of what they hit."""
+    """Of the rays that hit, those for which the usual slab test misses the box of the hit triangle."""
     (moment,) = play(case.states())
     rays = case.rays(moment.state, RAYS, 1)
     hits = moment.scene.cast_rays(*rays)
@@ -114,7 +114,7 @@ def usual_slabs(case: FailureCase) -> Loss:
 
 
 def poisoned_root(case: FailureCase) -> Loss:
-    """Of the rays that hit what is left, those that miss the root of a tree over all of it."""
+    """Of the rays that hit the valid triangles, those that miss the root of a tree over all triangles."""
     (state,) = case.states()
     (moment,) = play((state,))
     rays = case.rays(state, RAYS, 1)

@@ -52,7 +52,7 @@ def refit_at_equal_counts(case: FailureCase) -> Loss:
 
 
 def never_deleted(case: FailureCase) -> Loss:
-    """Everything that was ever there still is; where it stands now is known."""
+    """Everything that ever existed still exists; its current place is known."""
     seen: dict[str, Body] = {part.name: part for part in case.states()[0]}
     naive, ours = [], []
     for moment, rays in _synced(case):
@@ -99,7 +99,7 @@ def stopped_halfway(case: FailureCase) -> Loss:
 
 
 def _commit_and_stop(scene: perfect_bvh.Scene) -> None:
-    """Leaves the scene with its edits, uncommitted. Among them is, meanwhile, a mesh that takes long to build."""
+    """Leaves the scene with its edits uncommitted. One of them adds a mesh that takes long to build."""
     heavy = scene.add_mesh(*ball(7), build=perfect_bvh.BuildConfig(builder="spatial", optimize=5))
     instance = scene.add_instance(heavy, mask=0)
     threads = perfect_bvh.thread_count()

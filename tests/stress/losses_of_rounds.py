@@ -1,4 +1,4 @@
-"""What usual methods lose on curves and points, and what this engine loses there: counted, never timed."""
+"""The losses of usual methods and of this engine on curves and points: counted, never timed."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ def triangles_of(balls: BenchBalls) -> tuple[perfect_bvh.Scene, np.ndarray]:
 
 
 def played(case: RoundCase) -> Iterator[tuple[perfect_bvh.Scene, BenchBalls]]:
-    """One scene; later states move what is there."""
+    """One scene; later states move its meshes."""
     scene: perfect_bvh.Scene | None = None
     for balls in case.states():
         if scene is None:
@@ -83,7 +83,7 @@ def _last(case: RoundCase) -> tuple[perfect_bvh.Scene, BenchBalls, Rays]:
     return scene, balls, rays_at(balls, RAYS, 1)
 
 
-# What usual methods lose ---------------------------------------------------------------------------------------------
+# Losses of usual methods ---------------------------------------------------------------------------------------------
 
 
 def formulas_in_float(case: RoundCase) -> Loss:
@@ -108,13 +108,13 @@ def frame_before(case: RoundCase) -> Loss:
 
 
 def as_triangles(case: RoundCase) -> Loss:
-    """Work through our own best tree over tubes or octahedra, relative to the best over what they stand for."""
+    """Work through our own best tree over tubes or octahedra, relative to the best over the true curves and points."""
     _, balls, rays = _last(case)
     return _beside_the_best(case, work_of(triangles_of(balls)[0], rays))
 
 
 def median_splits(case: RoundCase) -> Loss:
-    """Work, relative to the best of all builders; ours: what is built unless a builder is named."""
+    """Work, relative to the best of all builders; ours: the default builder."""
     return _beside_the_best(case, _works(case)["median"])
 
 
@@ -152,7 +152,7 @@ def endless_node(case: RoundCase) -> Loss:
 
 @dataclass(frozen=True)
 class RoundMeasure:
-    """A row of the table: its words, and what measures the two losses."""
+    """A row of the table: its words, and the function that measures the two losses."""
 
     title: str
     method: str
@@ -199,7 +199,7 @@ ROUND_MEASURES: dict[str, RoundMeasure] = {
 
 
 def unlike_as_triangles(case: RoundCase) -> float:
-    """Rays per million that hit one and miss the other, or another curve or point, where triangles stand for them."""
+    """Rays per million that hit one and miss the other, or another curve or point, where triangles replace them."""
     scene, balls, rays = _last(case)
     hits = scene.cast_rays(*rays)
     if _wrong(balls, rays, hits).any():
@@ -211,12 +211,12 @@ def unlike_as_triangles(case: RoundCase) -> float:
 
 @cache
 def measure_round(case: RoundCase) -> Loss:
-    """What is lost on a case; the same numbers in every run."""
+    """The losses on a case; the same numbers in every run."""
     return ROUND_MEASURES[case.name].take(case)
 
 
 def round_row(case: RoundCase) -> dict[str, object]:
-    """One case: its words, what is lost on it, and what its triangles lose, measured now."""
+    """One case: its words, the losses on it, and its triangles' losses, measured now."""
     told = ROUND_MEASURES[case.name]
     words = {"name": case.name, "title": told.title, "breaks": case.breaks, "held": told.held, "method": told.method}
     return {**words, **measure_round(case).as_json(), "as_triangles": round(unlike_as_triangles(case))}

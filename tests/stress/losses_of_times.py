@@ -1,4 +1,4 @@
-"""What usual methods lose on what moves within the shutter, and what this engine loses there: counted, never timed."""
+"""The losses of usual methods and of this engine on motion within the shutter: counted, never timed."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ def unlike(found: Found, true: Found) -> npt.NDArray[np.bool_]:
     return off
 
 
-# What usual methods lose ---------------------------------------------------------------------------------------------
+# Losses of usual methods ---------------------------------------------------------------------------------------------
 
 
 def _lost_by_boxes(ask: Asked, steps: tuple[float, ...]) -> npt.NDArray[np.bool_]:
@@ -119,7 +119,7 @@ def matrices_between_matrices(motion: Motion) -> Loss:
 
 
 def unasked_inverse(motion: Motion) -> Loss:
-    """Rays by the inverse in float32, whatever it is; a NaN fails every comparison and is taken for a hit at once."""
+    """Rays by the inverse in float32, even a NaN; a NaN fails every comparison and is taken for a hit at once."""
     ask = asked(motion)
     place = _lerped(motion, ask.times).astype(np.float32)
     with np.errstate(all="ignore"):
@@ -153,7 +153,7 @@ def unchecked_step(motion: Motion) -> Loss:
 
 @dataclass(frozen=True)
 class TimeMeasure:
-    """A row of the table: its words, and what measures the two losses."""
+    """A row of the table: its words, and the function that measures the two losses."""
 
     title: str
     method: str
@@ -198,12 +198,12 @@ TIME_MEASURES: dict[str, TimeMeasure] = {
 
 @cache
 def measure_time(case: TimeCase) -> Loss:
-    """What is lost on a case; the same numbers in every run."""
+    """The losses on a case; the same numbers in every run."""
     return TIME_MEASURES[case.name].take(case.make())
 
 
 def time_row(case: TimeCase) -> dict[str, object]:
-    """One case: its words and what is lost on it, measured now."""
+    """One case: its words and the losses on it, measured now."""
     told = TIME_MEASURES[case.name]
     words = {"name": case.name, "title": told.title, "breaks": case.breaks, "source": case.source}
     return {**words, "held": told.held, "method": told.method, **measure_time(case).as_json()}

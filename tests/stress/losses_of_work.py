@@ -1,4 +1,4 @@
-"""How much more must be looked at: boxes and triangles tested for the same rays, and what trees grow to."""
+"""The extra work of usual methods: boxes and triangles tested for the same rays, and the growth of trees."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def _works(case: FailureCase) -> dict[str, int]:
 
 
 def median_splits(case: FailureCase) -> Loss:
-    """Relative to the best of all builders; ours: what is built unless a builder is named."""
+    """Relative to the best of all builders; ours: the default builder."""
     return _splits(case, "median")
 
 

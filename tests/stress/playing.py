@@ -1,4 +1,4 @@
-"""Plays a failure case's states into an engine scene, edit by edit, and judges what rays meet after each."""
+"""Plays a failure case's states into an engine scene, edit by edit, and judges the hits of rays after each."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class Moment:
     report: perfect_bvh.CommitReport
 
     def world(self) -> WorldTriangles:
-        """What the oracle takes."""
+        """The oracle's arguments."""
         parts = []
         for part, ids in zip(self.state, self.instance_ids, strict=True):
             for ident, transform in zip(ids.tolist(), part.transforms, strict=True):

@@ -1,4 +1,4 @@
-"""Which lines of the Python face a call reaches: what the search for new inputs is guided by, beside what it sees."""
+"""Finds the lines of the Python interface that a call reaches, to guide the search for new inputs."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ FACE = str(Path(perfect_bvh.__file__).parent)
 
 
 def with_lines(call: Callable[[bytes], Features], data: bytes) -> Features:
-    """What the call returns, and the lines of `perfect_bvh` that it ran, as features."""
+    """The features that the call returns, and the lines of `perfect_bvh` that it ran, as features."""
     lines: Features = set()
 
     def on_line(frame: FrameType, event: str, argument: object) -> Any:

@@ -1,4 +1,4 @@
-"""Any bytes as calls that give a scene curves and points, right or wrong: what is refused leaves it as it was."""
+"""Any bytes as calls that give a scene curves and points, valid or not: a refused call leaves it unchanged."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ FIELDS = ("t_hit", "instance_ids", "mesh_ids", "primitive_ids", "primitive_uvs",
 
 
 class Round:
-    """A scene with a mesh of each kind, and the bytes that say what it goes through."""
+    """A scene with a mesh of each kind, and the bytes that determine the calls."""
 
     def __init__(self, data: bytes) -> None:
         self.source, self.caller = Bytes(data), Caller()
@@ -64,7 +64,7 @@ class Round:
         if not is_taken:
             assert all(getattr(hits, field).tobytes() == getattr(before, field).tobytes() for field in FIELDS), name
 
-    # What is given ---------------------------------------------------------------------------------------------------
+    # Arguments ---------------------------------------------------------------------------------------------------
 
     def places(self) -> Any:
         """Points of the right shape, mostly; the caller's radii fit three of four."""

@@ -1,8 +1,8 @@
 """Curves and points on which usual methods fail: joints, wind, slanted sticks, balls in balls, many in one place.
 
-The shapes are those of `benchmarks/generated_curves.py`. What is usual is a test in float, which solves for the cone
-and for both balls as a formula says and takes the nearest that it finds: wrong where terms cancel, and it shows what
-lies inside a neighbour.
+The shapes are those of `benchmarks/generated_curves.py`. The usual method is a test in float, which solves for the cone
+and for both balls by a formula and takes the nearest solution: it is wrong where terms cancel, and it shows surfaces
+inside of a neighbour.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ Rays = tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]
 
 @dataclass(frozen=True, slots=True)
 class RoundCase:
-    """name: identifier. breaks: what goes wrong elsewhere. states: the shapes, one after the other, always the same.
+    """name: identifier. breaks: the failure elsewhere. states: the shapes, one after the other, always the same.
 
     loses_in_float: whether `cast_in_float` loses more than one in twenty hits that graze; trees fail on the others.
     """

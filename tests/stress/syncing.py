@@ -1,4 +1,4 @@
-"""A failure case's states as records, and what sync makes of them: its decisions, not the test's."""
+"""A failure case's states as records for sync: the decisions are sync's, not the test's."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def as_blender_has_it(state: State) -> State:
 
 
 def record_of(state: State, frame: float, uids: dict[str, int]) -> SceneRecord:
-    """One object for each instance; `uids` keeps what each name was given, for the next frame."""
+    """One object for each instance; `uids` keeps the number of each name for the next frame."""
     meshes, objects, mesh_indices, transforms = [], [], [], []
     for row, part in enumerate(state):
         polygons = np.arange(len(part.triangles), dtype=np.int32)

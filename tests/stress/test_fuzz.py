@@ -14,7 +14,7 @@ import pytest
 from stress.fuzz import CORPUS, TARGETS, mutated, read_corpus, run
 
 SECONDS = float(os.environ.get("PERFECT_BVH_FUZZ_SECONDS", "2"))  # for the new ones of each target
-SHOWN = {  # what a target's corpus was kept for, by the first word of its features
+SHOWN = {  # the reasons for which a target's corpus was kept, by the first word of its features
     "edits": {"built", "refitted", "rebuilt", "refused", "top", "hit", "line"},
     "hard_mesh": {"built", "met", "hit", "invalid", "line"},
     "rays": {"refused", "cast", "line"},

@@ -27,7 +27,7 @@ def default_isa() -> Iterator[None]:
 
 
 def play(case: RoundCase, builder: str = "auto") -> Iterator[tuple[perfect_bvh.Scene, BenchBalls]]:
-    """One scene; later states move what is there."""
+    """One scene; later states move its meshes."""
     scene, mesh = perfect_bvh.Scene(), -1
     build = "auto" if builder == "auto" else perfect_bvh.BuildConfig(builder=builder)
     for balls in case.states():

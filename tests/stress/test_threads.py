@@ -39,7 +39,7 @@ class EditedScene:
         self.instances = self.scene.add_instances(self.random.choice(self.meshes, 12), self._places(12)).tolist()
         self.snapshots: deque[perfect_bvh.Snapshot] = deque(maxlen=KEPT)
         self.commits = 0
-        self.rings = 100  # of a sphere that takes so long to build that a commit can be cancelled
+        self.rings = 100  # of a sphere whose build is slow enough to cancel a commit
         self.scene.commit()
         self.snapshots.append(self.scene.snapshot())
 
@@ -91,7 +91,7 @@ class EditedScene:
 
 
 class Witness:
-    """Remembers what each snapshot first answered, whichever thread asked."""
+    """Remembers the first answers of each snapshot, from any thread."""
 
     def __init__(self) -> None:
         self.lock = threading.Lock()
@@ -172,7 +172,7 @@ def test_memory_is_flat_over_edits_and_snapshots() -> None:
         """Over three laps. Of the first laps buffers and thread pools are left, of each larger sphere larger ones."""
         return len(laps) > 5 and laps[-1][0] == laps[-4][0] and laps[-1][1] < laps[-4][1] + 0.25
 
-    # What leaks grows over any three laps; what other threads of the process allocate meanwhile over some.
+    # A leak grows over any three laps; allocations by other threads of the process only over some.
     while not is_flat() and len(laps) < 30:
         for _ in range(60):
             edited.edit()

@@ -1,4 +1,4 @@
-"""What moves in the zoo is met where formulas have it, by every instruction set, whatever the builder."""
+"""Rays meet the zoo's moving meshes where formulas place them, with every instruction set and builder."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def test_rays_meet_what_moves_where_it_is_at_their_time(case: TimeCase) -> None:
     for isa in perfect_bvh.available_isas():
         perfect_bvh.set_active_isa(isa)
         hits = scene.cast_rays(origins, directions, times=times)
-        # Of what is a point, as of an edge, rays may meet nothing.
+        # Rays may miss a mesh that has shrunk to a point, or that is seen edge-on.
         assert unlike(hits.t_hit.astype(np.float64), expected).mean() < (
             0.21 if case.name == "scale_through_zero" else 0.01
         )

@@ -18,7 +18,7 @@ RAYS = 300
 # Rays times triangles for which the oracle takes a fraction of a second.
 ORACLE_PAIRS = 100_000
 WAYS = {
-    # The first is what the others are compared with.
+    # The others are compared with the first.
     **{builder: perfect_bvh.BuildConfig(builder=builder) for builder in BUILDERS[1:]},
     "optimized": perfect_bvh.BuildConfig(builder="median", optimize=3),
 }
@@ -70,7 +70,7 @@ def test_answers_are_the_same_with_every_builder(case: FailureCase) -> None:
 
 @every_case
 def test_answers_are_right_after_every_sync(case: FailureCase) -> None:
-    """The states as Blender would bring them: what is refitted, replaced, moved, removed is for sync to find."""
+    """The states as Blender would bring them: sync has to find the meshes to refit, replace, move or remove."""
     for index, (moment, _) in enumerate(sync(case.states())):
         rays = case.rays(moment.state, RAYS, 200 + index)
         hits = moment.scene.cast_rays(*rays, fields=ANSWER, audit=1.0)

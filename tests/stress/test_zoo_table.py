@@ -1,4 +1,4 @@
-"""What the zoo's table and chart say of losses is measured again, word by word and number by number."""
+"""Measures the losses in the zoo's table and chart again, and compares every word and number."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ def test_the_kept_figures_are_those_of_this_engine(case: FailureCase) -> None:
 
 @pytest.mark.parametrize("case", ROUND_CASES, ids=lambda case: case.name)
 def test_the_kept_figures_of_curves_and_points_are_those_of_this_engine(case: RoundCase) -> None:
-    """But for what float32 formulas lose: numpy rounds their sums in another order on other processors."""
+    """Except for the losses of float32 formulas: numpy rounds their sums in another order on other processors."""
     kept = next(each for each in FIGURES["round_cases"] if each["name"] == case.name)
     found = round_row(case)
     assert found["naive"] == pytest.approx(kept["naive"], rel=0.2), "python tests/stress/zoo.py --write"

@@ -1,6 +1,6 @@
-"""Things that move within the shutter on which usual methods fail: arcs, several steps, turns, zero scale, bad times.
+"""Motions within the shutter on which usual methods fail: arcs, several steps, turns, zero scale, bad times.
 
-Each case is one mesh and one instance. What is usual stands in `losses_of_times.py`: boxes between the steps' boxes,
+Each case is one mesh and one instance. The usual methods are in `losses_of_times.py`: boxes between the steps' boxes,
 matrices entry by entry, an inverse without a question, a step's number without a check.
 """
 
@@ -21,7 +21,7 @@ F32, F64 = npt.NDArray[np.float32], npt.NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Motion:
-    """shapes: (S, V, 3) float32, one for a mesh that keeps its shape. path: (S, 4, 4), one where it stands still."""
+    """shapes: (S, V, 3) float32, one for a mesh that keeps its shape. path: (S, 4, 4), one where it does not move."""
 
     shapes: F32
     triangles: npt.NDArray[np.int32]
@@ -49,7 +49,7 @@ class Motion:
 
 @dataclass(frozen=True, slots=True)
 class TimeCase:
-    """name: identifier. breaks: what goes wrong elsewhere. source: where it was seen. make: always the same."""
+    """name: identifier. breaks: the failure elsewhere. source: where it was seen. make: always the same."""
 
     name: str
     breaks: str
@@ -155,7 +155,7 @@ TIME_CASES = (
 
 
 def rays_at(motion: Motion, count: int, seed: int = 1) -> tuple[F64, F64, F32]:
-    """Origins and directions, (R, 3), and times (R,): towards what moves, where it is at the ray's own time."""
+    """Origins and directions, (R, 3), and times (R,): towards the moving mesh at its place at the ray's own time."""
     random = np.random.default_rng(seed)
     times = random.uniform(0.0, 1.0, count).astype(np.float32)
     times[::5] = np.float32(0.5)

@@ -2,8 +2,8 @@
 
     python tests/stress/trimesh_tests.py FOLDER [pytest's arguments]
 
-FOLDER is a clone of trimesh's repository, of the version that is installed; its `tests` and `models` are used. Whatever
-asks for an intersector, by Embree or without it, gets ours.
+FOLDER is a clone of trimesh's repository, of the version that is installed; its `tests` and `models` are used. All
+tests that need an intersector, with or without Embree, get ours.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ FILES = ("ray", "ray_upstream", "proximity", "mesh")
 
 
 def main() -> int:
-    """Return what pytest does."""
+    """Return pytest's exit status."""
     folder, *arguments = sys.argv[1:]
     for module in (ray.ray_triangle, ray.ray_pyembree):
         module.RayMeshIntersector = RayMeshIntersector

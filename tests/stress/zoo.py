@@ -1,4 +1,4 @@
-"""Measures what usual methods lose on the failure cases, and what this engine loses there: a minute of counting.
+"""Measures the losses of usual methods and of this engine on the failure cases: a minute of counting.
 
 python tests/stress/zoo.py --write           writes tests/charts/data/zoo.json and, from that, tests/stress/ZOO.md
 python tests/stress/zoo.py --json OUT.json   writes the figures elsewhere
@@ -27,7 +27,7 @@ from stress.zoo_table import write_table
 
 
 def row(case: FailureCase) -> dict[str, Any]:
-    """One case: its words, and what is lost on it, measured now."""
+    """One case: its words, and the losses on it, measured now."""
     words = {name: getattr(case, name) for name in ("name", "title", "breaks", "source", "held")}
     return {**words, "method": MEASURES[case.name].method, **measure(case).as_json()}
 

@@ -74,12 +74,12 @@ def round_line_of(case: Figures) -> str:
 
 
 def time_line_of(case: Figures) -> str:
-    """One line of the table of what moves."""
+    """One line of the table of motions."""
     return _line(case["title"], case["breaks"], case["source"], case["method"], *_losses(case), case["held"])
 
 
 def _losses(case: Figures) -> tuple[str, str]:
-    """What the usual method and this engine lose."""
+    """The losses of the usual method and of this engine."""
     unit = case["unit"]
     ours = shown(case["ours"], unit)
     if case["other"] is not None:

@@ -1,4 +1,4 @@
-"""Records made by hand, and a stand-in for the engine's scene that checks what it is asked to do."""
+"""Records made by hand, and a fake of the engine's scene that checks the calls it receives."""
 
 from __future__ import annotations
 
@@ -102,12 +102,12 @@ class StaleError(Exception):
 
 
 class FailureError(Exception):
-    """What a fake scene raises when it is told to fail."""
+    """The error that a fake scene raises when a test makes it fail."""
 
 
 @dataclass
 class FakeScene:
-    """Holds what it is given, notes each call, and refuses what the engine would refuse.
+    """Keeps its arguments, records each call, and refuses calls that the engine would refuse.
 
     fail_at: the name of the call that raises once; fail_after: whether it has done its work by then.
     """
@@ -221,7 +221,7 @@ class FakeScene:
         self.stale = why
 
     def content(self) -> list[Any]:
-        """Everything that rays could see, whatever the ids: sorted by order."""
+        """Everything that rays could see, without ids: sorted by order."""
         return sorted(
             (
                 instance.order,
@@ -236,7 +236,7 @@ class FakeScene:
         )
 
     def answer(self) -> list[Any]:
-        """What a query would be answered from; raises StaleError as the engine does."""
+        """The snapshot for queries; raises StaleError as the engine does."""
         if self.stale is not None:
             raise StaleError(self.stale)
         assert self.committed is not None

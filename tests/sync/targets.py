@@ -1,4 +1,4 @@
-"""A small scene, what may become of it, and which calls of the engine that takes."""
+"""A small scene, changes of it, and the calls of the engine that each change takes."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def state() -> tuple[SceneState, FakeScene]:
 
 
 def fresh(target: SceneRecord) -> list[Any]:
-    """What an empty scene holds after one update."""
+    """The content of an empty scene after one update."""
     made, scene = state()
     made.update(target)
     return scene.answer()
@@ -189,7 +189,7 @@ TARGETS: dict[str, Callable[[], SceneRecord]] = {
     )
 }
 
-# What a change from base() may call, beside commit.
+# The calls that a change from base() may make, in addition to commit.
 CALLS = {
     "base": [],
     "moved": ["set_transforms"],

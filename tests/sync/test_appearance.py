@@ -1,4 +1,4 @@
-"""The engine's appearance says of each instance and triangle what the record says."""
+"""The engine's appearance of each instance and triangle equals the record's."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Commits on a thread of their own: they tell how far they are, stop when asked, and hand on all that happens."""
+"""Commits on a separate thread: they report progress, stop when asked, and pass on results and errors."""
 
 from __future__ import annotations
 
@@ -96,7 +96,7 @@ def test_without_a_thread_to_spare_it_is_done_at_once(monkeypatch: pytest.Monkey
 
 @pytest.mark.usefixtures("hears_ctrl_c")
 def test_ctrl_c_ends_the_waiting_where_it_does_not_interrupt_it(monkeypatch: pytest.MonkeyPatch) -> None:
-    """As on Windows: Python learns of it, but whoever waits for a lock goes on waiting."""
+    """As on Windows: Python receives the signal, but a thread that waits for a lock goes on waiting."""
     made = BackgroundWork(work_until_stopped, pytest.fail)
     is_waited_for, wait = threading.Event(), made._has_ended.wait
 
@@ -117,7 +117,7 @@ def test_ctrl_c_ends_the_waiting_where_it_does_not_interrupt_it(monkeypatch: pyt
 
 @pytest.mark.usefixtures("hears_ctrl_c", "one_thread")
 def test_ctrl_c_ends_a_call_of_the_engine() -> None:
-    """On the thread that called, of which alone Python asks it; `interrupt_main` stands for the system's signal."""
+    """On the calling thread, where alone Python handles signals; `interrupt_main` replaces the system's signal."""
     scene = perfect_bvh.Scene()
     scene.add_instance(scene.add_mesh(*large_mesh()))
     asked = []

@@ -27,7 +27,7 @@ from perfect_bvh_addon.cli.report import quiet_blender
 with quiet_blender() as out:
     out.write({NAMES!a})
 """
-# {body} is what the command does.
+# {body} is the command's code.
 COMMAND = """
 import sys
 from perfect_bvh_addon import cli

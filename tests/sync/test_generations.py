@@ -1,4 +1,4 @@
-"""Hits are looked up only while they mean what they meant when they were cast: with the engine's own scene."""
+"""Hits can be looked up only while their ids mean the same as when cast: with the engine's own scene."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ def test_hits_outlive_what_leaves_triangles_as_they_are(change: Callable[[], Sce
 
 
 class Interrupted(perfect_bvh.Scene):
-    """Its next commit fails if told to."""
+    """Its next commit fails if a test sets this."""
 
     fails = False
 

@@ -1,4 +1,4 @@
-"""How much memory is left: to the machine, and to whatever limits the process in it, as each system tells it."""
+"""How much memory is left: on the machine, and within the process's limits, as each system reports it."""
 
 from __future__ import annotations
 

@@ -57,7 +57,7 @@ def identities(made: SceneRecord | MomentRecord) -> list[tuple[Any, ...]]:
 def by_loops(
     made: dict[Fraction, SceneRecord], frame: SceneRecord, counts: dict[int, int]
 ) -> dict[Any, tuple[Ends, Ends]]:
-    """By what names an instance: its transforms and its mesh's positions at its moments, empty where it rests."""
+    """By an instance's identity: its transforms and its mesh's positions at its time samples, empty at rest."""
     found = {}
     for row, name in enumerate(identities(frame)):
         count = max(counts[name[0]], counts[name[1]]) if name[1] else counts[name[0]]
@@ -121,7 +121,7 @@ def test_a_mesh_of_others_that_rest_parts_from_theirs() -> None:
 
 
 def row_of_copies(places: list[float], ids: list[int] | None = None) -> SceneRecord:
-    """One instancer's copies at these places, numbered by their order or by `ids`, and an object of its own."""
+    """One instancer's copies at these places, numbered by their order or by `ids`, and a separate object."""
     numbers = range(len(places)) if ids is None else ids
     copies = [Shown("a", 1, x=x, parent=9, persistent_id=(0, n)) for x, n in zip(places, numbers, strict=True)]
     return record([mesh("a")], [Shown("a", 2), *copies])
@@ -190,7 +190,7 @@ def test_a_small_or_sheared_matrix_is_not_flat(scale: float) -> None:
     assert result.motion.count == 1 and not result.warnings
 
 
-# What the engine is told ---------------------------------------------------------------------------------------------
+# Calls of the engine ---------------------------------------------------------------------------------------------
 
 STEPS: dict[str, tuple[Any, Any, list[str]]] = {
     "the same": (moving, moving, []),

@@ -1,4 +1,4 @@
-"""What users are told where the engine cannot be loaded: which zip, which Blender, what to do; with faked systems."""
+"""The message to users if the engine cannot be loaded: which zip, which Blender, what to do; with faked systems."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The line that counts what an image lacks."""
+"""The line that counts the unsupported features of an image."""
 
 from __future__ import annotations
 

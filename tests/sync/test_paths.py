@@ -1,4 +1,4 @@
-"""What names each system takes, and how Windows is told of long ones; tried on whichever system this is."""
+"""The file names that each system accepts, and long paths on Windows; all tested on any system."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Pieces of long work: what counts as done, what a folder refuses, what killed processes leave, which comes next."""
+"""Chunks of long work: which count as done, what a folder refuses, leftovers of killed processes, which comes next."""
 
 from __future__ import annotations
 

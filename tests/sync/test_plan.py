@@ -1,4 +1,4 @@
-"""Classes of meshes: what their objects tell, corrected by what they do."""
+"""Classes of meshes: predicted from their objects, corrected by their observed changes."""
 
 from __future__ import annotations
 

@@ -96,7 +96,7 @@ def test_nothing_is_planned_without_rows() -> None:
 
 
 def test_rows_that_want_no_more_samples_take_no_time() -> None:
-    """Those of finished tiles are passed over with what comes before them."""
+    """The schedule skips rows of finished tiles."""
     schedule = Schedule(WIDTH, (0, HEIGHT), 64)
     pace = Pace(1.0 / PIXELS)
     while schedule.sample_count < 16:

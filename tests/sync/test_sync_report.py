@@ -1,4 +1,4 @@
-"""What an update says that it did."""
+"""An update's report of its work."""
 
 from __future__ import annotations
 

@@ -104,7 +104,7 @@ def test_a_failed_commit_is_tried_again_with_the_same_edits() -> None:
 
 
 def test_a_comparison_outlives_the_end_of_the_commit_before() -> None:
-    """What is compared while a commit is under way is applied when that has ended, either way."""
+    """Changes found during a commit are applied when the commit has ended, with or without an error."""
     made, scene = state()
     first = made.apply(made.compare(base()))
     commit = made.commit()

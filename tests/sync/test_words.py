@@ -1,4 +1,4 @@
-"""Numbers in words: what a person would say, and nothing that a rounding makes twice as long."""
+"""Numbers in words: as a person would say them, and no longer because of rounding."""
 
 from __future__ import annotations
 

@@ -1,8 +1,8 @@
 """`perfect-bvh render` of one file in every mode, on Linux and on Windows, each with its own Blender; images compared.
 
-The engine's own images are the same bits wherever they are made (step `images`). But Blender evaluates a scene a little
-otherwise on each system: matrices and normals differ in their last digits, of which no byte of an image tells, except
-where light takes another turn for it, in a pixel here and there.
+The engine's own images have the same bits on every system (step `images`). But Blender evaluates a scene slightly
+differently on each system: matrices and normals differ in their last digits. That does not change an image's bytes,
+except in a few pixels where light takes another path because of it.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from try_wheel import Trial
 
 SCRIPT = Path(__file__).with_name("render_modes.py")
-# What samples at random decide: so many bytes may be further apart than one step of 255.
+# In randomly sampled modes this share of bytes may differ by more than one step of 255.
 BY_CHANCE = {"lit": 1e-4, "lit_denoised": 1e-4}
 
 

@@ -1,4 +1,4 @@
-"""python tests/wine/install_extension.py EXTENSION.zip FILE.blend IMAGE.png: what a user does, without windows.
+"""python tests/wine/install_extension.py EXTENSION.zip FILE.blend IMAGE.png: acts like a user, without windows.
 
 Installs the zip as Blender's preferences do, enables it and renders. Nothing else of the project may be importable.
 """
@@ -20,7 +20,7 @@ MODULE = "bl_ext.user_default.perfect_bvh"
 
 
 def main(extension: str, file: str, image: str) -> None:
-    """Raises AssertionError or what Blender raises."""
+    """Raises AssertionError or Blender's own errors."""
     assert importlib.util.find_spec("perfect_bvh") is None
     bpy.ops.extensions.package_install_files(filepath=extension, repo="user_default", enable_on_install=False)
     # Where Blender unpacks wheels when it enables the extension. It must be there from the start, or Python remembers

@@ -30,7 +30,7 @@ def check_interrupts(system: WineSystem, packages: Sequence[Path], folder: Path)
 
 
 def _press(system: WineSystem, packages: Sequence[Path], told: Path, way: str) -> str:
-    """What the program wrote last into the file `told`."""
+    """The program's last words in the file `told`."""
     command, environment = system.call((SCRIPT, told, way), packages)
     program, terminal = pty.fork()
     if program == 0:
@@ -38,7 +38,7 @@ def _press(system: WineSystem, packages: Sequence[Path], told: Path, way: str) -
         os.execve(command[0], command, environment)
     try:
         _read_until(terminal, told, ("ready",), START_SECONDS)
-        _read_until(terminal, told, (), 0.5)  # so that it waits by then, of which nothing tells
+        _read_until(terminal, told, (), 0.5)  # so that it waits by then, which cannot be observed
         os.write(terminal, CTRL_C)
         _read_until(terminal, told, ("interrupted", "nothing"), PATIENCE_SECONDS)
         return told.read_text() if told.exists() else ""
@@ -49,7 +49,7 @@ def _press(system: WineSystem, packages: Sequence[Path], told: Path, way: str) -
 
 
 def _read_until(terminal: int, told: Path, words: Sequence[str], seconds: float) -> None:
-    """Reads what the console writes, or it would wait for that, until one of the words is told or time is over."""
+    """Reads the console, so that it does not block, until the program writes one of the words or time is over."""
     end = time.monotonic() + seconds
     while time.monotonic() < end and not (told.exists() and told.read_text() in words):
         if select.select([terminal], [], [], 0.1)[0]:

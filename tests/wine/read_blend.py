@@ -1,4 +1,4 @@
-"""python tests/wine/read_blend.py FILE.blend RECORD: what the add-on reads of a file, for `trace_record.py`."""
+"""python tests/wine/read_blend.py FILE.blend RECORD: record the add-on's reading of a file, for `trace_record.py`."""
 
 from __future__ import annotations
 

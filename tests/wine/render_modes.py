@@ -1,6 +1,6 @@
 """python tests/wine/render_modes.py FILE.blend FOLDER: `perfect-bvh render` in every mode.
 
-The images are FOLDER/<mode>.png, and FOLDER/lit_denoised.png beside the noisy FOLDER/lit.png.
+The images are FOLDER/<mode>.png, and FOLDER/lit_denoised.png in addition to the noisy FOLDER/lit.png.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from perfect_bvh_addon.cli import main
 from perfect_bvh_addon.settings.modes import MODES
 
 OPTIONS = ("--size", "320x180", "--noise-threshold", "0", "--seed", "7", "--quiet")
-SAMPLES = {"lit": "256"}  # so many that one which went elsewhere is no step of a byte
+SAMPLES = {"lit": "256"}  # enough samples that a single different path changes no byte
 
 
 def render(file: str, folder: str) -> int:

@@ -1,7 +1,7 @@
 """Windows' Python under Wine, below .cache/wine: fetched, called with a time limit, ended without remains.
 
-Wine brings C libraries of its own, with which numpy does not work: Microsoft's lie beside python.exe, from a package
-that Java programs use. They are for these tests alone and are never shipped.
+Wine brings its own C libraries, with which numpy does not work: so Microsoft's are put next to python.exe, from a
+package that Java programs use. They are for these tests only and are never shipped.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ C_RUNTIME = "org.bytedeco:javacpp:1.5.13:jar:windows-x86_64"
 C_RUNTIME_FOLDER = "org/bytedeco/javacpp/windows-x86_64"
 C_RUNTIME_NAMES = ("ucrtbase", "msvcp140", "msvcp140_1", "vcruntime140", "vcruntime140_1")
 BLENDER = "bpy==5.0.1"
-# numpy of the series that this Blender's module asks for; what pip leaves out as it runs on Linux is named as well.
+# numpy of the series that this Blender's module requires; packages that pip leaves out on Linux are named as well.
 NUMPY = ("numpy==1.26.4",)
 TEST_PACKAGES = (
     *NUMPY,
@@ -127,9 +127,9 @@ class WineSystem:
         return [str(WINE), str(self.python), *words], self.environment | {"PYTHONPATH": paths}
 
     def run(self, arguments: Sequence[Path | str], *, packages: Sequence[Path], seconds: float) -> tuple[int, str]:
-        """Python's exit status and what it wrote, which is shown meanwhile. packages: folders to import from.
+        """Python's exit status and its output, which is also shown as it comes. packages: folders to import from.
 
-        After so many seconds it is ended, and the status is that of the signal.
+        After `seconds` it is killed, and the status is that of the signal.
         """
         command, environment = self.call(arguments, packages)
         program = subprocess.Popen(

@@ -2,8 +2,8 @@
 
 For `tests/benchmarks/windows.py`, which calls it on both systems by turns.
 
-Of one thread's work, in the processor's time that this process has had, whatever else the machine does. Systems count
-it in steps of 10 or 16 milliseconds, so that what is shorter than half a second is repeated.
+Measures one thread's work in this process's CPU time, which other processes do not affect. Systems count it in steps of
+10 or 16 milliseconds, so work shorter than half a second is repeated.
 """
 
 from __future__ import annotations

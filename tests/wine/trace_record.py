@@ -1,6 +1,6 @@
-"""python tests/wine/trace_record.py RECORD IMAGES.npz: every mode's image of what `read_blend.py` has read.
+"""python tests/wine/trace_record.py RECORD IMAGES.npz: every mode's image of a record of `read_blend.py`.
 
-Needs no Blender: two systems that are given one record answer for the engine alone.
+Needs no Blender: with the same record on two systems, differences come from the engine only.
 """
 
 from __future__ import annotations

@@ -1,9 +1,9 @@
-"""Tries the engine's wheel for Windows, the add-on and the extension's zip under Wine, beside the same on this Linux.
+"""Tests the engine's wheel for Windows, the add-on and the extension's zip under Wine, compared with this Linux.
 
     python tests/wine/try_wheel.py ENGINE.whl [STEP ...]
 
-Steps, all of them unless named; `short` is those of four minutes. For what needs Linux's answers this Python must have
-the project with Blender's module. Wine is Debian's package wine64; everything else is fetched into .cache/wine.
+Steps, all of them unless named; `short` is those of four minutes. Steps that need Linux's answers require the project
+with Blender's module in this Python. Wine is Debian's package wine64; everything else is fetched into .cache/wine.
 """
 
 from __future__ import annotations
@@ -23,13 +23,13 @@ from press_ctrl_c import check_interrupts
 from system import BLENDER_PACKAGES, NUMPY, REPOSITORY, TEST_PACKAGES, WineSystem, windows_path
 
 PYTEST = ("-m", "pytest", "-n", "0", "-q", "-p", "no:cacheprovider")
-# Each kind of query, input that is wrong, the boundary of C++ and Python: what a system could break, in a minute.
+# Tests that a system could break: each kind of query, invalid input, the boundary of C++ and Python; in a minute.
 SHORT_TESTS = ("test_hit_table", "test_bad_input", "test_bulk", "test_isas", "test_scene", "test_render_calls")
 OUTPUT = REPOSITORY / "build" / "wine"
 
 
 class Trial:
-    """The steps, with what they share. Each raises SystemExit where something is not as it should be."""
+    """The steps, with their shared state. Each raises SystemExit on a fault."""
 
     def __init__(self, system: WineSystem, wheel: Path) -> None:
         self.system = system
@@ -48,7 +48,7 @@ class Trial:
         return folder
 
     def run(self, *arguments: Path | str, seconds: float, blender: bool = False) -> str:
-        """What a program for Windows' Python wrote, which must have succeeded."""
+        """The output of a program for Windows' Python, which must have succeeded."""
         packages = [self.engine, self.addon, self.tests]
         if blender:
             packages.append(self.system.install("blender", BLENDER_PACKAGES))
@@ -89,7 +89,7 @@ class Trial:
         compare_command_lines(self, REPOSITORY / "blend_scenes" / "courtyard.blend", OUTPUT)
 
     def ctrl_c(self) -> None:
-        """Ctrl-C in a console ends whatever is waited for."""
+        """Ctrl-C in a console ends every kind of wait."""
         check_interrupts(self.system, [self.engine, self.addon, self.tests], OUTPUT)
 
     def blender_tests(self) -> None:

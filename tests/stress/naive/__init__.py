@@ -1,1 +1,1 @@
-"""The usual methods in their plainest form, to measure what they lose. None of this is used by the engine."""
+"""The usual methods in their plainest form, to measure their losses. The engine uses none of this."""

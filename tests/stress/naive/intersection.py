@@ -1,4 +1,4 @@
-"""Möller and Trumbore's ray-triangle test (1997) as it is mostly written: float32 and an absolute epsilon."""
+"""Möller and Trumbore's ray-triangle test (1997) in its usual form: float32 and an absolute epsilon."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def closest_hits(
     """Each ray's t (R,), inf on a miss, and row (R,) of the triangles (T, 3, 3), -1 on a miss, by trying them all.
 
     epsilon: a determinant no larger is taken for a ray in the plane. fused: no rounding between a product and
-    its sum (of float32). dtype: what is reckoned in.
+    its sum (of float32). dtype: of the calculation.
     """
     triangles, starts, ways = (np.asarray(values, dtype) for values in (corners, origins, directions))
     t_hit, rows = np.full(len(starts), np.inf, dtype), np.full(len(starts), -1, np.int64)

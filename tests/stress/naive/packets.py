@@ -12,7 +12,7 @@ Float64Array = npt.NDArray[np.float64]
 
 
 def culled(boxes: Float64Array, origins: Float64Array, directions: Float64Array) -> npt.NDArray[np.bool_]:
-    """(R,) whether the packet of each ray does not enter the box (R, 2, 3) of what the ray hits."""
+    """(R,) whether the packet of each ray misses the box (R, 2, 3) of the triangle that the ray hits."""
     found = np.zeros(len(origins), np.bool_)
     for start in range(0, len(origins) - SIZE + 1, SIZE):
         part = slice(start, start + SIZE)

@@ -1,4 +1,4 @@
-"""Moving nodes about in a tree without a look at what hangs where."""
+"""Moves nodes in a tree without checking their subtrees."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The slab test as it is mostly written: float32, one division a ray, and comparisons that a NaN fails."""
+"""The slab test in its usual form: float32, one division a ray, and comparisons that a NaN fails."""
 
 from __future__ import annotations
 

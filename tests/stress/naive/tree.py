@@ -1,4 +1,4 @@
-"""A plain binary tree over boxes: built by one of the usual splits, refitted, and asked what rays must look at."""
+"""A plain binary tree over boxes: built by one of the usual splits, refitted, and traversed by rays."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ class Node:
     children: tuple[Node, ...]
     lower: Float64Array
     upper: Float64Array
-    depth: int  # of what hangs below
+    depth: int  # of the subtree
 
 
 def boxes_of(corners: Float64Array) -> Float64Array:

@@ -49,7 +49,7 @@ def _sheared(seen: Float32Array, directions: Float32Array) -> tuple[Float32Array
 
 
 def _side(x: Float32Array, y: Float32Array, start: int, end: int) -> Float32Array:
-    """Twice the area of the ray and an edge; where float32 says 0, what double says."""
+    """Twice the area of the ray and an edge; in double precision where float32 gives 0."""
     found = x[..., start] * y[..., end] - y[..., start] * x[..., end]
     exact = x[..., start].astype(np.float64) * y[..., end] - y[..., start].astype(np.float64) * x[..., end]
     return np.where(found == 0, exact, found).astype(np.float32)
