@@ -153,7 +153,7 @@ def test_goals_are_judged_by_what_was_measured() -> None:
     def judged(name: str) -> tuple[float, bool]:
         return pytest.approx(goals_by_name[name].value), goals_by_name[name].is_reached
 
-    assert judged("rays / Embree's default, geometric mean") == (1.0, False)  # 2 and a half: the large one is an outlier
+    assert judged("rays / Embree's default, geometric mean") == (1.0, False)  # 2 and a half: one outlier
     assert judged("rays / Embree's default, least") == (0.5, False)
     assert goals_by_name["rays / Embree's default, least"].where == "city, primary, 1,000,000"
     assert judged("rays / Embree ROBUST, geometric mean") == (2.0, True)

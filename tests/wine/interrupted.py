@@ -1,5 +1,4 @@
-"""Waits in one way for Ctrl-C, in Windows' Python with a console: writes into a file that it is ready, then the
-outcome.
+"""Waits in one way for Ctrl-C, in Windows' Python with a console: notes in a file that it is ready, then the outcome.
 
 Arguments: the file, and "waiting" for Python alone, "request" for the command line, "work" for a thread at work,
 "engine" for commits.
