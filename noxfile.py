@@ -25,15 +25,15 @@ nox.options.error_on_missing_interpreters = True
 RUFF = "ruff==0.17.5"
 MYPY = "mypy==2.4.1"
 CLANG_FORMAT = "clang-format==23.1.5"
-# Of .github/workflows: its form, and what makes such files unsafe.
+# Check .github/workflows: the schema, and security.
 WORKFLOW_LINTERS = ("check-jsonschema==0.39.0", "zizmor==1.32.0")
 EMBREEX = "embreex>=4.4"  # holds the library of Embree 4.4
 SITE = ("mkdocs-material==9.8.2", "mkdocstrings-python==2.0.11", RUFF)
 MATPLOTLIB = "matplotlib>=3.8"
 OLDER_BLENDERS = ("bpy==4.2.23", "bpy==4.5.15")
 
-QUICK_SECONDS = 30  # for tests; what follows a C++ change is compiled before that
-# What takes any input to the engine through Python and back; small, for AddressSanitizer.
+QUICK_SECONDS = 30  # for tests; the build after a C++ change comes before and is extra
+# Tests of any input to the engine through Python and back; small, for AddressSanitizer.
 BOUNDARY_TESTS = (
     "tests/engine/check_sanitizer.py",
     "tests/engine/test_bad_curves_and_points.py",
@@ -44,7 +44,7 @@ BOUNDARY_TESTS = (
 )
 
 TRIMESH = "5.2.0"  # whose tests are run
-# What takes longest in tests/engine and is the compiled engine's own, whose arrays others hand over as well.
+# The slowest files of tests/engine that test the compiled engine; other tests cover the passing of arrays.
 NUMPY_FREE_TESTS = (
     "adaptive_sampling",
     "calibration",
@@ -61,7 +61,7 @@ NUMPY_FREE_TESTS = (
 
 NATIVE_FOLDERS = ("native/src", "native/bindings", "native/tests", "native/benchmarks")
 NATIVE_SUFFIXES = (".h", ".inl", ".cpp")
-# As Python names them: each has branches of its own, which types are checked in.
+# Python's names: each system has its own branches, whose types are checked.
 SYSTEMS = ("linux", "win32", "darwin")
 
 
@@ -93,9 +93,9 @@ def types(session: nox.Session) -> None:
 
 @nox.session(default=False, reuse_venv=True)
 def quick(session: nox.Session) -> None:
-    """Lint, then the tests near what differs from origin/main: within a minute, or two if C++ has changed.
+    """Lint, then run the tests near the changes since origin/main: within a minute, or two if C++ has changed.
 
-    The first run takes as long as an installation. Tests that the time does not suffice for are skipped, by name.
+    The first run takes as long as an installation. Tests that do not fit into the time are skipped, and named.
     """
     sys.path.insert(0, "tests")
     import near
@@ -179,7 +179,7 @@ def arm64(session: nox.Session) -> None:
 
 @nox.session(default=False)
 def benchmarks(session: nox.Session) -> None:
-    """Build the native benchmarks into build/benchmarks: tests/benchmarks/README.md says what they are for."""
+    """Build the native benchmarks into build/benchmarks: tests/benchmarks/README.md explains them."""
     session.install(*BUILD_TOOLS, EMBREEX)
     headers = Path(os.environ.get("EMBREE_INCLUDE_DIR", "/usr/include"))
     if not (headers / "embree4" / "rtcore.h").is_file():
@@ -237,21 +237,21 @@ def docs(session: nox.Session) -> None:
 
 @nox.session(default=False)
 def soak(session: nox.Session) -> None:
-    """Edit scenes at random, 20,000 times unless told, and compare each synced one with Blender; may be resumed."""
+    """Edit scenes at random, 20,000 times by default, and compare each synced one with Blender; may be resumed."""
     session.install(".[blender,test]")
     session.run("python", "tests/blender/soak_run.py", "--json", "tests/benchmarks/results/soak.json", *session.posargs)
 
 
 @nox.session(default=False)
 def fuzz(session: nox.Session) -> None:
-    """Look for inputs that do something new or break something, for ten minutes unless told; keeps both."""
+    """Search for inputs that show new behaviour or break something, for ten minutes by default; keeps both."""
     session.install(".[test]")
     session.run("python", "tests/stress/fuzz.py", *(session.posargs or ("--seconds", "600")))
 
 
 @nox.session(default=False)
 def blenders(session: nox.Session) -> None:
-    """Install what the zip is tried in: older modules of Blender into .cache/blenders, and a Blender with windows.
+    """Install the Blenders to test the zip in: older modules into .cache/blenders, and a Blender with windows.
 
     `-- windows` installs the latter alone.
     """
@@ -288,16 +288,16 @@ def trimesh_tests(session: nox.Session) -> None:
 
 @nox.session(default=False)
 def farm_killer(session: nox.Session) -> None:
-    """Kill processes of the farm at random, a hundred times unless told, and compare what it writes."""
+    """Kill processes of the farm at random, a hundred times by default, and compare its output."""
     session.install(".[blender,test]")
     session.run("python", "tests/blender/farm_killer.py", *session.posargs, env={"PYTHONPATH": "tests"})
 
 
 @nox.session(default=False)
 def release_check(session: nox.Session) -> None:
-    """Run what is too slow for each change: hours of two cores, all of it before a release.
+    """Run the tests that are too slow for each change: hours of two cores, all of them before a release.
 
-    Wants Debian 12 with root or sudo, and its packages binutils, debootstrap, g++, g++-aarch64-linux-gnu, libgtest-dev,
+    Needs Debian 12 with root or sudo, and its packages binutils, debootstrap, g++, g++-aarch64-linux-gnu, libgtest-dev,
     maven, procps, python3-dev, python3-venv, qemu-user-static, wine64 and those of the README.
     """
     sessions: tuple[tuple[str, list[str]], ...] = (
@@ -339,7 +339,7 @@ def run_sanitized_python_tests(session: nox.Session, build: Path) -> None:
     shutil.copytree("native/python/perfect_bvh", package, ignore=shutil.ignore_patterns("__pycache__", "*.so"))
     (module,) = build.glob("_core.*.so")
     shutil.copy(module, package)
-    # First of all: it replaces malloc. The C++ library beside it, or it finds no exceptions to follow.
+    # libasan must be first because it replaces malloc. Without the C++ library it cannot intercept exceptions.
     libraries = [
         str(session.run("g++", f"-print-file-name={name}", silent=True, external=True)).strip()
         for name in ("libasan.so", "libstdc++.so")

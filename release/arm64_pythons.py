@@ -14,7 +14,7 @@ import sys
 
 from debian_packages import CACHE, RELEASES, unpack_packages
 
-# What CPython needs on a bare machine, and numpy of it.
+# Packages that CPython, and numpy, need on a bare machine.
 LIBRARIES = ("libc6", "libexpat1", "libffi8", "libgcc-s1", "libstdc++6", "zlib1g")
 PARTS_OF_PYTHON = ("libpython{}-minimal", "libpython{}-stdlib", "python{}-minimal")
 NUMPY_PLATFORMS = ("manylinux2014_aarch64", "manylinux_2_27_aarch64", "manylinux_2_28_aarch64")

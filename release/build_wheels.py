@@ -2,10 +2,10 @@
 
 python release/build_wheels.py OUTPUT_FOLDER [--platform linux-x64 windows-x64:3.11,3.13 ...] [--python 3.11 ...]
 
-One compiler, ziglang's, builds all of them on any machine, and twice the same bytes. Of each Python nothing but its
-headers is needed, and what Windows links with: python_headers.py fetches them into .cache, without installing
-anything. The interpreter that runs this must have cmake, ninja, pip, pybind11, scikit-build-core, ziglang and zopflipy;
-the system must have apt-get, dpkg and binutils, and maven for other platforms than Linux.
+One compiler, ziglang's, builds all of them on any machine, reproducibly to the byte. Each Python contributes only its
+headers and, on Windows, its import library: python_headers.py fetches them into .cache, without installing anything.
+The interpreter that runs this must have cmake, ninja, pip, pybind11, scikit-build-core, ziglang and zopflipy; the
+system must have apt-get, dpkg and binutils, and maven for other platforms than Linux.
 """
 
 from __future__ import annotations
@@ -33,10 +33,10 @@ DATE = "315532800"
 
 
 def build_wheel(python: str, name: str, headers: Headers, output: Path) -> None:
-    """The wheel for one CPython, 3.13 say, on the platform of that name into `output`."""
+    """Build the wheel for one CPython, for example 3.13, on the platform of that name into `output`."""
     platform = PLATFORMS[name]
-    # A platform's share one folder, so that only the bindings are compiled for each; what CMake found of the last
-    # Python goes.
+    # A platform's builds share one folder, so that only the bindings are compiled for each; CMake's findings about the
+    # last Python are removed.
     build = REPOSITORY / "build" / f"engine-{name}"
     (build / "CMakeCache.txt").unlink(missing_ok=True)
     defines = {
@@ -94,7 +94,7 @@ def main() -> None:
     )
     parser.add_argument("--python", nargs="+", default=list(PYTHONS), choices=PYTHONS)
     arguments = parser.parse_args()
-    # All before the first compiles: apt's and Maven's folders are shared, and what cannot be fetched is said at once.
+    # Fetch everything before the first compiles: apt's and Maven's folders are shared, and failures show at once.
     headers = {
         name: {python: fetch_headers(python, name) for python in pythons}
         for name, pythons in gather_pythons(arguments.platform, tuple(arguments.python)).items()
@@ -104,7 +104,7 @@ def main() -> None:
         for python, found in headers[name].items():
             build_wheel(python, name, found, arguments.output)
 
-    # Side by side, for what cores would be idle in: CMake's questions to the compiler, and linking.
+    # In parallel, to use cores that would be idle during CMake's checks of the compiler and during linking.
     with ThreadPoolExecutor(PLATFORMS_AT_ONCE) as pool:
         list(pool.map(build_platform, headers))
         list(pool.map(pack_tightly, sorted(arguments.output.glob("*.whl"))))

@@ -8,7 +8,7 @@ from pathlib import Path
 
 CACHE = Path(__file__).resolve().parent.parent / ".cache"
 KEYRING = "/usr/share/keyrings/debian-archive-keyring.gpg"
-# What Debian calls Blender's platforms.
+# Debian's names of Blender's platforms.
 ARCHITECTURES = {"linux-x64": "amd64", "linux-arm64": "arm64"}
 # Python and the release that has it: Blender 4.2 to 5.0, Blender 5.1 and later, Debian's Blender.
 RELEASES = {"3.11": "bookworm", "3.13": "trixie", "3.14": "sid"}
@@ -28,7 +28,7 @@ def unpack_packages(folder: Path, release: str, packages: Iterable[str]) -> None
 
 
 def prepare_apt(release: str) -> list[str]:
-    """The command of an apt that knows `release` for all architectures, and what is in it today."""
+    """The command of an apt configured with `release` for all architectures, with its current package lists."""
     folder = CACHE / "debian" / release
     (folder / "lists" / "partial").mkdir(parents=True, exist_ok=True)
     (folder / "status").touch()

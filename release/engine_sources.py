@@ -1,8 +1,8 @@
-"""Makes the folder that the engine's source distribution is built from: native/, but in need of nothing outside it.
+"""Makes the folder for the engine's source distribution: native/, without references to files outside it.
 
 python release/engine_sources.py FOLDER
 
-FOLDER is made anew. The version, which is the manifest's of the add-on, stands in its pyproject.toml.
+FOLDER is replaced. Its pyproject.toml has the version from the add-on's manifest.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ LEFT_OUT = ("__pycache__", "*.so", "*.pyd", "benchmarks", "CMakePresets.json")
 
 
 def make_folder(folder: Path) -> None:
-    """All that `pip install FOLDER` needs; SystemExit if a file does not have what is looked for."""
+    """All that `pip install FOLDER` needs; SystemExit if a file lacks an expected line."""
     shutil.rmtree(folder, ignore_errors=True)
     shutil.copytree(NATIVE, folder, ignore=shutil.ignore_patterns(*LEFT_OUT))
     project = folder / "pyproject.toml"

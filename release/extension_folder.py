@@ -2,8 +2,8 @@
 
 python release/extension_folder.py FOLDER WHEELS
 
-FOLDER is made anew; WHEELS is a folder with the engine's wheels, and with those of what the add-on wants of others. The
-manifest in FOLDER names them, and of Blender's platforms those alone that the engine has wheels for.
+FOLDER is replaced; WHEELS is a folder with the engine's wheels and those of the add-on's other requirements. The
+manifest in FOLDER names them, and only those of Blender's platforms that the engine has wheels for.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ REPOSITORY = Path(__file__).resolve().parent.parent
 
 
 def make_folder(folder: Path, wheels: list[Path]) -> None:
-    """What the zip will hold; SystemExit if there is a wheel for no platform."""
+    """The content of the zip; SystemExit if there is no wheel for any platform."""
     shutil.rmtree(folder, ignore_errors=True)
     shutil.copytree(REPOSITORY / "addon", folder, ignore=shutil.ignore_patterns("__pycache__"))
     shutil.copy(REPOSITORY / "LICENSE", folder)
@@ -32,7 +32,7 @@ def make_folder(folder: Path, wheels: list[Path]) -> None:
 
 
 def list_wheels(manifest: str, names: list[str]) -> str:
-    """The manifest of addon/, which lists no wheels because there are none beside it, with those of these names."""
+    """The manifest of addon/, which lists no wheels because none are in that folder, with the wheels of these names."""
     platforms = [name for name, platform in PLATFORMS.items() if any(platform.wheel_tag in wheel for wheel in names)]
     if not platforms:
         raise SystemExit("extension_folder: no wheel of the engine for any platform")

@@ -19,7 +19,7 @@ from pathlib import Path
 REPOSITORY = Path(__file__).resolve().parent.parent
 CHARTS = "tests/charts"
 CHART = re.compile(r"^## (.+?)$.*?^!\[[^\]]*\]\(pictures/(\w+\.png)\)", re.MULTILINE | re.DOTALL)
-# Other pictures of the repository, and what made them.
+# Other pictures of the repository, and the programs that made them.
 OTHERS = {
     "blend_scenes/pictures/courtyard.png": "`perfect-bvh render blend_scenes/courtyard.blend -o courtyard.png`",
     "blend_scenes/pictures/meadow.jpg": "`perfect-bvh render blend_scenes/meadow.blend -o meadow.png --samples 10`",
@@ -31,7 +31,7 @@ OTHERS = {
 
 @dataclass(frozen=True)
 class Made:
-    """What an example printed, and the files that it wrote."""
+    """An example's output, and the files that it wrote."""
 
     printed: str
     files: tuple[Path, ...]
@@ -43,7 +43,7 @@ def list_examples() -> list[Path]:
 
 
 def run_example(example: Path, folder: Path, width: int | None) -> Made:
-    """Run an example; its files go into a new folder of its name. Raises RuntimeError with what a failed one wrote."""
+    """Run an example; its files go into a new folder of its name. Raises RuntimeError with its output if it fails."""
     own = folder / example.stem
     command = [sys.executable, str(example), str(own), *([] if width is None else [str(width)])]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
@@ -53,7 +53,7 @@ def run_example(example: Path, folder: Path, width: int | None) -> Made:
 
 
 def make_gallery(folder: Path, width: int | None = None) -> dict[str, Made]:
-    """Run all examples into a folder and write its page. Return what each made, by its name."""
+    """Run all examples into a folder and write its page. Return the results of each, by its name."""
     made = {example.name: run_example(example, folder, width) for example in list_examples()}
     (folder / "index.md").write_text(page_of(made, folder), encoding="utf-8")
     return made

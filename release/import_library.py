@@ -1,4 +1,4 @@
-"""Makes Python's import library for Windows on ARM, from what the DLL for x86-64 exports: the names are the same."""
+"""Makes Python's import library for Windows on ARM from the exports of the DLL for x86-64: the names are the same."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from pathlib import Path
 
 
 def make_import_library(zig: Path, machine: str, dll: Path, library: Path) -> None:
-    """Write `library`, by which what is compiled for `machine` (arm64 say) calls what `dll` exports."""
+    """Write `library`, with which code for `machine` (arm64, for example) can call the exports of `dll`."""
     library.parent.mkdir(parents=True, exist_ok=True)
     definition = library.with_suffix(".def")
     names = "".join(f"  {name}\n" for name in exported_names(dll))
@@ -18,7 +18,7 @@ def make_import_library(zig: Path, machine: str, dll: Path, library: Path) -> No
 
 
 def exported_names(dll: Path) -> list[str]:
-    """What a 64-bit DLL (the format PE32+) exports by name, sorted as it is there."""
+    """The names that a 64-bit DLL (the format PE32+) exports, in the order of the file."""
     data = dll.read_bytes()
     (header,) = struct.unpack_from("<I", data, 0x3C)
     (table,) = struct.unpack_from("<I", data, header + 24 + 112)
@@ -29,7 +29,7 @@ def exported_names(dll: Path) -> list[str]:
 
 
 def address_reader(data: bytes, header: int) -> Callable[[int], int]:
-    """What gives the place in the file of an address that counts from where the DLL is loaded."""
+    """A function from an address relative to the loaded DLL's start to the offset in the file."""
     (count,) = struct.unpack_from("<H", data, header + 6)
     (optional_size,) = struct.unpack_from("<H", data, header + 20)
     first = header + 24 + optional_size

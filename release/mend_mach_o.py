@@ -1,11 +1,11 @@
-"""Mends a macOS module (a 64-bit Mach-O library) that ziglang has linked; zig-macos-rules.cmake runs it after that.
+"""Fixes a macOS module (a 64-bit Mach-O library) that ziglang has linked; zig-macos-rules.cmake runs it after linking.
 
 python release/mend_mach_o.py MODULE
 
-Exported are its PyInit_* alone, without what the linker adds of its own. Its inline functions and types are no longer
-looked up by name among those of other libraries, which the linker asks for although they are hidden: pybind11's
-exceptions would be those of another module. The load command that names the dynamic linker goes: it belongs in
-programs. The signature's hashes of changed pages follow, which 64-bit ARM asks for. No code or data changes or moves.
+It exports PyInit_* only, without the linker's additions. Its inline functions and types are no longer looked up by name
+in other libraries, which the linker requests although they are hidden: pybind11's exceptions would be those of another
+module. The load command that names the dynamic linker is removed: it belongs in programs. The signature's hashes of
+changed pages are updated, as 64-bit ARM requires. No code or data changes or moves.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ def load_commands(data: bytes) -> Iterator[tuple[int, int, int]]:
 
 
 def drop_command(data: bytearray, unwanted: int) -> None:
-    """Close the gap that the commands of this number leave; what they took is zero behind the last."""
+    """Remove the commands of this number and close the gap; the freed bytes after the last command are zero."""
     kept = [data[place : place + size] for command, place, size in load_commands(data) if command != unwanted]
     (size,) = struct.unpack_from("<I", data, 20)
     commands = b"".join(kept)
@@ -57,7 +57,7 @@ def drop_command(data: bytearray, unwanted: int) -> None:
 
 
 def drop_weak_lookups(data: bytearray, info: int) -> None:
-    """Leave what inline functions and types are referred to by as it is: by place, in this module."""
+    """Keep references to inline functions and types as they are: by address, in this module."""
     start, size = struct.unpack_from("<2I", data, info + 24)
     data[start : start + size] = bytes(size)
     struct.pack_into("<2I", data, info + 24, 0, 0)
@@ -66,7 +66,7 @@ def drop_weak_lookups(data: bytearray, info: int) -> None:
 
 
 def export_entry_point(data: bytearray, start: int, size: int) -> None:
-    """Leave PyInit_* in the trie of exported names, which stands at `start`."""
+    """Keep only PyInit_* in the trie of exported names, which begins at `start`."""
     exports = {name: value for name, value in read_trie(bytes(data[start : start + size])) if ENTRY_POINT in name}
     if len(exports) != 1:
         raise ValueError(f"mend_mach_o: expected one {ENTRY_POINT}* that is exported, got {sorted(exports)}")
@@ -80,7 +80,7 @@ def export_entry_point(data: bytearray, start: int, size: int) -> None:
 
 
 def read_trie(trie: bytes, place: int = 0, prefix: str = "") -> Iterator[tuple[str, bytes]]:
-    """Every name in a trie of exported names, with what is said of it."""
+    """Every name in a trie of exported names, with its data."""
     size, place = read_number(trie, place)
     if size:
         yield prefix, trie[place : place + size]
@@ -105,7 +105,7 @@ def read_number(data: bytes, place: int) -> tuple[int, int]:
 
 
 def hash_pages(data: bytearray, signature: int) -> None:
-    """Write the hashes of all pages into the code directory of the signature, which stands at `signature`."""
+    """Write the hashes of all pages into the code directory of the signature, which begins at `signature`."""
     (count,) = struct.unpack_from(">I", data, signature + 8)
     for index in range(count):
         (offset,) = struct.unpack_from(">I", data, signature + 12 + 8 * index + 4)

@@ -1,4 +1,4 @@
-"""What compiling for a CPython needs: headers and, on Windows, the library that says what the DLL exports."""
+"""Fetches the files to compile for a CPython: headers and, on Windows, the import library of its DLL."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class Headers:
 
 
 def fetch_headers(python: str, platform: str) -> Headers:
-    """What CPython `python`, 3.13 say, has for `platform`, linux-arm64 say. Fetched into .cache once."""
+    """The files of CPython `python` (such as 3.13) for `platform` (such as linux-arm64). Fetched into .cache once."""
     system = PLATFORMS[platform].system
     if system == "linux":
         root = fetch_linux_headers(python)
@@ -44,7 +44,7 @@ def fetch_headers(python: str, platform: str) -> Headers:
 
 
 def fetch_linux_headers(python: str) -> Path:
-    """The folder usr of Debian's packages; what differs between platforms is in the headers' folder for each."""
+    """The folder usr of Debian's packages; files that differ between platforms are in the headers' folder for each."""
     folder = CACHE / "python_headers" / python
     include = folder / "usr" / "include"
     headers = include / f"python{python}"
@@ -53,7 +53,7 @@ def fetch_linux_headers(python: str) -> Path:
         shutil.rmtree(folder, ignore_errors=True)
         packages = [f"libpython{python}-dev:{architecture}" for architecture in ARCHITECTURES.values()]
         unpack_packages(folder, RELEASES[python], packages)
-        # Debian's pyconfig.h includes one for each processor, from beside the folder: have all below one.
+        # Debian's pyconfig.h includes one for each processor, from a neighbouring folder: put all below one folder.
         for platform in platforms:
             (include / platform).rename(headers / platform)
     return folder / "usr"

@@ -1,7 +1,7 @@
-"""The sessions that make, try and publish what is released; noxfile.py has those that check the sources.
+"""The sessions that build, test and publish releases; noxfile.py has those that check the sources.
 
-`extension` and `arm64_pythons` want Debian, the first its binutils, and maven for other systems than Linux;
-`windows_wheel` wants Debian's wine64 and maven, `publish` GitHub's gh.
+`extension` and `arm64_pythons` need Debian, the first its binutils, and maven for other systems than Linux;
+`windows_wheel` needs Debian's wine64 and maven, `publish` GitHub's gh.
 """
 
 from __future__ import annotations
@@ -29,8 +29,8 @@ TWINE = "twine==7.0.0"
 def extension(session: nox.Session) -> None:
     """Build the engine's wheels in dist/wheels, and of them a zip in dist/ for each platform of Blender 4.2 and later.
 
-    All platforms and Pythons, or those that stand behind `--`: `-- linux-x64 windows-x64:3.11` makes two zips, the
-    second for one Python only.
+    All platforms and Pythons, or those after `--`: `-- linux-x64 windows-x64:3.11` makes two zips, the second for one
+    Python only.
     """
     session.install(*BUILD_TOOLS, *WHEEL_TOOLS, BLENDER)
     for built in Path("dist").glob("perfect_bvh-*.zip"):
@@ -54,7 +54,7 @@ def extension(session: nox.Session) -> None:
 
 @nox.session(default=False)
 def listing_check(session: nox.Session) -> None:
-    """Find in the zips in dist/ what reviewers of extension listings refuse."""
+    """Find faults in the zips in dist/ that reviewers of extension listings reject."""
     session.run("python", "release/listing_check.py", *map(str, sorted(Path("dist").glob("perfect_bvh-*.zip"))))
 
 
@@ -72,12 +72,12 @@ def repository(session: nox.Session) -> None:
 
 @nox.session(default=False)
 def sdist(session: nox.Session) -> None:
-    """Build source distributions: the engine's in dist/wheels, the whole project's, of what git tracks, in dist/."""
+    """Build source distributions: the engine's in dist/wheels, the whole project's, of all files in git, in dist/."""
     session.install(BUILD, *BUILD_BACKEND)
     session.run("python", "release/engine_sources.py", "build/engine-sources")
     make = ("python", "-m", "build", "--sdist", "--no-isolation", "--outdir")
     session.run(*make, "dist/wheels", "build/engine-sources")
-    # From a folder of its own: here the build would go through all caches and environments beside the sources.
+    # From a separate folder: here the build would go through all caches and environments next to the sources.
     sources = Path("build/project-sources")
     shutil.rmtree(sources, ignore_errors=True)
     session.run("git", "checkout-index", "--all", f"--prefix={sources}/", external=True)
@@ -92,10 +92,10 @@ def arm64_pythons(session: nox.Session) -> None:
 
 @nox.session(default=False)
 def windows_wheel(session: nox.Session) -> None:
-    """Try the wheel and the zip for Windows under Wine, beside the same on Linux, which takes hours.
+    """Test the wheel and the zip for Windows under Wine, compared with Linux, which takes hours.
 
-    `-- short` is what needs no Blender and no more than four minutes; `-- images command_line` are two steps by name,
-    which tests/wine/try_wheel.py lists. `nox -s extension -- windows-x64` builds what is tried.
+    `-- short` is the steps that need no Blender and at most four minutes; `-- images command_line` are two steps by
+    name, which tests/wine/try_wheel.py lists. `nox -s extension -- windows-x64` builds the tested files.
     """
     wheels = sorted(Path("dist/wheels").glob("*-cp311-win_amd64.whl"))
     if not wheels:
@@ -108,14 +108,15 @@ def windows_wheel(session: nox.Session) -> None:
 def wheel_tests(session: nox.Session) -> None:
     """Install the engine's wheel from dist/ that fits this system and Python, and run the Python tests on it.
 
-    Nothing is compiled, so that this runs on any system: what `extension` built elsewhere is tried where it will be
-    used. Arguments after `--` go to pytest.
+    Nothing is compiled, so that this runs on any system: wheels that `extension` built elsewhere are tested on their
+    target. Arguments after `--` go to pytest.
     """
     project = nox.project.load_toml("pyproject.toml")["project"]
     extras = project["optional-dependencies"]
-    # Blender has no module for Linux on ARM: there the tests that need none are to be named.
+    # Blender has no module for Linux on ARM: there, name the tests that do not need it.
     has_blender = (platform.system(), platform.machine()) != ("Linux", "aarch64")
-    # The package itself comes below, without being compiled: what its other extras ask for is named here.
+    # The package itself is installed below, without being compiled: the requirements of its other extras are named
+    # here.
     tools = [tool for tool in extras["test"] if not tool.startswith("perfect-bvh[")]
     data = [] if (platform.system(), platform.machine()) == ("Windows", "ARM64") else extras["data"]
     session.install(*project["dependencies"], *(extras["blender"] if has_blender else ()), *tools, *data)
@@ -139,9 +140,9 @@ def copy_addon(session: nox.Session) -> None:
 
 @nox.session(default=False)
 def publish(session: nox.Session) -> None:
-    """Upload what is in dist/ as the release of a tag, `-- v1.2.3`: wheels for pip, zips for Blender.
+    """Upload the files in dist/ as the release of a tag, `-- v1.2.3`: wheels for pip, zips for Blender.
 
-    Wants GitHub's `gh` and rights to both; a workflow has them by its identity. Stops before the first upload if the
+    Needs GitHub's `gh` and rights to both; a workflow has them by its identity. Stops before the first upload if the
     tag is not the version, or if a zip, a wheel or the sources are missing.
     """
     if len(session.posargs) != 1:

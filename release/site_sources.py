@@ -34,13 +34,13 @@ def list_files() -> list[str]:
 
 
 def with_page_links(text: str, page: str, pages: set[str]) -> str:
-    """Return a page's text, in which links to what is no page are replaced by their texts and paths."""
+    """Return a page's text, in which links to files that are no pages are replaced by their texts and paths."""
 
     def shown(link: re.Match[str]) -> str:
         target = posixpath.normpath(posixpath.join(posixpath.dirname(page), link[2]))
         if target in pages:
             return link[0]
-        is_known = target in link[1] or target.startswith("..")  # what is beyond the repository has no path
+        is_known = target in link[1] or target.startswith("..")  # targets outside of the repository have no path
         return link[1] if is_known else f"{link[1]} (`{target}`)"
 
     return LINK.sub(shown, text)
@@ -82,7 +82,7 @@ def exports_of(package: Path) -> dict[str, str]:
 
 
 def write_reference(sources: Path) -> None:
-    """Write a page for each package, one of the command line's help, and tables of what classes define."""
+    """Write a page for each package, one of the command line's help, and tables of classes' attributes."""
     folder = sources / "reference"
     folder.mkdir()
     (folder / "perfect_bvh.md").write_text(
@@ -101,7 +101,7 @@ def write_reference(sources: Path) -> None:
 
 
 def help_of(command: str) -> str:
-    """Return what the command prints for `--help`, in lines of 100 letters."""
+    """Return the command's output for `--help`, in lines of 100 letters."""
     script = "import sys; from perfect_bvh_addon.cli import main; sys.argv[0] = 'perfect-bvh'; main()"
     run = (sys.executable, "-c", script, command, "--help")
     return subprocess.run(run, capture_output=True, text=True, check=True, env={"COLUMNS": "100"}).stdout

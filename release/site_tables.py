@@ -10,7 +10,7 @@ from typing import Any
 
 Row = tuple[str, ...]
 
-# Where scripts find the add-on's properties. What it writes to the window manager are lists for panels.
+# Where scripts find the add-on's properties. Those on the window manager are lists for panels.
 ROOTS = {
     "Scene": "scene",
     "View3DShading": "space.shading",
@@ -29,7 +29,7 @@ def table(heads: Row, rows: list[Row]) -> str:
 
 
 def values_of(found: Any) -> tuple[str, str]:
-    """Return a property's default, and what it takes: a range, the items of a list, or its kind."""
+    """Return a property's default, and its values: a range, the items of a list, or its kind."""
     if found.type == "ENUM":
         chosen = sorted(found.default_flag) if found.is_enum_flag else [found.default]
         items = ", ".join(f"`{item.identifier}` {item.name}" for item in found.enum_items)
@@ -116,7 +116,7 @@ def list_operators() -> list[Row]:
 
 
 def attribute_texts(owner: type[Any]) -> dict[str, str]:
-    """Return what a class's docstring says of each of its attributes."""
+    """Return the description of each attribute in a class's docstring."""
     _, _, section = (inspect.getdoc(owner) or "").partition("Attributes:\n")
     found = {name: text for names, text in ATTRIBUTE.findall(section) for name in names.split(", ")}
     return {name: " ".join(text.split()) for name, text in found.items()}

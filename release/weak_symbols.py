@@ -1,4 +1,4 @@
-"""Names what the linker may merge in object files: inline functions and templates that were not inlined.
+"""Lists the symbols in object files that the linker may merge: inline functions and templates that were not inlined.
 
 native/cmake/check_weak_symbols.cmake does this where `nm` reads the objects; this reads Windows' (COFF) and macOS's
 (Mach-O), which it does not. A merged function could be the copy that is compiled for AVX-512, and run on any machine.
@@ -15,7 +15,7 @@ LC_SYMTAB = 0x2
 WEAK_DEFINITION = 0x0080
 COFF_MACHINES = (0x8664, 0xAA64)
 CODE, MERGED = 0x20, 0x1000  # a section's flags
-ONE_ONLY = 1  # a merged section that may stand once; others are a choice among several
+ONE_ONLY = 1  # a merged section that may occur once; others are a choice among several
 STATIC = 3  # a symbol's storage class
 
 

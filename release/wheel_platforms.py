@@ -1,4 +1,4 @@
-"""Blender's platforms, what compiler, wheel and Python call each, and what a release has for them."""
+"""Blender's platforms, their names for compiler, wheel and Python, and the Pythons of each in a release."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ PYTHONS = ("3.11", "3.13", "3.14")  # Blender 4.2 to 5.0, Blender 5.1 and later,
 class Platform:
     """One platform that wheels are built for, the oldest system that they run on included."""
 
-    target: str  # what ziglang's compiler is told
+    target: str  # arguments of ziglang's compiler
     wheel_tag: str
     module_suffix: str  # with the place of a Python's two numbers
 
@@ -28,7 +28,7 @@ class Platform:
         return self.target.partition("-")[0]
 
     def tag(self, python: str) -> str:
-        """What a wheel's name says of a CPython, 3.13 say, and this platform: cp313-cp313-win_amd64."""
+        """The tags in a wheel's name for a CPython, for example 3.13, and this platform: cp313-cp313-win_amd64."""
         digits = python.replace(".", "")
         return f"cp{digits}-cp{digits}-{self.wheel_tag}"
 
@@ -55,7 +55,7 @@ def package_names(version: str) -> list[str]:
 
 
 def read_platform(text: str) -> tuple[str, tuple[str, ...]]:
-    """A platform and what Pythons are named behind it, none if none is: windows-x64:3.11,3.13."""
+    """A platform and the Pythons named after it, if any: windows-x64:3.11,3.13."""
     name, _, pythons = text.partition(":")
     chosen = tuple(pythons.split(",")) if pythons else ()
     if name not in PLATFORMS or not set(chosen) <= set(PYTHONS):
