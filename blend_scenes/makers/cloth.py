@@ -1,7 +1,7 @@
 """A tablecloth that falls over a ball: a deforming sheet, simulated here and baked as shape keys.
 
 A mass-spring sheet is stepped by position-based dynamics; some of its states become keys that are mixed over the 48
-frames, and a subdivision surface smooths what Blender shows.
+frames, and a subdivision surface smooths the result.
 """
 
 from __future__ import annotations
@@ -164,7 +164,7 @@ def checked(row: int, column: int) -> int:
 
 
 def set_up_room() -> None:
-    """Boards, a skirting wall, a stand below the ball, and two small balls that the cloth spares."""
+    """Boards, a skirting wall, a stand below the ball, and two small balls that the cloth does not touch."""
     room = make_collection("Room")
     boards = make_mesh("Board", box((-9.0, 0.0, -0.1), (9.0, 0.58, 0.0)), [paint("Boards", (0.36, 0.225, 0.13), 0.5)])
     floor = place("Floor", boards, room, (0.0, -7.0, 0.0))

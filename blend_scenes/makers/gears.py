@@ -1,8 +1,8 @@
 """A planetary gear train on a bench: rigid motion of a nested hierarchy, meshes that never change.
 
 Crank -> input gear -> sun shaft -> sun; planets ride on the carrier inside a fixed ring; carrier -> output wheel ->
-pinion -> fan. In 48 frames the carrier turns by a third, and every tooth again stands where one stood: a loop.
-Axes lie along Y; "forward" is -Y, towards the camera. Counter-clockwise is seen from there.
+pinion -> fan. In 48 frames the carrier turns by a third, and every tooth ends where another one began: a loop. Axes lie
+along Y; "forward" is -Y, towards the camera. Counter-clockwise is seen from there.
 """
 
 from __future__ import annotations
@@ -182,7 +182,7 @@ def build_crank(machine: Any, paints: Paints, shaft: Any, turn: float) -> None:
 
 
 def build_output(machine: Any, paints: Paints, root: Any) -> None:
-    """The carrier's big wheel in front, a pinion beside it, and on the pinion's shaft a fan."""
+    """The carrier's big wheel in front, a pinion next to it, and on the pinion's shaft a fan."""
     carrier = bpy.data.objects["Carrier"]
     depth = -0.95
     add_gear("Output wheel", wheel(OUTPUT, 0.18, 0.3, 6), [paints["brass"]], machine, carrier, (0.0, depth, 0.0))
@@ -209,7 +209,7 @@ def build_output(machine: Any, paints: Paints, root: Any) -> None:
 
 
 def build_stand(machine: Any, paints: Paints) -> None:
-    """What stands still: feet of the ring, bearing blocks, a walnut base with a plate, the bench and a wall."""
+    """The static parts: feet of the ring, bearing blocks, a walnut base with a plate, the bench and a wall."""
     foot = prism(
         [(-2.0, 0.0), (2.0, 0.0), (2.0, 0.18), (1.2, 0.3), (0.95, 0.85), (-0.95, 0.85), (-1.2, 0.3), (-2.0, 0.18)], 0.34
     )

@@ -1,4 +1,4 @@
-"""What grows on the meadow: grass that sways, flowers, and a tree as a scanner would see it."""
+"""The meadow's plants: grass that sways, flowers, and a tree as a scanner would see it."""
 
 from __future__ import annotations
 
@@ -74,7 +74,7 @@ def strew(tree: NodeTree, source: Any, density: Any, seed: int) -> Any:
 
 
 def stand_on(tree: NodeTree, points: Any, length: float, seed: int) -> Any:
-    """Straight curves upward from points, each leaning some way and of a length of its own."""
+    """Straight curves upward from points, each with a random lean and length."""
     line = tree.add("GeometryNodeCurvePrimitiveLine", {"End": (0.0, 0.0, length)})
     line = tree.add("GeometryNodeResampleCurve", {"Curve": line, "Count": BLADE_POINTS})
     tilt = tree.add(

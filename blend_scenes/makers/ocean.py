@@ -29,7 +29,7 @@ from .stage import (
 )
 
 FRAMES = 48
-VOXEL = 0.079  # no divisor of HALF: where voxels' corners lie on the block's sides, flaps of doubled faces stand there
+VOXEL = 0.079  # no divisor of HALF: voxel corners on the block's sides would cause flaps of doubled faces
 BOAT = (-1.35, -0.75)
 BUOY = (0.9, -2.3)
 
@@ -109,7 +109,7 @@ def dark_sides(deep: Any) -> Any:
 
 
 def float_on(sea: Any, floats: dict[Any, tuple[tuple[float, float], float]]) -> None:
-    """Keys what floats to the water's height and slope under it, every third frame."""
+    """Keys floating objects to the water's height and slope under them, every third frame."""
     scene = bpy.context.scene
     for frame in range(1, FRAMES + 1, 3):
         scene.frame_set(frame)

@@ -1,4 +1,4 @@
-"""What stands in the sea and floats on it: a lighthouse on rocks, a sailing boat, a buoy; and the tray round it."""
+"""The objects in the sea: a lighthouse on rocks, a sailing boat, a buoy; and the tray round it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How a file looks when it is opened: the scene through its camera in Rendered shading, beside the render settings."""
+"""How a file looks when it is opened: the scene through its camera in Rendered shading, next to the render settings."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ CAMERA_ZOOM = 20.0  # the camera's picture takes most of the view, between its t
 
 
 def use_engine(scene: Any) -> None:
-    """Have it rendered by the add-on, which is to be installed: Blender keeps no engine that it does not know."""
+    """Select the add-on's engine; the add-on must be installed, because Blender drops unknown engines."""
     import perfect_bvh_addon
 
     if not hasattr(bpy.types.Scene, "perfect_bvh"):
@@ -36,7 +36,7 @@ def open_rendered() -> Any:
 
 
 def look_through_camera(space: Any) -> None:
-    """Blender opens it in Solid shading, whatever the file says; the add-on then does as the screen says."""
+    """Blender always opens it in Solid shading; the add-on then applies the screen's setting."""
     space.show_region_ui = False
     space.region_3d.view_perspective = "CAMERA"
     space.region_3d.view_camera_zoom = CAMERA_ZOOM

@@ -1,4 +1,4 @@
-"""Polygon soup as plain arrays: boxes, prisms, lathes, tubes, and how to move and join them. Knows no Blender.
+"""Polygon soup as plain arrays: boxes, prisms, lathes, tubes, and how to move and join them. Does not use Blender.
 
 Lengths are metres, angles radians, Z is up. Faces run counter-clockwise seen from outside.
 """

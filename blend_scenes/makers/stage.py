@@ -40,7 +40,7 @@ def open_stage(name: str, last_frame: int = 1, exposure: float = 0.0) -> Any:
 
 
 def save_stage(path: Path, frame: int = 1) -> None:
-    """Writes the file compressed, at a frame, without a backup beside it."""
+    """Writes the file compressed, at a frame, without a backup file."""
     bpy.context.scene.frame_set(frame)
     bpy.context.preferences.filepaths.save_version = 0
     bpy.ops.outliner.orphans_purge(do_recursive=True)
@@ -86,7 +86,7 @@ def make_collection(name: str, parent: Any = None, instanced: bool = False) -> A
 
 
 def make_mesh(name: str, form: Shape, materials: Sequence[Any], sharp_degrees: float | None = 35.0) -> Any:
-    """A mesh: smooth, but for edges sharper than `sharp_degrees`; None: flat faces."""
+    """A mesh: smooth, except edges sharper than `sharp_degrees`; None: flat faces."""
     mesh = bpy.data.meshes.new(name)
     mesh.from_pydata(form.vertices, [], form.faces)
     for material in materials:

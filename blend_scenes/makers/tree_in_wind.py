@@ -58,7 +58,7 @@ def make() -> None:
 def grow(
     tree: Skeleton, random: np.random.Generator, start: Points, way: Points, length: float, radius: float, level: int
 ) -> None:
-    """One branch and what grows on it. level counts down; twigs sit on levels 1 and 0."""
+    """One branch and its twigs and leaves. level counts down; twigs sit on levels 1 and 0."""
     steps = (4, 5, 7, 10)[level]
     first = len(tree.points)
     at, heading = start, way / np.linalg.norm(way)

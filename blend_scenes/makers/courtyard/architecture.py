@@ -1,4 +1,4 @@
-"""What stands round the court, which is 12.4 m square about the origin, and its paving.
+"""The buildings round the court, which is 12.4 m square about the origin, and its paving.
 
 The back wing is a collection along y = BAY_LINE; the left wing is the same collection turned by a quarter. The right
 side is a garden wall with stairs up to a small house; a bell tower rises behind.
@@ -20,7 +20,7 @@ from .wing import BAY_LINE, build_wing, build_wing_end
 
 
 def build_architecture(palette: Palette, random: np.random.Generator) -> Any:
-    """Builds it all. Returns the wing's collection, for what else belongs to every wing."""
+    """Builds it all. Returns the wing's collection, for other objects that belong to every wing."""
     house = make_collection("Architecture")
     wing = make_collection("Wing", instanced=True)
     build_wing(wing, palette, random)

@@ -112,7 +112,7 @@ def build_arcade(wing: Any, palette: Palette) -> None:
 
 
 def build_wing_end(house: Any, palette: Palette) -> None:
-    """What closes the back wing where no other wing follows: a pier and the last of the floor."""
+    """Closes the back wing where no other wing follows: a pier and the last of the floor."""
     edge, right = BAY_LINE - 0.42, WALK_WALL - 0.2
     pier = place("End pier", bpy.data.meshes["Pier"], house, (BAY_LINE + 0.1, BAY_LINE, 0.0))
     bevel(pier, 0.02)
@@ -126,7 +126,7 @@ def build_wing_end(house: Any, palette: Palette) -> None:
 
 
 def moulding(profile: list[tuple[float, float]], start: float, end: float) -> Shape:
-    """A profile of (how far it stands out towards -Y, z), from top to bottom, drawn along X."""
+    """A profile of (how far it projects towards -Y, z), from top to bottom, extruded along X."""
     count = len(profile)
     vertices = [(x, -out, z) for x in (start, end) for out, z in profile]
     return shape(vertices, [(k, k + 1, k + 1 + count, k + count) for k in range(count - 1)])
@@ -177,7 +177,7 @@ def build_wing_roofs(wing: Any, palette: Palette, random: np.random.Generator) -
 
 
 def build_openings(wing: Any, palette: Palette, centres: list[float]) -> None:
-    """What fills the rear wall's openings: frames and panes, doors, shutters half open."""
+    """Fills the rear wall's openings: frames and panes, doors, shutters half open."""
     frame_mesh = make_mesh("Window", window_frame(0.92, 1.35), [palette["wood dark"], palette["glass"]])
     sill_mesh = make_mesh("Sill", box((-0.58, -0.12, -0.09), (0.58, 0.1, 0.0)), [palette["stone light"]])
     shutter_mesh = make_mesh("Shutter", shutter(0.46, 1.33), [palette["shutter"]])

@@ -1,4 +1,4 @@
-"""What a failure case is: a few small meshes, perhaps edited from state to state, and the rays that tell.
+"""Defines a failure case: a few small meshes, perhaps edited from state to state, and the rays that show the failure.
 
 Plain numpy: the tests, the generated table and the files for Blender are all made from these.
 """
@@ -23,7 +23,7 @@ def _one_identity() -> Float64Array:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Body:
-    """One mesh and everywhere it stands; the same name in the next state is the same body.
+    """One mesh and its instances; the same name in the next state is the same body.
 
     positions: (V, 3) float32, or float64 where float32 would not hold the case. triangles: (T, 3) int32.
     transforms: (I, 4, 4) object to world.
@@ -49,13 +49,12 @@ State = tuple[Body, ...]
 class FailureCase:
     """A scene on which a usual method fails.
 
-    name: identifier. title, breaks, held: for people: what it is, what goes wrong elsewhere, what holds it here.
-    source: where it was seen. states: makes the states, one after the other, always the same.
-    rays: makes `count` telling rays for one of the states, from a seed.
-    view: where a camera sees what it is about, and what it looks at; None: from outside, at all of it.
-    grid: what a file rounds positions to multiples of, so that it stays small; None: they are kept as they are.
-    is_loose: whether a file has the vertices alone, each three of which a modifier makes a triangle.
-    halvings: how many more copies of the mesh's first part follow it, each half as large as the one before.
+    name: identifier. title, breaks, held: for people: its title, the failure elsewhere, and how this engine avoids it.
+    source: where it was seen. states: makes the states, one after the other, always the same. rays: makes `count` rays
+    that show the failure for one of the states, from a seed. view: position and target of a camera that shows the
+    failure; None: from outside, at all of it. grid: step to which a file rounds positions, so that it stays small;
+    None: they are not rounded. is_loose: whether a file has the vertices alone, each three of which a modifier makes a
+    triangle. halvings: how many more copies of the mesh's first part follow it, each half as large as the one before.
     """
 
     name: str
@@ -83,7 +82,7 @@ def one(mesh: Mesh) -> tuple[State, ...]:
 
 
 def finite(state: State) -> State:
-    """The state without the triangles that have a corner which is no number: what the add-on gives the engine."""
+    """The state without the triangles that have a corner which is no number, as the add-on passes it to the engine."""
     kept = []
     for part in state:
         sound = np.isfinite(part.positions).all(axis=1)

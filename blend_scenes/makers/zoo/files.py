@@ -1,4 +1,4 @@
-"""Failure cases as files for Blender: each opens on what fails, with what to do beside it."""
+"""Failure cases as files for Blender: each opens on the failure, with instructions next to it."""
 
 from __future__ import annotations
 

@@ -44,7 +44,7 @@ def rays_along_axes(state: State, count: int, seed: int) -> Rays:
 
 
 def rays_at_edges(state: State, count: int, seed: int) -> Rays:
-    """From inside a closed surface, at points of its edges and at its vertices as far as float32 can tell."""
+    """From inside a closed surface, at points of its edges and at its vertices up to float32's precision."""
     random = np.random.default_rng(seed)
     corners = world_corners(state)
     chosen, corner = corners[random.integers(0, len(corners), count)], random.integers(0, 3, count)
@@ -61,7 +61,7 @@ def exact_edges() -> tuple[State, ...]:
 
 
 def rays_exactly_at_edges(state: State, count: int, seed: int) -> Rays:
-    """From around a box, through its vertices and eighths of its edges: float32 holds every number as it is."""
+    """From around a box, through its vertices and eighths of its edges: float32 holds every number exactly."""
     random = np.random.default_rng(seed)
     corners = world_corners(state)
     chosen, corner = corners[random.integers(0, len(corners), count)], random.integers(0, 3, count)

@@ -1,4 +1,4 @@
-"""The first words of each file's text: what to do, and what is there to be seen."""
+"""The first words of each file's text: the steps to take, and the result to see."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, slots=True)
 class Do:
-    """words: begin with what to press. mode: as scenes keep it. state: on which to open; None: the last.
+    """words: begin with the button or key to press. mode: as scenes keep it. state: on which to open; None: the last.
 
     script: whether the text is a script, of the case's name in scripts/.
     """
@@ -115,7 +115,7 @@ DO: dict[str, Do] = {
     ),
 }
 
-# Those beside which there is a picture of the usual method.
+# Cases that have a picture of the usual method next to them.
 PICTURED = frozenset(
     {
         "teapot_in_stadium",

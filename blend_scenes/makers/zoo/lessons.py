@@ -1,6 +1,6 @@
-"""What each file begins with: what to do, what is seen then, in which mode and on which frame it opens.
+"""The start of each file: the instructions, the result to see, and the mode and frame in which it opens.
 
-Knows neither Blender nor the engine.
+Depends neither on Blender nor on the engine.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ _COMPARE = (
     "usual method's, on the right this engine's."
 )
 _DECAY = "Bench, below that, measures what trees cost that are refitted only, governed or rebuilt, frame by frame."
-# What Compare shows of a usual method, and beside it.
+# The two sides of Compare for each usual method.
 COMPARED = {
     "median splits": ("MEDIAN", "AUTO"),
     "the best of all object splits": ("SWEEP", "SPATIAL"),
@@ -42,8 +42,8 @@ COMPARED = {
 class Lesson:
     """How a file opens.
 
-    state: index of the state on whose frame. text: what its Text Editor shows, as `text_name`. method: the usual one.
-    compare: what its trees are compared with in the sidebar, as the scene keeps the two sides.
+    state: index of the state on whose frame. text: content of its Text Editor, as `text_name`. method: the usual one.
+    compare: the two sides that the sidebar compares, as the scene keeps them.
     """
 
     mode: str
@@ -89,7 +89,7 @@ def _paragraphs(case: FailureCase, do: str, mode: str, states: int) -> list[str]
 
 
 def _script(name: str) -> str:
-    """A script that stands alone: what it shares with others stands in the place of the import of it."""
+    """A self-contained script: the functions that it imports from common are copied into it."""
     source, common = ((SCRIPTS / f"{part}.py").read_text(encoding="utf-8") for part in (name, "common"))
     head, body = source.split("\n\n\n", 1)
     imports, functions = common.split("\n\n\n", 1)
@@ -104,6 +104,6 @@ def _figures() -> dict[str, dict[str, Any]]:
 
 
 def _shown(value: float, unit: str) -> str:
-    """Two digits: what the last ones are changes with each change of a builder."""
+    """Two digits: further ones change with each change of a builder."""
     number = float(f"{value:.2g}")
     return f"{number:.1f} {unit}" if unit == "times the work" else f"{number:,.0f} {unit}"

@@ -13,7 +13,7 @@ OFFSET = 1e6
 
 
 def extreme_magnitudes() -> tuple[State, ...]:
-    """A ball among loose triangles, as it is, tiny, huge, vast; then a million units from zero."""
+    """A ball among loose triangles, of normal size, tiny, huge, vast; then a million units from zero."""
     positions, triangles = joined(ball(3, 0.7), gravel(150, 8, 0.2))
     sizes = [(body("Mesh", (positions * scale, triangles)),) for scale in SCALES]
     return (*sizes, (body("Mesh", (positions + OFFSET, triangles)),))

@@ -1,4 +1,4 @@
-"""The picture of the usual method as an image that a file holds, to be shown beside this engine's."""
+"""The picture of the usual method as an image that a file holds, to be shown next to this engine's."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ STEPS = 16  # of each channel, so that the picture is small as a file
 
 
 def picture_beside(scene: Any, case: FailureCase, lesson: Lesson) -> Any:
-    """A packed image: what the usual method shows of the scene as it is now."""
+    """A packed image: the usual method's picture of the scene in its current state."""
     sync = perfect_bvh_addon.SceneSync(watch=False)
     sync.update(bpy.context.evaluated_depsgraph_get(), camera=scene.camera, size=SIZE)
     camera = sync.camera
@@ -38,7 +38,7 @@ def picture_beside(scene: Any, case: FailureCase, lesson: Lesson) -> Any:
 
 
 def _rendered(scene: Any) -> Picture:
-    """(H, W, 3) what F12 shows, row 0 on top."""
+    """The image of F12, (H, W, 3), row 0 on top."""
     render = scene.render
     before = render.resolution_x, render.resolution_y, render.filepath
     with tempfile.TemporaryDirectory() as folder:

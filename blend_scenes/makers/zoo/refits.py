@@ -30,7 +30,7 @@ def shuffle() -> tuple[State, ...]:
 
 
 def twist() -> tuple[State, ...]:
-    """A ball's upper end is turned, by 2 pi at last, while its lower end stands."""
+    """A ball's upper end is turned, by 2 pi at last, while its lower end stays."""
     mesh = ball(4)
     return _poses(mesh, *(_twisted(mesh[0], angle) for angle in (np.pi / 2, np.pi, 1.5 * np.pi, 2 * np.pi)))
 
@@ -99,7 +99,7 @@ def crumpled_cloth() -> tuple[State, ...]:
 
 
 def _folded(positions: np.ndarray, across: np.ndarray, any_way: np.ndarray) -> np.ndarray:
-    """What lies beyond a plane through the middle is turned about a line in it, by up to 63 degrees."""
+    """The part beyond a plane through the middle is turned about a line in it, by up to 63 degrees."""
     across = across / np.linalg.norm(across)
     axis = np.cross(across, any_way)
     axis /= np.linalg.norm(axis)

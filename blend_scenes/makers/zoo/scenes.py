@@ -60,7 +60,7 @@ def _find(state: State, name: str) -> Body | None:
 
 
 def _add_body(collection: bpy.types.Collection, poses: Sequence[Body | None], case: FailureCase) -> None:
-    """Objects for each instance of a body; poses: what it is in each state, None where it is not there."""
+    """Objects for each instance of a body; poses: the body in each state, None where it is absent."""
     first = next(pose for pose in poses if pose is not None)
     present = [pose for pose in poses if pose is not None]
     changes_form = any(not np.array_equal(pose.triangles, first.triangles) for pose in present)
@@ -84,7 +84,7 @@ def _add_body(collection: bpy.types.Collection, poses: Sequence[Body | None], ca
 
 
 def _largest(part: Body, case: FailureCase) -> Body:
-    """What modifiers make the whole body of: its first part, to be repeated at half the size; or its vertices alone."""
+    """The input from which modifiers make the whole body: its first part, to repeat at half size; or its vertices."""
     vertex_count = len(part.positions) // (1 + case.halvings)
     triangle_count = 0 if case.is_loose else len(part.triangles) // (1 + case.halvings)
     return Body(part.name, part.positions[:vertex_count], part.triangles[:triangle_count], part.transforms)
@@ -136,7 +136,7 @@ def _is_lost_in_mixing(basis: Body, pose: Body) -> bool:
 
 
 def _new_mesh(name: str, part: Body) -> bpy.types.Mesh:
-    """Positions as they are: from_pydata and validate() would replace those that are not finite."""
+    """Writes positions unchanged: from_pydata and validate() would replace those that are not finite."""
     mesh = bpy.data.meshes.new(name)
     mesh.vertices.add(len(part.positions))
     mesh.vertices.foreach_set("co", np.ascontiguousarray(part.positions, np.float32).ravel())
@@ -234,7 +234,7 @@ def _forms_collection(parent: bpy.types.Collection) -> bpy.types.Collection:
 
 
 def _show_instead(source: bpy.types.Object) -> bpy.types.NodeTree:
-    """A geometry-nodes group that shows an object's mesh whatever it is given."""
+    """A geometry-nodes group that shows an object's mesh and ignores its input."""
     group = bpy.data.node_groups.new(source.name, "GeometryNodeTree")
     group.is_modifier = True
     group.interface.new_socket("Geometry", in_out="INPUT", socket_type="NodeSocketGeometry")

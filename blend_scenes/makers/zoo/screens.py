@@ -1,4 +1,4 @@
-"""What a file shows when it is opened: the scene through its camera, and beside it what to do."""
+"""The screen of a file when it is opened: the scene through its camera, and next to it the instructions."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def show_lesson(text: Any, picture: Any = None) -> None:
 
 
 def _split(screen: Any, area: Any, direction: str, share: float) -> Any:
-    """The new area, to the right of what is left of the old one, or below."""
+    """The new area, to the right of the rest of the old one, or below."""
     before = {other.as_pointer() for other in screen.areas}
     region = next(region for region in area.regions if region.type == "WINDOW")
     window = bpy.context.window_manager.windows[0]

@@ -34,7 +34,7 @@ def stopped_halfway() -> tuple[State, ...]:
 
 
 def edited_while_traced() -> tuple[State, ...]:
-    """A crowd of balls that stand elsewhere after every edit."""
+    """A crowd of balls that are elsewhere after every edit."""
     random = np.random.default_rng(20)
     states = []
     for _ in range(4):

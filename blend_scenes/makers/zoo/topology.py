@@ -1,4 +1,4 @@
-"""Other triangles over as many vertices: what a count cannot see and a refit must not accept."""
+"""Different triangles over the same number of vertices: counts hide the change, and a refit must reject it."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ def _hills() -> Mesh:
 
 
 def equal_counts() -> tuple[State, ...]:
-    """Hills whose squares are cut along the other diagonal, then renumbered: V and T stay what they were."""
+    """Hills whose squares are cut along the other diagonal, then renumbered: V and T stay the same."""
     positions, triangles = _hills()
     pairs = triangles.reshape(-1, 2, 3)
     a, b, c, d = pairs[:, 0, 0], pairs[:, 0, 1], pairs[:, 0, 2], pairs[:, 1, 2]

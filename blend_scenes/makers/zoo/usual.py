@@ -1,7 +1,7 @@
-"""What the usual method makes of a failure case: the picture that its rays would give, from the case's own camera.
+"""The usual method's picture of a failure case: the picture that its rays would give, from the case's own camera.
 
-Trees are this engine's, built or refitted as the usual method does; answers are those of the plain Python that
-tests/stress counts losses with. Cases that fail for other rays than a camera's, or by what no picture shows, have none.
+Trees are this engine's, built or refitted as the usual method does; answers are those of the plain Python with which
+tests/stress counts losses. Cases that fail for other rays than a camera's, or invisibly, have no picture.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ Picture = npt.NDArray[np.float32]
 
 @dataclass(frozen=True)
 class Asked:
-    """What a picture is of. ours: (H, W, 3) this engine's picture, as it is shown, row 0 on top."""
+    """The subject of a picture. ours: (H, W, 3) this engine's displayed picture, row 0 on top."""
 
     case: FailureCase
     states: Sequence[State]  # up to the one that is shown
@@ -60,7 +60,7 @@ class Asked:
 
 
 def usual_picture(asked: Asked) -> Picture | None:
-    """(H, W, 3) as it is shown, row 0 on top; None where the case has no such picture."""
+    """The displayed picture, (H, W, 3), row 0 on top; None where the case has no such picture."""
     make = _MAKERS.get(asked.case.name)
     return None if make is None else make(asked)
 
@@ -112,7 +112,7 @@ def _never_deleted(asked: Asked) -> Picture:
 
 
 def _half_new(asked: Asked) -> Picture:
-    """Half of the bodies as they were before."""
+    """Half of the bodies in their previous state."""
     before, now = asked.states[-2], asked.states[-1]
     return _render(asked, _scene_of((*now[: len(now) // 2], *before[len(now) // 2 :]))[0])
 
@@ -166,7 +166,7 @@ def _nothing(asked: Asked) -> Picture:
 
 
 def _usual_matrices(asked: Asked) -> Picture:
-    """Normals by the matrix itself, and nothing of instances whose matrix has no inverse."""
+    """Normals by the matrix itself, and no instances whose matrix has no inverse."""
     scene, _ = _scene_of(asked.state)
     hits = scene.cast_rays(*asked.rays())
     pixels = _without(asked, ~hits.is_hit, hits.is_hit).reshape(-1, 3)
