@@ -21,7 +21,7 @@ NUMPY_PLATFORMS = ("manylinux2014_aarch64", "manylinux_2_27_aarch64", "manylinux
 
 
 def unpack_python(python: str) -> None:
-    """One CPython, 3.13 say, as a root directory with numpy."""
+    """One CPython, for example 3.13, as a root directory with numpy."""
     folder = CACHE / "arm64_pythons" / python
     shutil.rmtree(folder, ignore_errors=True)
     names = (*LIBRARIES, *(part.format(python) for part in PARTS_OF_PYTHON))

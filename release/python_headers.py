@@ -17,7 +17,7 @@ ZIG = Path(ziglang.__file__).resolve().parent / "zig"
 
 @dataclass(frozen=True)
 class Headers:
-    """Of one CPython for one platform."""
+    """The files of one CPython for one platform."""
 
     root: Path  # the folder that all of that Python is below
     include: Path  # of Python.h

@@ -103,7 +103,7 @@ def _crosses(mesh: Any) -> np.ndarray:
 
 
 def ray_rows(mesh: str, triangle_count: int, speeds: dict[str, float]) -> list[dict[str, Any]]:
-    """As trace_bench has them; speeds: by competitor, of all kinds alike."""
+    """Rows as trace_bench prints them; speeds: by competitor, the same for all kinds."""
     kinds = [*goal_figures.KINDS, *goal_figures.COHERENT]
     common = {"mesh": mesh, "triangle_count": triangle_count, "isa": "best", "ray_count": 500}
     return [

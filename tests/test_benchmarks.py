@@ -147,7 +147,7 @@ def test_no_ray_exactly_at_edges_is_lost(repository, tmp_path, mesh_file):
 
 
 def test_a_ray_that_is_lost_at_an_edge_is_counted(mesh_file):
-    """By an engine without one triangle of two, whose rays are judged by all."""
+    """The engine lacks one of two triangles; the judge has both."""
     mesh, random = load(mesh_file), np.random.default_rng(3)
     rays = mesh_edges.aim(mesh, "any direction", 1000, random)
     half = peers.scene_of(BenchMesh("half", mesh.positions, mesh.triangles[::2]))

@@ -22,7 +22,7 @@ GRASSES = (
 
 
 def meadow_height(x: Points, y: Points) -> Points:
-    """Of the ground: level where the sheep are, swelling beyond."""
+    """The height of the ground: level where the sheep are, hilly beyond."""
     away = 1.0 - np.exp(-(x * x + y * y) / 30.0)
     return away * (0.22 * np.sin(0.33 * x + 0.8) * np.sin(0.27 * y + 0.4) + 0.012 * np.maximum(0.0, y))
 

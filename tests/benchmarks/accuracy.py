@@ -117,7 +117,7 @@ def _cases(count: int) -> Iterator[Case]:
 def _grounds(
     is_aslant: bool, native: NativePrograms, chosen: argparse.Namespace, left_out: list[str]
 ) -> list[dict[str, Any]]:
-    """For each side the errors of t, by who answered."""
+    """For each side the errors of t by engine."""
     rows = []
     for side in SIDES:
         mesh, rays = ground(side, is_aslant), rays_at_its_middle(chosen.rays, is_aslant)

@@ -17,14 +17,14 @@ def make_all(detail: float) -> list[BenchMesh]:
 
 
 def import_file(path: Path, operator: str) -> BenchMesh:
-    """All objects of a file as one mesh."""
+    """Imports all objects of a file as one mesh."""
     _clear()
     getattr(bpy.ops.wm, operator)(filepath=str(path))
     return _evaluated(path.stem)
 
 
 def open_scene(path: Path) -> BenchMesh:
-    """All that a .blend file's scene shows in its current frame as one mesh."""
+    """Reads everything that a .blend file's scene shows in its current frame as one mesh."""
     bpy.ops.wm.open_mainfile(filepath=str(path), load_ui=False)
     return _evaluated(path.stem)
 

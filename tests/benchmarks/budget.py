@@ -83,7 +83,7 @@ def main() -> None:
 
 
 def budget_of(program: Path, mesh: BenchMesh, kind: str, strategy: str, size: str) -> dict[str, Any]:
-    """Of one ray in the mean: `stages`, of which the peer's is all OTHER; of ours also the visits that make them up."""
+    """Returns the mean counts of a ray: `stages` (all OTHER for the peer), and for ours also the visits that cause them."""
     if not program.is_file():
         raise SystemExit(f"{program} is not built; `nox -s benchmarks` builds it")
     is_peer = strategy == PEER
@@ -121,7 +121,7 @@ def _profile(program: Path, words: list[str], folder: Path, caster: str) -> tupl
 
 
 def read_totals(lines: Iterable[str]) -> dict[str, int]:
-    """By event, of a whole callgrind profile."""
+    """Reads the totals of a callgrind profile by event."""
     found = {
         name: values for name, _, values in (line.partition(":") for line in lines) if name in ("events", "totals")
     }
@@ -130,7 +130,7 @@ def read_totals(lines: Iterable[str]) -> dict[str, int]:
 
 
 def read_costs(lines: Iterable[str], program: str) -> Costs:
-    """By address in the program and event, of a callgrind profile whose positions and strings are not compressed."""
+    """Reads costs by address in the program and event. The profile's positions and strings must be uncompressed."""
     events: list[str] = []
     costs, in_program, is_call = Costs(), False, False
     for line in lines:
@@ -151,7 +151,7 @@ def read_costs(lines: Iterable[str], program: str) -> Costs:
 
 
 def add_up(program: Path, costs: Costs, ray_count: int) -> Counts:
-    """By stage, of one ray."""
+    """Adds up the counts of one ray by stage."""
     stages = stages_of(program, sorted({address for address, _ in costs}))
     counts: Counts = {stage: dict.fromkeys(EVENTS, 0.0) for stage in (*STAGES, OTHER)}
     for (address, event), cost in costs.items():

@@ -25,7 +25,7 @@ def milliseconds(seconds: list[float]) -> dict[str, float]:
 
 
 def measure_builds(mesh: BenchMesh, trees: list[str], rounds: int, thread_count: int, tell: Tell) -> dict[str, Any]:
-    """By tree: milliseconds from a mesh to a scene ready to trace, and those of the stages by the engine's report."""
+    """Returns, by tree, milliseconds from a mesh to a scene ready to trace, and those of the reported stages."""
     scenes: dict[str, perfect_bvh.Scene] = {}
     reports: dict[str, list[perfect_bvh.CommitReport]] = {name: [] for name in trees}
 
@@ -44,7 +44,7 @@ def measure_builds(mesh: BenchMesh, trees: list[str], rounds: int, thread_count:
 
 
 def median_stages(reports: list[perfect_bvh.CommitReport]) -> dict[str, float]:
-    """By the wall clock."""
+    """Returns the stages' median wall-clock times."""
     stages = {name: [report.mesh_stages[name] for report in reports] for name in ("build", "optimize", "collapse")}
     stages["top level"] = [report.top_level_milliseconds for report in reports]
     return {name: float(np.median(times)) for name, times in stages.items()}

@@ -86,14 +86,14 @@ def blocks(image: Image) -> Image:
 
 
 def quantiles(ours: Image, theirs: Image) -> dict[str, float]:
-    """Of the differences, in parts of the brightness."""
+    """Returns quantiles of the differences, relative to the brightness."""
     brightness = np.maximum(theirs.mean(axis=2), DARKEST * theirs.mean())
     difference = np.abs(ours - theirs).mean(axis=2) / brightness
     return {f"p{part}": float(np.quantile(difference, part / 100)) for part in (50, 95)}
 
 
 def cells_of(row: dict[str, Any]) -> tuple[str, ...]:
-    """As a line of the table."""
+    """Returns the cells of a line of the table."""
     parts = [*row["mean"], *(row[kind][part] for kind in ("pixels", "blocks") for part in ("p50", "p95"))]
     return row["name"], *(f"{100 * part:.2f}" for part in parts)
 

@@ -52,7 +52,7 @@ def main() -> None:
 
 
 def ray_ratios(row: Row, competitor: str, to: str) -> dict[str, float]:
-    """By kind of ray: how many times as fast."""
+    """Returns the ratio of speeds by kind of ray."""
     speed = {(ray["rays"], ray["competitor"]): ray["mrays_per_second"] for ray in row["rays"]}
     return {kind: speed[kind, competitor] / speed[kind, to] for kind in KINDS if (kind, competitor) in speed}
 
@@ -64,7 +64,7 @@ def bytes_each(row: Row, competitor: str) -> float | None:
 
 
 def time_ratio(row: Row, table: str, key: str, to: str) -> float:
-    """Of a table of builds or refits: our median to another's."""
+    """Returns the ratio of our median time to another's, in a table of builds or refits."""
     medians = {one["competitor"]: one[key]["median"] for one in row[table]}
     return float(medians["ours"] / medians[to])
 

@@ -246,7 +246,7 @@ def measure_scheduler(chosen: Any, _: Row) -> Row:
 
 
 def on_paper(chosen: Any, results: Row) -> Row:
-    """By the figures of this run."""
+    """Calculates the farm from the figures of this run."""
     if not {"stages", "scheduler"} <= results.keys():
         raise SystemExit("the farm on paper goes by the figures of stages and scheduler: measure those as well")
     stages = results["stages"]

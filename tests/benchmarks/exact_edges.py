@@ -58,7 +58,7 @@ def measure(count: int, ray_limit: int) -> dict[str, Any]:
 
 
 def box() -> BenchMesh:
-    """From -0.5 to 0.5."""
+    """Makes a box from -0.5 to 0.5."""
     corners = np.array([(x, y, z) for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)], np.float32)
     triangles = np.array([row for a, b, c, d in SIDES for row in ((a, b, c), (a, c, d))], np.int32)
     return BenchMesh("box", corners, triangles)
@@ -86,7 +86,7 @@ def is_hit(mesh: BenchMesh, rays: Rays) -> npt.NDArray[np.bool_]:
 
 
 def _answers(mesh: BenchMesh, rays: Rays, ray_limit: int, left_out: list[str]) -> Iterator[tuple[str, Answers]]:
-    """Those who take one ray a call are asked for the first rays only."""
+    """Peers that take one ray a call get the first rays only."""
     makers: dict[str, Callable[[], peers.Peer]] = {
         "perfect_bvh": lambda: peers.ours(peers.scene_of(mesh), "perfect_bvh"),
         "embree": lambda: peers.embreex(mesh),

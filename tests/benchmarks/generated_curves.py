@@ -28,11 +28,11 @@ class BenchBalls:
 
     @property
     def primitive_count(self) -> int:
-        """Of segments or points."""
+        """The number of segments or points."""
         return len(self.points) if self.offsets is None else len(self.points) - (len(self.offsets) - 1)
 
     def write(self, path: Path) -> None:
-        """For native/benchmarks/round_scene.h, with some frames in the wind."""
+        """Writes the file that native/benchmarks/round_scene.h reads, with some frames in the wind."""
         firsts = np.empty(0, np.uint32) if self.offsets is None else self.offsets[:-1].astype(np.uint32)
         with path.open("wb") as file:
             file.write(np.array([len(self.points), len(firsts), WIND_FRAMES], np.uint32).tobytes())
@@ -189,7 +189,7 @@ def far_away() -> BenchBalls:
 
 
 def blown(balls: BenchBalls, frame: int) -> BenchBalls:
-    """The same in the wind: each curve's points are moved the more, the nearer they are to its tip; points, along y."""
+    """Returns the shapes in the wind: curves sway, more towards their tips; points sway along y."""
     places = balls.points.astype(np.float64)
     size = 0.1 * float(np.ptp(places, axis=0).max()) if balls.offsets is None else 1.0
     phase = places @ [1.3, 0.7, 1.9] + 0.4 * frame

@@ -88,6 +88,6 @@ def _directions(random: np.random.Generator, count: int) -> F64:
 
 
 def _across(along: F64, towards: F64) -> F64:
-    """Of unit length, at right angles to `along`."""
+    """Returns vectors of unit length, at right angles to `along`."""
     vectors = np.cross(along, towards)
     return np.asarray(vectors / np.linalg.norm(vectors, axis=1, keepdims=True))

@@ -33,7 +33,7 @@ class BenchMotion:
 
     @property
     def triangle_count(self) -> int:
-        """Of all instances."""
+        """The number of triangles of all instances."""
         counts = np.array([len(triangles) for _, triangles in self.meshes])
         return int(counts[self.mesh].sum())
 
@@ -48,7 +48,7 @@ class BenchMotion:
         return low, high
 
     def write(self, path: Path) -> None:
-        """For native/benchmarks/motion_scene.h."""
+        """Writes the file that native/benchmarks/motion_scene.h reads."""
         with path.open("wb") as file:
             file.write(np.array([len(self.places), len(self.meshes), len(self.mesh)], "<u4").tobytes())
             for shapes, triangles in self.meshes:

@@ -80,7 +80,7 @@ def instance_ratios(rows: Sequence[Row], kind: str) -> dict[tuple[str, int], flo
 
 
 def to_the_best_peer(ratios: Mapping[tuple[str, int], float]) -> dict[int, float]:
-    """By number of instances: to the soonest of Embree's ways."""
+    """By number of instances: the ratio to the fastest of Embree's methods."""
     return {count: min(ratio for (_, each), ratio in ratios.items() if each == count) for _, count in ratios}
 
 

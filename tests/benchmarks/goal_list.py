@@ -28,7 +28,7 @@ class Goal:
 
 
 def goals_of(results: Results) -> list[Goal]:
-    """Those about which something was measured."""
+    """Returns the goals that have measured figures."""
     return [goal for name, goals in GOALS.items() if results.get(name) for goal in goals(results[name])]
 
 

@@ -72,7 +72,7 @@ def _rays(rows: Sequence[Row]) -> Iterator[str]:
 
 
 def _different(rows: Sequence[Row]) -> figures.Ratios:
-    """Of ours with the best kernels."""
+    """Returns our number of different answers per million, with the best kernels."""
     return {
         (row["mesh"], row["rays"]): 1e6 * row["different_from_first"] / row["ray_count"]
         for row in rows

@@ -53,7 +53,7 @@ MEASURES = ("error", "flip") if HAS_FLIP else ("error",)
 
 @dataclass(frozen=True, slots=True)
 class Renderer:
-    """One way to an image."""
+    """One method of rendering an image."""
 
     name: str
     engine: str
@@ -172,7 +172,7 @@ def mean_of(halves: Image) -> tuple[Image, float]:
 
 
 def render(scene: bpy.types.Scene, which: Renderer, width: int, samples: int, seed: int) -> Rendered:
-    """From the request to a file, with nothing kept from before."""
+    """Times a render from the request to the file, without data kept from earlier renders."""
     clear_syncs()
     picture = scene.render.image_settings
     settings: list[tuple[Any, str, Any]] = settings_of(scene, which, width, samples, seed)

@@ -9,7 +9,7 @@ from benchmarks.rays import Rays, camera_rays
 
 
 class Instanced:
-    """On a square grid, turned and sized at random, seeded. transforms: (I, 4, 4)."""
+    """Instances on a square grid, turned and sized at random, seeded. transforms: (I, 4, 4)."""
 
     def __init__(self, mesh: BenchMesh, count: int) -> None:
         self._mesh = mesh

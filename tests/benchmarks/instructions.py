@@ -63,7 +63,7 @@ def _cast_primary(state: dict[str, Any]) -> None:
 
 
 def _cast_diffuse(state: dict[str, Any]) -> None:
-    """From 0.999 of the way to each hit; rays that missed start at the camera."""
+    """Casts rays from 0.999 of the distance to each hit; rays that missed start at the camera."""
     t = np.where(state["hits"].is_hit, state["hits"].t_hit, 0.0)[:, None] * np.float32(0.999)
     origins = (state["camera"].matrix[:3, 3] + state["rays"] * t).astype(np.float32)
     state["scene"].cast_rays(origins, state["directions"], threads=1)
@@ -82,7 +82,7 @@ WORK: dict[str, Callable[[dict[str, Any]], object]] = {
 
 
 def count_instructions(path: Path, last: str) -> int:
-    """Of a process that runs the stages up to `last`. Raises RuntimeError if valgrind's answer has no count."""
+    """Counts a process that runs the stages up to `last`. Raises RuntimeError if valgrind prints no count."""
     isa = {"PERFECT_BVH_ISA": os.environ.get("PERFECT_BVH_ISA", "avx2")}
     calibration = Path(perfect_bvh.__file__).parent / "calibration.json"
     fixed = {"PYTHONHASHSEED": "0", "OPENBLAS_NUM_THREADS": "1", "PERFECT_BVH_CALIBRATION": str(calibration)}

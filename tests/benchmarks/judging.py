@@ -58,7 +58,7 @@ class Judge:
         self._part = lru_cache(maxsize=256)(self._make_part)
 
     def count_wrong(self, rays: Rays, answers: Mapping[str, Answers]) -> dict[str, Wrong]:
-        """Of everyone's answers to the same rays."""
+        """Counts the wrong answers of each peer to the same rays."""
         columns = list(answers.values())
         t, instances, ids = (
             np.array([getattr(each, name) for each in columns]) for name in ("t", "instance_ids", "primitive_ids")

@@ -21,7 +21,7 @@ def ground(side: float, is_aslant: bool) -> BenchMesh:
 
 
 def rays_at_its_middle(count: int, is_aslant: bool) -> Rays:
-    """From one to three units above the ground to the ten by ten in its middle."""
+    """Rays from one to three units above the ground to the ten by ten in its middle."""
     random = np.random.default_rng(29)
     origins = np.column_stack([random.uniform(-5.0, 5.0, (count, 2)), random.uniform(1.0, 3.0, count)])
     targets = np.column_stack([random.uniform(-5.0, 5.0, (count, 2)), np.zeros(count)])
@@ -51,7 +51,7 @@ def errors_of_t(mesh: BenchMesh, rays: Rays, answers: Answers) -> dict[str, floa
 
 
 def _turn(is_aslant: bool) -> F64:
-    """By fixed angles about x and y: none of the plane's coordinates is zero then."""
+    """Rotates by fixed angles about x and y, so that none of the plane's coordinates is zero."""
     if not is_aslant:
         return np.eye(3)
     (s, c), (p, q) = ((np.sin(angle), np.cos(angle)) for angle in (0.3, 0.2))

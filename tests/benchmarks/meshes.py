@@ -27,7 +27,7 @@ class BenchMesh:
     is_inside: bool = False
 
     def write(self, path: Path) -> None:
-        """As the native programs read it: uint32 counts of vertices and triangles, then both arrays."""
+        """Writes the native programs' format: uint32 counts of vertices and triangles, then both arrays."""
         counts = np.array([len(self.positions), len(self.triangles)], "<u4")
         arrays = (counts, self.positions.astype("<f4"), self.triangles.astype("<u4"))
         path.write_bytes(b"".join(array.tobytes() for array in arrays))

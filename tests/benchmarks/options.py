@@ -28,7 +28,7 @@ def parser(description: str, *, is_timed: bool = True) -> argparse.ArgumentParse
 
 
 def add_meshes(options: argparse.ArgumentParser, *, detail: float = 1.0) -> None:
-    """For `meshes_of`."""
+    """Adds the options that `meshes_of` reads."""
     add_named_meshes(options, detail=detail)
     options.add_argument(
         "--default-meshes", action="store_true", help="those that Blender makes, too (without --mesh they are all)"
@@ -36,7 +36,7 @@ def add_meshes(options: argparse.ArgumentParser, *, detail: float = 1.0) -> None
 
 
 def add_named_meshes(options: argparse.ArgumentParser, *, detail: float = 1.0) -> None:
-    """For programs that always measure generated meshes as well."""
+    """Adds the options of programs that always measure generated meshes as well."""
     options.add_argument(
         "--mesh",
         nargs="+",
@@ -51,7 +51,7 @@ def add_named_meshes(options: argparse.ArgumentParser, *, detail: float = 1.0) -
 
 
 def add_ray_limit(options: argparse.ArgumentParser) -> None:
-    """For programs with peers such as Blender's."""
+    """Adds the option of programs with slow peers such as Blender's."""
     options.add_argument(
         "--ray-limit", type=int, default=20_000, metavar="N", help="rays for peers that take one a call"
     )
@@ -71,7 +71,7 @@ def size_of(options: argparse.Namespace) -> tuple[int, int]:
 
 
 def meshes_of(options: argparse.Namespace) -> list[BenchMesh]:
-    """All that were asked for; ends the program with a sentence if one cannot be had."""
+    """Returns all chosen meshes; ends the program with a sentence if one is unavailable."""
     try:
         meshes = [load(path) for path in options.mesh or ()]
         if options.default_meshes or not meshes:

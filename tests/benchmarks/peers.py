@@ -35,7 +35,7 @@ class Answers:
 
     @classmethod
     def of_one(cls, t: npt.NDArray[np.float64], primitive_ids: Ids) -> Answers:
-        """Of a mesh alone, as instance 0."""
+        """Answers of a single mesh, as instance 0."""
         return cls(t, primitive_ids, np.where(primitive_ids >= 0, 0, -1))
 
     @classmethod
@@ -62,7 +62,7 @@ class Peer:
         return self.any(rays) if rays.is_any_hit else self.closest(rays)
 
     def ask(self, rays: Rays) -> Answers:
-        """For the judge."""
+        """Returns the answers for the judge."""
         return Answers.of_any(self.occluded(rays)) if rays.is_any_hit else self.answers(rays)
 
 

@@ -32,7 +32,7 @@ def thread_seconds() -> float:
 
 
 def wall_seconds() -> float:
-    """For work on several threads."""
+    """The wall clock, for work on several threads."""
     return time.perf_counter()
 
 

@@ -136,7 +136,7 @@ def all_rays(pattern: CameraGrid | SpinningLidar, sync: SceneSync) -> tuple[Rays
 
 
 def world_rays(pattern: CameraGrid | SpinningLidar, sync: SceneSync, limit: int) -> WorldRays:
-    """At most `limit` of a scan's rays, at random."""
+    """Returns at most `limit` of a scan's rays, chosen at random."""
     rays, matrix = all_rays(pattern, sync)
     rng = np.random.default_rng(SEED)
     numbers = np.sort(rng.choice(len(rays), min(limit, len(rays)), replace=False))

@@ -33,7 +33,7 @@ RAYS = 1_500_000  # passed to the governor
 
 
 def twist(positions: F64, amount: float) -> F64:
-    """By this number of radians from end to end."""
+    """Twists by this number of radians from end to end."""
     turn = amount * (positions[:, 2] - positions[:, 2].min()) / np.ptp(positions[:, 2])
     cos, sin = np.cos(turn), np.sin(turn)
     x, y = positions[:, 0], positions[:, 1]
@@ -100,7 +100,7 @@ def measure(
 ) -> tuple[dict[str, Any], int]:
     """By policy: speed as a share of the new tree's, milliseconds of the update, answers that differ or are wrong.
 
-    And how many differ if the tree of before is asked.
+    Also returns how many answers of the old tree differ.
     """
     moved = move(start, amount).astype(np.float32)
     origins, directions = _rays(moved, chosen.rays)

@@ -85,7 +85,7 @@ def _panel(mesh: Figures) -> Panel:
 
 
 def paid_for_choices(mesh: Figures) -> list[tuple[float, str, float]]:
-    """For each number of rays: the tree that the planner takes, and its time over that of the best of ours."""
+    """Returns, for each number of rays, the planner's tree and the ratio of its time to that of our best tree."""
     trees = {name: tree for name, tree in named(mesh["trees"]).items() if name in TREES}
     ours = [tree for name, tree in trees.items() if not name.startswith("embree")]
     chosen = [(row["rays"], BUILT_AS[row["builder"]]) for row in mesh["planner"] if row["rays"] <= COUNTS[-1]]
@@ -104,14 +104,14 @@ def _milliseconds(tree: Figures, rays: float, quartile: str = "median") -> float
     kind = tree["rays"][KIND]
     speed = kind["mrays_per_second"]
     if quartile != "median":
-        # Of a time the low quartile is that of a speed's high one.
+        # The low quartile of a time is the high quartile of a speed.
         ends = [kind["rounds"]["low"], kind["rounds"]["high"], speed]
         speed = max(ends) if quartile == "low" else min(ends)
     return float(tree["ready_ms"]["1"][quartile] + rays / (1e3 * speed))
 
 
 def _crossings(trees: dict[str, Figures]) -> list[tuple[float, str]]:
-    """From how many rays on which of our builders is the best; not the one that is so from the beginning."""
+    """Returns the numbers of rays at which the best of our builders changes, each with the new best."""
     ours = [name for name in trees if not name.startswith("embree")]
     found: list[tuple[float, str]] = []
     before = None

@@ -79,7 +79,7 @@ def _series(name: str, trees: list[Figures], color: str, mark: Any) -> Series:
 
 
 def _frontier(points: list[tuple[float, float]]) -> Series:
-    """Those than whom none is both faster to build and faster to trace."""
+    """Returns the points for which no other is both faster to build and faster to trace."""
     best: list[tuple[float, float]] = []
     for time, speed in sorted(points):
         if not best or speed > best[-1][1]:

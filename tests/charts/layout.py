@@ -1,4 +1,4 @@
-"""From a chart to a picture: every panel, axis, mark and word gets its place. Pixels, 800 a line of the README."""
+"""Lays out a chart as a picture: places every panel, axis, mark and word. In pixels, 800 across the README."""
 
 from __future__ import annotations
 

@@ -42,7 +42,7 @@ def describe(name: str) -> Chart:
 
 
 def fingerprint(chart: Chart) -> str:
-    """Of every word and every number of a chart, to six digits, however they are going to be laid out."""
+    """Hashes every word and every number of a chart, to six digits, independent of the layout."""
     return hashlib.sha256("\n".join(_parts(chart)).encode()).hexdigest()
 
 

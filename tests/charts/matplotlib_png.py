@@ -18,7 +18,7 @@ POINTS = 72.0 / 100.0  # of one of our pixels, at 100 of them an inch
 
 
 def write(picture: Picture, path: Path, zoom: float) -> None:
-    """As a PNG without the date of its creation."""
+    """Writes a PNG without the date of its creation."""
     figure = Figure(figsize=(picture.width / 100.0, picture.height / 100.0), dpi=100.0 * zoom)
     canvas = FigureCanvasAgg(figure)
     axes = figure.add_axes((0.0, 0.0, 1.0, 1.0))

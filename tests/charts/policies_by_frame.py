@@ -69,6 +69,6 @@ def _dearest(frame: Figures) -> str | None:
 
 
 def _governed_to_better(policies: Figures) -> float:
-    """In sum, after the first frame."""
+    """Returns the governed sum relative to the better of the other two, after the first frame."""
     sums = {name: sum(row["all_ms"]["median"] for row in policies[name]["frames"][1:]) for name in LOOKS}
     return float(sums["governed"] / min(sums["refit"], sums["rebuild"]))

@@ -81,7 +81,7 @@ def _panel(
 
 
 def predict_each_without_its_mesh(predictors: Floats, time: Floats, names: npt.NDArray[np.str_]) -> Floats:
-    """Of a linear fit with an offset to all other meshes. predictors: (N, P); time, names: (N,)."""
+    """Predicts each mesh by a linear fit with an offset to all other meshes. predictors: (N, P); time, names: (N,)."""
     predicted = np.empty_like(time)
     for name in np.unique(names):
         out = names == name
@@ -102,5 +102,5 @@ def _fit(predictors: Floats, time: Floats, wanted: Floats) -> Floats:
 
 
 def correlation(predicted: Floats, time: Floats, rows: npt.NDArray[np.bool_]) -> float:
-    """Of some trees; with its sign, for a prediction that ranks them the wrong way round is none."""
+    """Returns the correlation for these trees, with its sign: a prediction in the wrong order is no prediction."""
     return float(np.corrcoef(predicted[rows], time[rows])[0, 1])

@@ -1,4 +1,4 @@
-"""From values to places along an axis, and where its ticks are."""
+"""Maps values to positions along an axis, and places its ticks."""
 
 from __future__ import annotations
 

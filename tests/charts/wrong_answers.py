@@ -119,7 +119,7 @@ def _outlines(rows: list[Figures]) -> Panel:
 
 
 def _frontier(figures: Figures) -> Panel:
-    """Of the undeformed sphere."""
+    """Draws speed over lost answers for the undeformed sphere."""
     lost = next(row for row in figures["sweeps"]["scale"] if row["value"] == 1.0)["vertices"]
     series = []
     for name, (words, color, mark) in LOOKS.items():

@@ -15,7 +15,7 @@ from oracles import meshes
 
 
 def stack(height: int = 100) -> perfect_bvh.Scene:
-    """The same triangle many times: a ray that meets one has to look at all."""
+    """The same triangle many times: a ray that hits one has to test all."""
     corners = np.tile(np.array([(-1, -1, 0), (1, -1, 0), (0, 1, 0)], np.float32), (height, 1))
     scene = perfect_bvh.Scene()
     scene.add_instance(scene.add_mesh(corners, np.arange(len(corners)).reshape(-1, 3)))
@@ -30,5 +30,5 @@ def rays_through_it(count: int = 1_000_000) -> dict[str, Any]:
 
 
 def large_mesh() -> tuple[npt.NDArray[np.floating[Any]], npt.NDArray[np.integer[Any]]]:
-    """To be built with the fixture `one_thread`."""
+    """A mesh to build with the fixture `one_thread`."""
     return meshes.sphere(1000, 1400)

@@ -126,7 +126,7 @@ def test_a_fine_clock_of_the_thread_is_used(step):
 @pytest.mark.parametrize("start", [0, 15_624_950, 15_624_850])  # the latter two just before it moves
 @pytest.mark.parametrize("step", [15_625_000, 10_000_000_000])
 def test_a_coarse_clock_of_the_thread_is_not_used(step, start):
-    """As Windows has it, or as one that never moves."""
+    """A clock as on Windows, or one that never moves."""
     fake = FakeTime(step, start)
     assert choose_clock(fake.own, fake.common) == fake.common
     assert fake.now - start < 5 * COARSE_NANOSECONDS

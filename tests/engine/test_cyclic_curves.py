@@ -54,7 +54,7 @@ def world_of(points: np.ndarray, radii: np.ndarray, shape: str, is_cyclic: bool 
 
 
 def assert_right(scene: Scene, world: RoundWorld, origins, directions, times=0.0) -> int:
-    """Of the nearest, of any, and of all; returns how many rays hit."""
+    """Checks the nearest, any and all hits; returns how many rays hit."""
     hits = scene.cast_rays(origins, directions, times=times)
     assert not judge(world, origins, directions, hits.t_hit, hits.instance_ids, hits.primitive_ids).wrong.any()
     occluded = scene.test_occlusions(origins, directions, times=times)

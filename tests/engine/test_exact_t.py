@@ -40,7 +40,7 @@ def _exact_t(numbers: tuple[float, ...]) -> Fraction:
 
 
 def units_off(t: np.ndarray, corners: F64, origins: F64, directions: F64) -> F64:
-    """By how many units in the last place of a float each t differs from the exact one. corners: (R, 3, 3)."""
+    """Returns each t's error against the exact one in units in the last place of a float. corners: (R, 3, 3)."""
     off = []
     for answer, triangle, origin, direction in zip(t, corners, origins, directions, strict=True):
         exact = exact_t(triangle, origin, direction)
@@ -49,7 +49,7 @@ def units_off(t: np.ndarray, corners: F64, origins: F64, directions: F64) -> F64
 
 
 def heights_above(positions: npt.NDArray[np.float32], triangles: np.ndarray, points: F64) -> F64:
-    """Of each point over the plane of its triangle (R, 3)."""
+    """Returns the height of each point above the plane of its triangle (R, 3)."""
     a, b, c = (positions.astype(np.longdouble)[triangles[:, corner]] for corner in range(3))
     normals = np.cross(b - a, c - a)
     return np.abs(((points - a) * normals).sum(axis=1) / np.sqrt((normals**2).sum(axis=1))).astype(np.float64)
@@ -228,7 +228,7 @@ def test_beside_edges(offset, away, strategy):
 
 
 def rays_along(corners: F64, angle: float, farthest: float) -> tuple[F64, F64]:
-    """From at most `farthest` away to points of a triangle, at `angle` to its plane."""
+    """Rays from at most `farthest` away to points of a triangle, at `angle` to its plane."""
     random = np.random.default_rng(16)
     across = np.cross(corners[1] - corners[0], corners[2] - corners[0])
     along = random.normal(size=(RAYS, 2)) @ (corners[1:] - corners[0])

@@ -12,7 +12,7 @@ RAYS = 3000
 
 
 def rays_at_sphere(seed):
-    """From outside a unit sphere at points well inside it: every one of them meets it."""
+    """Rays from outside a unit sphere at points well inside it: every one of them hits it."""
     random = np.random.default_rng(seed)
     origins = random.normal(size=(RAYS, 3))
     origins *= random.uniform(1.5, 6.0, (RAYS, 1)) / np.linalg.norm(origins, axis=1, keepdims=True)

@@ -44,7 +44,7 @@ def errors(hits, positions, triangles, origins, directions, place=None):
 
 
 def hits_of(positions, triangles, origins, directions, place=None):
-    """Of a scene of one mesh. place: as for `errors`."""
+    """Returns the hits in a scene of one mesh. place: as for `errors`."""
     scene = perfect_bvh.Scene()
     scene.add_instance(scene.add_mesh(positions, triangles), place)
     scene.commit()
@@ -58,7 +58,7 @@ def turned(angles):
 
 
 def rays_onto_the_middle(seed):
-    """From 0.5 to 3 above the plane z = 0 onto the 10 x 10 in its middle."""
+    """Rays from 0.5 to 3 above the plane z = 0 onto the 10 x 10 in its middle."""
     random = np.random.default_rng(seed)
     targets = np.column_stack([random.uniform(-5.0, 5.0, (RAYS, 2)), np.zeros(RAYS)])
     origins = np.column_stack([random.uniform(-5.0, 5.0, (RAYS, 2)), random.uniform(0.5, 3.0, RAYS)])

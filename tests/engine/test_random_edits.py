@@ -186,7 +186,7 @@ class Play:
         self.scene.set_usage(self.pick_mesh(), self.pick(("static", "deforming", "changing")))
 
     def hide(self) -> None:
-        """From some rays or from all, or no longer."""
+        """Hides an instance from some rays or from all, or shows it again."""
         number = self.pick(list(self.placed))
         self.placed[number].mask = self.pick((0, 1, 2, ALL))
         self.scene.set_masks([number], [self.placed[number].mask])

@@ -21,7 +21,7 @@ BLACK = np.zeros((1, 3), np.float32)
 
 
 def corners(*places: tuple[float, ...]) -> Any:
-    """Of the floor's two triangles, from its four corners."""
+    """Returns the corners of the floor's two triangles from its four corners."""
     return np.float32(places)[QUAD]
 
 
@@ -30,7 +30,7 @@ def plain(*color: float, size: tuple[int, int] = (2, 2)) -> Any:
 
 
 def floor_with(**fields: Any) -> Appearance:
-    """Of one material that shines with the first image."""
+    """A floor of one material that emits the first image."""
     table = MaterialTable(
         np.ones((1, 4), np.float32),
         np.zeros(1, np.int32),

@@ -61,7 +61,7 @@ def picture(scene: Scene, camera: Camera, samples: int = 256, count: int = 1) ->
 
 
 def blur_radius(lens: Lens, distance: float, projection: str) -> float:
-    """In the frame's units, of a point at this distance."""
+    """Returns the blur of a point at this distance in the frame's units."""
     spread = lens.radius * abs(distance / lens.focus_distance - 1.0)
     return spread if projection == "orthographic" else spread / distance
 

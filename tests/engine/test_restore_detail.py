@@ -38,7 +38,7 @@ def error(image: Image, truth: Image) -> float:
 
 
 def restored(image: Image, noise: Image, clean: Image, through: Image, truth: Image | None = None) -> Image:
-    """Of an uneven surface everywhere, or one of the colours of a converged image."""
+    """Restores detail of an uneven surface everywhere, or of one with the colours of a converged image."""
     albedo = np.random.default_rng(5).random((*image.shape[:2], 3)) if truth is None else truth
     return restore_detail(image, noise, clean, through, albedo, np.zeros((*image.shape[:2], 3)))
 

@@ -25,7 +25,7 @@ def ribbons(points, radii, offsets, transform=None) -> tuple[Scene, RoundWorld]:
 
 
 def assert_right(scene: Scene, world: RoundWorld, origins, directions) -> int:
-    """Of the nearest, of all and of any. How many rays hit anything."""
+    """Checks the nearest, all and any hits. Returns how many rays hit."""
     hits = scene.cast_rays(origins, directions)
     verdict = judge(world, origins, directions, hits.t_hit, hits.instance_ids, hits.primitive_ids)
     assert not verdict.wrong.any()

@@ -424,7 +424,7 @@ def test_a_cancelled_commit_changes_nothing():
 
 @pytest.mark.parametrize("use", [lambda scene: scene.mesh_count, lambda scene: scene.remove_mesh(0)])
 def test_a_commit_refuses_its_own_progress_callable(use):
-    """It would wait for itself for ever."""
+    """A commit within it would wait for itself for ever."""
     scene = perfect_bvh.Scene()
     scene.add_mesh(*meshes.sphere(700, 900))
     with pytest.raises(perfect_bvh.EngineError, match="a commit of this scene is under way"):

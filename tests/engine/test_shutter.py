@@ -134,7 +134,7 @@ def test_camera_rays_of_all_times_are_audited() -> None:
 
 
 def moving_cameras() -> tuple[Camera, ...]:
-    """They go, turn and zoom."""
+    """Cameras that move, turn and zoom."""
     places = [((-1.0, -4.0, 0.4), 1.0), ((0.0, -4.5, 0.0), 1.1), ((1.0, -4.0, -0.4), 0.8)]
     return tuple(Camera.look_at(place, (0.2, 0.0, 0.0), aspect=2.0, angle=angle) for place, angle in places)
 

@@ -48,7 +48,7 @@ def scene_of(mesh: meshes.Mesh, build, transform=None) -> perfect_bvh.Scene:
 
 
 def rays_for(mesh: meshes.Mesh) -> tuple[np.ndarray, np.ndarray]:
-    """At random, along the axes, and exactly at vertices and edge points."""
+    """Rays at random, along the axes, and exactly at vertices and edge points."""
     random = np.random.default_rng(7)
     origins, directions = meshes.random_rays(3000, 8)
     axes = np.eye(3, dtype=np.float32)[random.integers(0, 3, 1000)] * random.choice([-1, 1], (1000, 1))

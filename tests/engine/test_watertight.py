@@ -26,7 +26,7 @@ def scene(sphere):
 
 
 def inward_rays(targets: np.ndarray, seed: int) -> tuple[np.ndarray, np.ndarray]:
-    """From random points inside the sphere, exactly at the targets up to float's precision."""
+    """Rays from random points inside the sphere, exactly at the targets up to float's precision."""
     origins = np.random.default_rng(seed).uniform(-0.5, 0.5, targets.shape).astype(np.float32)
     return origins, targets.astype(np.float32) - origins
 

@@ -159,7 +159,7 @@ def _all_panels(base: type = bpy.types.Panel) -> Iterator[type]:
 
 
 def _is_in(panel: type, tab: str) -> bool:
-    """Of the sidebar it is the add-on's own tab."""
+    """Whether a panel is in the tab; for the sidebar, in the add-on's own tab."""
     if tab == "sidebar":
         return bool(panel.bl_space_type == "VIEW_3D" and panel.bl_region_type == "UI" and is_ours(panel))
     if tab in POPOVERS_AND_SIDEBAR:

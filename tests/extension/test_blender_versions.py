@@ -58,7 +58,7 @@ def expected(repository: Path, blend_file, tmp_path_factory) -> Render:
 
 
 def check_settings(command: list[str | Path], environment: dict[str, str], version: str) -> None:
-    """That every setting is shown, and nothing twice."""
+    """Check that every setting is shown, and nothing twice."""
     done = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=300)
     assert done.returncode == 0 and f"ALL SETTINGS SHOWN in {version}." in done.stdout, done.stdout + done.stderr
 

@@ -74,7 +74,7 @@ class Wheel:
 
 
 def find_wheel(platform: str, python: str) -> Path | None:
-    """In dist/wheels; there is one at most."""
+    """Find the wheel in dist/wheels; there is one at most."""
     digits = python.replace(".", "")
     found = list(FOLDER.glob(f"perfect_bvh_engine-*-cp{digits}-cp{digits}-{WHEEL_TAGS[platform]}.whl"))
     assert len(found) <= 1, found

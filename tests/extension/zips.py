@@ -18,14 +18,14 @@ def this_platform() -> str:
 
 
 def zip_of(name: str) -> Path | None:
-    """That of one platform, as Blender's tool names it."""
+    """Return the zip of one platform, by the name that Blender's tool gives it."""
     found = list((REPOSITORY / "dist").glob(f"perfect_bvh-*-{name.replace('-', '_')}.zip"))
     assert len(found) <= 1, found
     return found[0] if found else None
 
 
 def need_zip(name: str) -> Path:
-    """The same; the test is skipped if there is none."""
+    """Return the zip of one platform; skip the test if there is none."""
     found = zip_of(name)
     if found is None:
         pytest.skip(f"no zip for {name} in dist: `nox -s extension` builds it")

@@ -30,7 +30,7 @@ for _name in ("render_complete", "render_cancel", "frame_change_post"):
 
 
 def module(name: str) -> Any:
-    """Of the add-on; some are imported only when they are needed."""
+    """Return a module of the add-on; some are imported only when they are needed."""
     return importlib.import_module(f"{MODULE}.{name}")
 
 
@@ -98,7 +98,7 @@ def close_image_windows() -> Step:
 
 @contextmanager
 def _all_reports_selected() -> Iterator[None]:
-    """In an Info editor in the place of the smallest area."""
+    """Select all reports in an Info editor that replaces the smallest area."""
     area = min(bpy.context.window_manager.windows[0].screen.areas, key=lambda area: area.width * area.height)
     before, area.ui_type = area.ui_type, "INFO"
     try:

@@ -58,7 +58,7 @@ def render_and_wait(entry: str = "r") -> Step:
 
 
 def dismiss_error() -> Step:
-    """It is shown below the mouse until that goes away."""
+    """Move the mouse away from the error, which is shown below the mouse until then."""
     yield from press_key("Escape")
     hover(*middle_of(main_area()))
     yield from handled()
@@ -137,7 +137,7 @@ def mount(*options: str) -> None:
 
 
 def points_of(scan: bpy.types.Object) -> Sequence[object]:
-    """Of a point cloud, or of a mesh in an older Blender."""
+    """Return the points of a point cloud, or of a mesh in an older Blender."""
     return scan.data.points if hasattr(scan.data, "points") else scan.data.vertices
 
 
@@ -179,7 +179,7 @@ def scan_onto_bad_disks() -> Step:
 
 
 def set_up_a_long_scan() -> Step:
-    """By a LiDAR over many frames, each of which Blender has to evaluate."""
+    """Set up a scan by a LiDAR over many frames, each of which Blender has to evaluate."""
     bpy.ops.object.empty_add(location=(0.0, -6.0, 2.0))
     sensor, scan = bpy.context.object, settings().scan
     sensor.name = "Sensor"
@@ -222,7 +222,7 @@ def undo_until_it_is_there(name: str) -> Step:
 
 
 def delete_and_undo_while_scanning() -> Step:
-    """With the keyboard: the sensor, whose scan ends; something that is scanned, which leaves the scan to go on."""
+    """Delete with the keyboard: deleting the sensor ends its scan; deleting a scanned object does not."""
     frame, last = bpy.context.scene.frame_current, bpy.context.scene.frame_end
     yield from set_up_a_long_scan()
 

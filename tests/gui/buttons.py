@@ -146,7 +146,7 @@ def change(
 
 
 def choose_another(area: bpy.types.Area, button: Button, is_changed: Callable[[], bool]) -> Step:
-    """From a menu or a list to search in. A key may move within it, or first show where it is."""
+    """Choose from a menu or a search list. A key may move within it, or first show the current entry."""
     for keys in (["Down"], ["Down", "Down"], ["Up"]):
         yield from press(area, button)
         yield from press_key(*keys, "Return")

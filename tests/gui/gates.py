@@ -41,7 +41,7 @@ class Gate:
         return self._holds_for is not None and self._holds_for is self._shall_hold
 
     def wait(self, what: str) -> Step:
-        """Until work is held."""
+        """Wait until work is held."""
         yield from wait_until(lambda: self.is_holding, f"{what} is not under way, or over before it could be held")
 
     def keeps(self, work: Any, far: Any) -> bool:

@@ -94,7 +94,7 @@ bpy.utils.register_class(WM_OT_note_last_event)
 
 
 def last_events() -> set[tuple[str, str]]:
-    """Of each window the last (key, "PRESS" or "RELEASE")."""
+    """Return the last (key, "PRESS" or "RELEASE") of each window."""
     events = set()
     for window in bpy.context.window_manager.windows:
         with bpy.context.temp_override(window=window):
@@ -123,7 +123,7 @@ def handled() -> Step:
 
 
 def set_window_size(width: int, height: int) -> None:
-    """Of the only window that is open."""
+    """Set the size of the only open window."""
     found = subprocess.run(
         ["xdotool", "search", "--onlyvisible", "--class", "blender"], check=True, capture_output=True, text=True
     )

@@ -27,7 +27,7 @@ def press_motion_blur() -> Step:
 
 
 def render_what_moves() -> Step:
-    """In the thread of Blender's render, which goes through the shutter by itself."""
+    """Render in the thread of Blender's render, which steps through the shutter by itself."""
     scene = bpy.context.scene
     before = scene.frame_current, scene.frame_subframe
     scene.render.use_motion_blur, scene.render.motion_blur_shutter = True, 2.0

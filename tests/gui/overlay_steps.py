@@ -20,14 +20,14 @@ def shown() -> object | None:
 
 
 def set_overlay(**values: object) -> Step:
-    """As a script does it, which asks for no redraw."""
+    """Set properties like a script, which requests no redraw."""
     for name, value in values.items():
         setattr(overlay_settings(), name, value)
     yield from redrawn()
 
 
 def show_the_top_level() -> Step:
-    """With an engine of Blender's own: the boxes are those that rays of ours would meet."""
+    """Show the boxes with one of Blender's engines: they are those that our rays would meet."""
     scene = bpy.context.scene
     before, scene.render.engine = scene.render.engine, "BLENDER_WORKBENCH"
     yield from redrawn()

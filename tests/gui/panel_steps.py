@@ -244,7 +244,7 @@ def press_the_panorama() -> Step:
 
 
 def every_button_was_pressed() -> Step:
-    """Of all that the add-on's panels have drawn in this run."""
+    """Check that every button that the add-on's panels have drawn in this run was pressed."""
     yield 0.1
     check(len(drawn) > 40, f"the panels draw {sorted(drawn)} only")
     check(drawn <= pressed, f"never pressed: {sorted(drawn - pressed)}")

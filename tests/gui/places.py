@@ -22,7 +22,7 @@ def work_in_window(number: int) -> None:
 
 
 def window_stands() -> Step:
-    """Until the window in front stays where it is, and as large: it opens somewhere, and is moved then."""
+    """Wait until the window in front keeps its position and size: it opens somewhere, and is moved then."""
     place, since = None, 0.0
     for _ in range(600):
         window = front_window()

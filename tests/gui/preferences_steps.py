@@ -18,7 +18,7 @@ FIRST_ROW, SECOND_ROW = 36, 70
 
 
 def open_the_preferences() -> Step:
-    """By the menu; the mouse is in their window afterwards."""
+    """Open them by the menu; the mouse is in their window afterwards."""
     windows = bpy.context.window_manager.windows
     count = len(windows)
     yield from click(EDIT_MENU[0], front_window().height - EDIT_MENU[1])

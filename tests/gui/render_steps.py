@@ -88,7 +88,7 @@ def stop_a_preview_while_it_builds() -> Step:
 
 
 def start_render() -> None:
-    """As the menu does it: a job in the background, shown where the user wants renders."""
+    """Start a render like the menu: a job in the background, shown where the user wants renders."""
     with bpy.context.temp_override(**context_of(area_of("VIEW_3D"))):
         bpy.ops.render.render("INVOKE_DEFAULT", use_viewport=True)
 

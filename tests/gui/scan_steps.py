@@ -40,7 +40,7 @@ def press_scan(after: Callable[[], Step]) -> Step:
 
 
 def add_a_sensor() -> Step:
-    """By the button behind the sensor's object; its lines are drawn while it is selected."""
+    """Use the button behind the sensor's object; its lines are drawn while it is selected."""
     scan, cursor, area = settings().scan, bpy.context.scene.cursor, area_of("VIEW_3D")
     before, place = scan.pattern, tuple(cursor.location)
     scan.pattern, cursor.location = "LIDAR", (0.0, 0.0, 2.0)
@@ -67,7 +67,7 @@ def add_a_sensor() -> Step:
 
 
 def color_points_anew() -> Step:
-    """By the small button behind the list of colors."""
+    """Use the small button behind the list of colors."""
 
     def work(_: list[Button]) -> Step:
         area = area_of("VIEW_3D")

@@ -22,7 +22,7 @@ def main_window() -> bpy.types.Window:
 
 
 def view_areas(window: bpy.types.Window) -> list[bpy.types.Area]:
-    """From left to right."""
+    """Return the window's viewports from left to right."""
     areas = [area for area in window.screen.areas if area.type == "VIEW_3D"]
     return sorted(areas, key=lambda area: area.x)
 

@@ -27,7 +27,7 @@ def around(button: Button) -> npt.NDArray[np.uint8]:
 
 
 def let_the_screen_rest() -> Step:
-    """With the mouse where nothing lights up, until the last tooltip has gone."""
+    """Move the mouse where nothing lights up, and wait until the last tooltip has gone."""
     hover(*middle_of(main_area()))
     yield from handled()
     x_tool("mousemove_relative", "--", 5, 5)
@@ -36,7 +36,7 @@ def let_the_screen_rest() -> Step:
 
 
 def same_twice(look: Callable[[], npt.NDArray[np.uint8]]) -> Step:
-    """Until two looks, with time for Blender between them, find the same. Returns that."""
+    """Repeat `look`, with time for Blender in between, until two results are equal. Returns the result."""
     earlier = None
     for _ in range(100):
         yield 0.4

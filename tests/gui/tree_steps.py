@@ -25,7 +25,7 @@ def open_sidebar(area: bpy.types.Area) -> Step:
 
 
 def call_in_sidebar(area: bpy.types.Area) -> str:
-    """Of the operator whose button is under the mouse; "" where there is none."""
+    """Return the call of the operator whose button is under the mouse; "" where there is none."""
     with bpy.context.temp_override(**context_of(area) | {"region": region_of(area, "UI")}):
         if not bpy.ops.ui.copy_python_command_button.poll():
             return ""

@@ -118,7 +118,7 @@ def edit_in_two_scenes() -> Step:
 
 
 def start_render_of(window: bpy.types.Window, gate: Gate) -> Step:
-    """It goes on until Blender or the gate ends it."""
+    """Start a render that goes on until Blender or the gate ends it."""
     scene = window.scene
     if scene.camera is None:
         scene.camera = bpy.data.objects.new("Eye", bpy.data.cameras.new("Eye"))

@@ -82,7 +82,7 @@ def digests_of(values: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
 
 
 def digest_of(value: Any) -> str:
-    """Of an array (type, shape, bits; one of objects as a list) or of a value that JSON takes."""
+    """Returns the digest of an array (type, shape, bits; one of objects as a list) or of a value that JSON takes."""
     if isinstance(value, np.ndarray) and value.dtype != object:
         content = f"{value.dtype.str}{value.shape}".encode() + np.ascontiguousarray(value).tobytes()
     else:
@@ -192,7 +192,7 @@ def scans_of() -> Values:
 
 
 def renders_of(path: Path) -> Values:
-    """All passes as Blender gets them from the engine, through the file that it writes."""
+    """Returns all passes as Blender receives them from the engine, through the file that Blender writes."""
     scene = bpy.context.scene
     scene.render.resolution_x, scene.render.resolution_y, scene.render.resolution_percentage = *SIZE, 100
     scene.perfect_bvh.samples = SAMPLES

@@ -89,7 +89,7 @@ def instances() -> Made:
 
 
 def far_away() -> Made:
-    """In double, where a float has a resolution of half a unit."""
+    """A scene in double, where a float has a resolution of half a unit."""
     centre = np.array([8.0e6, -3.0e6, 5.0e5])
     scene = Scene()
     for positions, triangles in (shapes.ball(3, 0.75), shapes.boxes(40, 14)):

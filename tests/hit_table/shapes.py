@@ -21,7 +21,7 @@ def soup(count: int, seed: int) -> Mesh:
 
 
 def slivers(count: int, seed: int) -> Mesh:
-    """As long as the scene, and 8 to 65,536 times as thin."""
+    """Triangles as long as the scene, and 8 to 65,536 times as thin."""
     start, along = between(-1, 1, (count, 3), seed), between(-1, 1, (count, 3), seed + 1)
     thin = 0.5 ** (3.0 + integers(14, count, seed + 2))
     return separate(np.stack([start, start + along, start + between(-1, 1, (count, 3), seed + 3) * thin[:, None]], 1))

@@ -87,7 +87,7 @@ def digest_of(hashes: Hashes) -> str:
 
 
 def hashes_of(made: Made, strategy: str) -> Hashes:
-    """Of each column of the hits, with the number of rays that hit."""
+    """Returns the hash of each column of the hits, and the number of rays that hit."""
     rays = rays_about(made.centre)
     found: Hashes = {"hits": 0}
     for name, limits in (("all", {}), ("limited", limits_of(len(rays[0])))):

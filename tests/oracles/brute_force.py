@@ -183,7 +183,7 @@ def certain_hits(
     t_max: npt.ArrayLike = np.inf,
     mask: npt.ArrayLike = 0xFFFFFFFF,
 ) -> tuple[npt.NDArray[np.bool_], npt.NDArray[np.bool_], F64, F64]:
-    """Of every ray and triangle, (R, T): surely hit, possibly hit, t and its bound."""
+    """Returns, for every ray and triangle, (R, T): surely hit, possibly hit, t and its bound."""
     origins = np.asarray(origins, np.float64).reshape(-1, 3)
     directions = np.asarray(directions, np.float64).reshape(-1, 3)
     low, high, bits = (np.broadcast_to(np.asarray(v), (len(origins),))[:, None] for v in (t_min, t_max, mask))
@@ -247,7 +247,7 @@ def judge_occlusions(
     t_max: npt.ArrayLike = np.inf,
     mask: npt.ArrayLike = 0xFFFFFFFF,
 ) -> Verdict:
-    """As `judge`, for answers that say only whether anything lies on the ray: occluded (R,) bool."""
+    """Like `judge`, for answers that say only whether anything is on the ray: occluded (R,) bool."""
     origins = np.asarray(origins, np.float64).reshape(-1, 3)
     directions = np.asarray(directions, np.float64).reshape(-1, 3)
     count = len(origins)

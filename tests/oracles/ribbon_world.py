@@ -92,7 +92,7 @@ class RibbonMeetings:
 
 
 def find_meetings(world: RoundWorld, origins: npt.ArrayLike, directions: npt.ArrayLike) -> RibbonMeetings:
-    """Of every ray, (R, 3) both, with every segment, ignoring masks."""
+    """Finds the meetings of every ray, (R, 3) both, with every segment, ignoring masks."""
     rays, segments = near_pairs(world, origins, directions)
     own, may, sure = _judged(world, origins, directions, rays, segments)
     hidden, alone = np.zeros(len(rays), np.bool_), np.ones(len(rays), np.bool_)

@@ -63,7 +63,7 @@ def find_surfaces(world: RoundWorld, origins: npt.ArrayLike, directions: npt.Arr
 
 
 def _hidden(world: RoundWorld, chords: Chords, entries: F64, exits: F64) -> tuple[Flags, Flags, F64]:
-    """Of each chord's entry: whether it may be, and surely is, hidden; the least entry of those that may hide it."""
+    """Returns whether each chord's entry may be, and surely is, hidden; the least entry of those that may hide it."""
     count = len(entries)
     may, sure = np.zeros(count, np.bool_), np.zeros(count, np.bool_)
     least = entries[:, 0].copy()
@@ -153,7 +153,7 @@ def judge_occlusions(
     t_max: npt.ArrayLike = np.inf,
     mask: npt.ArrayLike = 0xFFFFFFFF,
 ) -> Verdict:
-    """As `judge`, for answers that say only whether anything lies on the ray: occluded (R,) bool."""
+    """Like `judge`, for answers that say only whether anything is on the ray: occluded (R,) bool."""
     hit = np.asarray(occluded, np.bool_).reshape(-1)
     surfaces = find_surfaces(world, origins, directions)
     within = _in_range(world, surfaces, t_min, t_max, mask, len(hit))

@@ -125,7 +125,7 @@ class RoundWorld:
 
 
 def _neighbours_of(curves: Ints, steps: Ints, counts: Ints, cyclic: npt.ArrayLike | None) -> tuple[Ints, Ints]:
-    """By looking for the segment with the next number in the same curve, in a cyclic one the last one's is 0."""
+    """Looks for the segment with the next number in the same curve; in a cyclic one 0 follows the last."""
     rows = {key: row for row, key in enumerate(zip(curves.tolist(), steps.tolist(), strict=True))}
     closed = np.zeros(len(curves), np.bool_) if cyclic is None else np.asarray(cyclic, np.bool_)[curves]
     before, after = np.full(len(curves), -1), np.full(len(curves), -1)
@@ -187,7 +187,7 @@ class Chords:
 
 
 def find_chords(world: RoundWorld, origins: npt.ArrayLike, directions: npt.ArrayLike) -> Chords:
-    """Of every ray, (R, 3) both, with every segment, ignoring masks."""
+    """Finds the chords of every ray, (R, 3) both, with every segment, ignoring masks."""
     origins, directions = (np.asarray(rows, np.float64).reshape(-1, 3) for rows in (origins, directions))
     size = max(1, _PAIRS_AT_A_TIME // max(1, len(world.parts)))
     found = []
@@ -241,7 +241,7 @@ def near_pairs(world: RoundWorld, origins: npt.ArrayLike, directions: npt.ArrayL
 def mapped_rays(
     world: RoundWorld, hulls: Hulls, origins: npt.ArrayLike, directions: npt.ArrayLike, rays: Ints, segments: Ints
 ) -> tuple[Reals, Reals, Reals]:
-    """Of each pair: the ray's origin and direction in the segment's own space, and the margin."""
+    """Returns, for each pair, the ray's origin and direction in the segment's own space, and the margin."""
     part = world.parts[segments]
     here, there = (np.asarray(rows, Real).reshape(-1, 3)[rays] for rows in (origins, directions))
     turn = world.inverses[part][:, :, :3]

@@ -48,7 +48,7 @@ def scene_of(balls: BenchBalls, build: BuildConfig | str = "auto", usage: str = 
 
 
 def triangles_of(balls: BenchBalls) -> tuple[perfect_bvh.Scene, np.ndarray]:
-    """The same as triangles, committed; and of which curve or point each triangle is."""
+    """Returns a committed scene of triangles instead; and the curve or point of each triangle."""
     positions, triangles, owners = tessellated(balls)
     scene = perfect_bvh.Scene(calibration=SHIPPED)
     scene.add_instance(scene.add_mesh(positions, triangles))
@@ -70,7 +70,7 @@ def played(case: RoundCase) -> Iterator[tuple[perfect_bvh.Scene, BenchBalls]]:
 
 
 def world_of(balls: BenchBalls) -> RoundWorld:
-    """The same for the reference in double precision: the scene's only instance."""
+    """Returns the shapes for the reference in double precision: the scene's only instance."""
     return RoundWorld.of([RoundPart(0, balls.points, balls.radii, balls.offsets, np.eye(4), 0xFFFFFFFF)])
 
 
@@ -223,5 +223,5 @@ def round_row(case: RoundCase) -> dict[str, object]:
 
 
 def round_rows() -> list[dict[str, object]]:
-    """All of them, in the order of the zoo."""
+    """Returns all rows, in the order of the zoo."""
     return [round_row(case) for case in ROUND_CASES]

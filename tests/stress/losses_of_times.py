@@ -210,5 +210,5 @@ def time_row(case: TimeCase) -> dict[str, object]:
 
 
 def time_rows() -> list[dict[str, object]]:
-    """All of them, in the order of the zoo."""
+    """Returns all rows, in the order of the zoo."""
     return [time_row(case) for case in TIME_CASES]

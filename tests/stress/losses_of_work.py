@@ -123,7 +123,7 @@ def _ends(count: int, steps: int = 64) -> bool:
 
 
 def rings(case: FailureCase) -> Loss:
-    """Of a million moves of a node to another place in the tree, those that close a ring; ours: wrong answers."""
+    """Of a million moves of a node to another place in the tree, those that create a cycle; ours: wrong answers."""
     (state,) = case.states()
     plain = tree.build(tree.boxes_of(world_corners(state)), tree.by_area)
     return Loss("rings per million moves", reinsertion.rings_per_million(plain), _wrong(case, OURS["optimized"]))

@@ -80,7 +80,7 @@ class Round:
         return self.random.choice(SIZES, rows) if kind else 0.25
 
     def offsets(self, places: Any) -> Any:
-        """That add up, mostly; or that do not."""
+        """Returns offsets that usually match the number of points, and sometimes do not."""
         kind = self.source.take(6)
         rows = _rows(places)
         if kind == 5:
@@ -136,7 +136,7 @@ class Round:
         return "replace_curves", (self.mesh(), *arguments), keywords
 
     def update_mesh(self) -> tuple[str, tuple[Any, ...], dict[str, Any]]:
-        """Of a mesh that may have no triangles."""
+        """Returns a call of update_mesh for a mesh that may have no triangles."""
         return "update_mesh", (self.mesh(), self.random.choice(COORDINATES, (3, 3))), {}
 
 

@@ -86,7 +86,7 @@ ROUND_CASES = (
 
 
 def rays_at(balls: BenchBalls, count: int, seed: int) -> Rays:
-    """From around and inside towards balls' skins, so that many graze them; some axis-parallel."""
+    """Rays from around and inside towards balls' surfaces, so that many graze them; some axis-parallel."""
     random = np.random.default_rng(seed)
     chosen = random.integers(0, len(balls.points), count)
     size = float(np.ptp(balls.points, axis=0).max()) + float(balls.radii.max())

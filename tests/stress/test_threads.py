@@ -132,7 +132,7 @@ def ask_the_scene(edited: EditedScene, witness: Witness, until: float) -> None:
 
 
 def edit(edited: EditedScene, until: float) -> None:
-    """At least until a commit was cancelled, which the second is."""
+    """Edits at least until a commit was cancelled; the second one is."""
     while time.monotonic() < until or edited.commits < 3:
         edited.edit()
 

@@ -67,7 +67,7 @@ def box(low: tuple[float, float, float], high: tuple[float, float, float]) -> tu
 
 
 def boxes(parts: list[tuple[F32, npt.NDArray[np.int32]]]) -> tuple[F32, npt.NDArray[np.int32]]:
-    """As one mesh."""
+    """Joins boxes into one mesh."""
     offsets = np.cumsum([0, *(len(positions) for positions, _ in parts[:-1])])
     triangles = np.concatenate([each + offset for (_, each), offset in zip(parts, offsets, strict=True)])
     return np.concatenate([positions for positions, _ in parts]), triangles.astype(np.int32)

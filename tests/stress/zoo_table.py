@@ -1,4 +1,4 @@
-"""From the zoo's figures to the table ZOO.md. Needs neither the engine nor Blender."""
+"""Makes the table ZOO.md from the zoo's figures. Needs neither the engine nor Blender."""
 
 from __future__ import annotations
 

@@ -15,7 +15,7 @@ NAMES = "Würfel, 立方体"
 
 
 def run(code: str, **options: object) -> subprocess.CompletedProcess[bytes]:
-    """In a process whose output has one code page, as that of a Windows program has that is redirected."""
+    """Runs code in a process whose output has one code page, like a redirected Windows program."""
     environment = environment_with_paths() | {"PYTHONIOENCODING": "cp1252", "PYTHONUTF8": "0"}
     environment |= {"LC_ALL": "C", "PYTHONCOERCECLOCALE": "0"}  # so that Python does not choose UTF-8 by itself
     command = [sys.executable, "-c", code]

@@ -20,7 +20,7 @@ def two_meshes(second_triangles: int = 2, shift: float = 0.0, x: float = 10.0) -
 
 
 def other_triangles() -> SceneRecord:
-    """As many triangles in the same places, the other way round: nothing but their order differs."""
+    """The same triangles in reversed order."""
     made = two_meshes()
     second = made.meshes[1]
     turned = replace(second, triangles=np.ascontiguousarray(second.triangles[::-1]))

@@ -54,7 +54,7 @@ def test_orders_sort_by_object_then_instancer_then_persistent_id() -> None:
 
 
 def test_ids_that_differ_in_high_bits_alone_have_orders_of_their_own() -> None:
-    """As the ids of points are, which nodes give 32 bits."""
+    """Like the ids of points, which nodes give 32 bits."""
     ids = [(5 + 2**21,), (5,), (6,), (5 - 2**21,), (5, 0), (7,), (5 + 2**22,)]
     shown = [Shown("a", 3, parent=9, persistent_id=item) for item in ids]
     orders = instance_orders(record([mesh("a")], shown))

@@ -128,7 +128,7 @@ def test_ids_that_are_not_there_are_errors(ids: tuple[np.ndarray, np.ndarray], u
 def test_triangles_of_an_earlier_update_are_errors(
     ids: tuple[np.ndarray, np.ndarray], mesh_row: int, primitive: int
 ) -> None:
-    """They would be looked up in the mesh that follows."""
+    """Otherwise they would be looked up in the next mesh."""
     old = SimpleNamespace(
         instance_ids=np.array([-1, ids[0][mesh_row]], np.int32),
         mesh_ids=np.array([-1, ids[1][mesh_row]], np.int32),

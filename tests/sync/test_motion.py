@@ -1,4 +1,4 @@
-"""From moments to motions, against plain loops; and which calls of the engine motions take."""
+"""Motions made from time samples, compared with plain loops; and the calls of the engine for motions."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def settings(made: SceneRecord, steps: int = 3, **uids: int) -> MotionSettings:
 
 
 def scenes(random: np.random.Generator) -> dict[Fraction, SceneRecord]:
-    """The same scene at five moments: some of it moves, deforms, is not there at all of them, or in another order."""
+    """The same scene at five time samples: parts of it move, deform, are absent at some, or in another order."""
     shown = [Shown("abc"[i % 3], 1 + i // 4, parent=0 if i % 4 == 0 else 20, persistent_id=(i,)) for i in range(24)]
     goes, bends = random.random(24) < 0.5, random.random(3) < 0.6
     made = {}

@@ -48,7 +48,7 @@ def computer(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Computer:
 
 
 def manifest_of(platform: str, *pythons: str) -> dict[str, Any]:
-    """Of a zip for one platform, as Blender's tool splits it off."""
+    """The manifest of a zip for one platform, as Blender's tool splits it off."""
     wheels = [f"./wheels/perfect_bvh_engine-0.2.0-cp{python}-cp{python}-tag.whl" for python in pythons]
     generated = {"platforms": [platform], "wheels": wheels}
     return {

@@ -10,7 +10,7 @@ PIXELS = WIDTH * HEIGHT
 
 
 def steps_of(schedule: Schedule, pace: Pace, first_seconds: float, seconds: float) -> list[Step]:
-    """All that are planned, each done at once."""
+    """Returns all planned steps, each done at once."""
     steps: list[Step] = []
     while not schedule.is_finished:
         step = schedule.next_step(pace, seconds if steps else first_seconds)

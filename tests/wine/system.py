@@ -47,7 +47,7 @@ START_SECONDS = 300  # a prefix takes a minute to make, and so does Blender's fi
 
 
 def windows_path(path: Path | str) -> str:
-    """As Windows' programs see it."""
+    """Returns the path as Windows' programs see it."""
     return "Z:" + str(path).replace("/", "\\")
 
 

@@ -31,7 +31,7 @@ LEAST_SECONDS = 0.5
 
 
 def seconds_of(call: Callable[[], object]) -> float:
-    """Of one call, after one that warms up."""
+    """Returns the seconds of one call, after one that warms up."""
     call()
     started, calls = time.process_time(), 0
     while time.process_time() - started < LEAST_SECONDS:
@@ -41,7 +41,7 @@ def seconds_of(call: Callable[[], object]) -> float:
 
 
 def time_kernels() -> dict[str, float]:
-    """By instruction set and kind of ray, seconds of RAYS rays through a hall of 400,000 triangles."""
+    """Returns, by instruction set and kind of ray, seconds of RAYS rays through a hall of 400,000 triangles."""
     scene = perfect_bvh.Scene()
     for positions, triangles in (shapes.ball(7), shapes.terrain(256, 1), shapes.soup(100_000, 2)):
         scene.add_instance(scene.add_mesh(positions, triangles))

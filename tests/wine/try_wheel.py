@@ -58,7 +58,7 @@ class Trial:
         return written
 
     def run_here(self, *arguments: Path | str) -> None:
-        """The same on Linux."""
+        """Runs a program on Linux."""
         subprocess.run([sys.executable, *arguments], check=True, cwd=REPOSITORY, timeout=600)
 
     def short(self) -> None:

@@ -6,7 +6,7 @@ from .tree import Node
 
 
 def rings_per_million(root: Node) -> float:
-    """Of a million moves of any node to any place, those that put it below itself, where no way leads any more."""
+    """Of a million moves of any node to any place, those that put it below itself, where it is unreachable."""
     sizes: list[int] = []
     total = _count(root, sizes)
     return 1e6 * sum(size - 1 for size in sizes[:-1]) / ((total - 1) * (total - 1))
