@@ -1,7 +1,7 @@
 """Checks as sessions: `.ci/run` runs those of each change, `nox -s release_check` those of a release.
 
-`tests` wants the system packages that the README names; `native_tests`, `sanitize`, `threads` and `counted_work` want
-g++ and libgtest-dev; `windows` and `blenders` want Debian with root or sudo, the latter Python 3.11. `arm64` wants
+`tests` needs the system packages that the README names; `native_tests`, `sanitize`, `threads` and `counted_work` need
+g++ and libgtest-dev; `windows` and `blenders` need Debian with root or sudo, the latter Python 3.11. `arm64` needs
 Debian's g++-aarch64-linux-gnu, libgtest-dev and qemu-user-static. The sessions that make and try wheels and zips are in
 release/sessions.py.
 """

@@ -65,7 +65,7 @@ def test_files_are_counted_by_the_rows_of_the_readme() -> None:
 
 
 def test_files_of_a_folder_are_surveyed(repository: Path, tmp_path: Path) -> None:
-    """One that shows something, one that is none."""
+    """One file that opens, one that does not."""
     bpy = pytest.importorskip("bpy")
     bpy.ops.wm.read_factory_settings(use_empty=True)
     bpy.ops.mesh.primitive_cube_add()

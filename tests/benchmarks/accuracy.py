@@ -129,7 +129,7 @@ def _grounds(
 def _ask_all(
     case: Case, rays: Rays, native: NativePrograms, chosen: argparse.Namespace, left_out: list[str]
 ) -> dict[str, Answers]:
-    """Everyone's answers; those who take one ray a call are asked for the first rays only."""
+    """Everyone's answers; peers that take one ray a call get the first rays only."""
     answers: dict[str, Answers] = {}
     if native.has("answers_bench"):
         found = ask(native, case.mesh, rays, EMBREE, {})

@@ -83,7 +83,7 @@ def main() -> None:
 
 
 def budget_of(program: Path, mesh: BenchMesh, kind: str, strategy: str, size: str) -> dict[str, Any]:
-    """Returns the mean counts of a ray: `stages` (all OTHER for the peer), and for ours also the visits that cause them."""
+    """Returns mean counts of a ray: `stages` (all OTHER for the peer), and for ours also the visits that cause them."""
     if not program.is_file():
         raise SystemExit(f"{program} is not built; `nox -s benchmarks` builds it")
     is_peer = strategy == PEER

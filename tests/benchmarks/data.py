@@ -93,7 +93,7 @@ def timed(rounds: int, work: Callable[[], Any]) -> tuple[Any, float]:
 
 
 def measure_stages(chosen: Any, _: Row) -> Row:
-    """One piece, in this process."""
+    """Measures one chunk, in this process."""
     path = str(REPOSITORY / "blend_scenes" / f"{chosen.scene}.blend")
     _, opening = timed(chosen.rounds, lambda: bpy.ops.wm.open_mainfile(filepath=path))
     scene, sensor = bpy.context.scene, load_sensor(chosen.sensor)

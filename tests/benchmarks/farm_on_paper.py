@@ -1,6 +1,6 @@
 """What a farm of many workers saturates first, calculated from the measured figures of one worker and the scheduler.
 
-Three things are shared: the scheduler, which handles one task at a time; the disk where all pieces go; and, at the
+Three things are shared: the scheduler, which handles one task at a time; the disk where all chunks go; and, at the
 start, the disk that all read the scene from. Each is busy for a share of the time that grows with the workers; a larger
 farm waits for the one whose share reaches 1 first.
 """
@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from typing import Any
 
 WORKERS = 1000
-MESSAGES = 1.0  # tasks of the scheduler for a piece
+MESSAGES = 1.0  # tasks of the scheduler for a chunk
 DISK_MEGABYTES = 1000.0  # a second: a shared file system on a network of 10 gigabits
 LIBRARIES_MEGABYTES = 400.0  # Blender's module and its files, read by each worker where they are on the shared disk too
 

@@ -1,4 +1,4 @@
-"""Ratios to peers, of the rows that goals.py measures. Larger is better for ours, but where a name says otherwise."""
+"""Ratios to peers, of the rows that goals.py measures. Larger is better for ours, unless a name says otherwise."""
 
 from __future__ import annotations
 

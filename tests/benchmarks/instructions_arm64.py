@@ -3,7 +3,7 @@
     python tests/benchmarks/instructions_arm64.py build/arm64/src/libperfect_bvh_engine.a --zig ZIG [--json OUT.json]
 
 The library is the one that `nox -s arm64` builds. The kernels are compiled again, as those of the wheels are: ZIG is
-the compiler in the package ziglang; without it they are the library's own. Wants Debian's g++-aarch64-linux-gnu, gcc
+the compiler in the package ziglang; without it they are the library's own. Needs Debian's g++-aarch64-linux-gnu, gcc
 and qemu-user (the emulator that takes plugins, which that of qemu-user-static does not). Nothing but the casting of
 rays is counted, and the counts of two runs are the same.
 """

@@ -1,13 +1,13 @@
-"""Casts rays exactly through vertices and middles of edges of any meshes, and counts those that are lost: none may be.
+"""Casts rays exactly through vertices and middles of edges of any meshes, and counts lost rays: there must be none.
 
     python tests/benchmarks/mesh_edges.py --json edges.json [--mesh FILE.npz ...] [--default-meshes]
 
 Three kinds, a third of the rays each: directions of few bits; float32 origins all around, with doubles as directions;
 and float32 for both. Those are left out whose line does not meet its target exactly. A triangle with a corner or a side
-there is met, unless the line lies in its plane. A ray is lost that misses, or hits farther away, though there is such a
-triangle; it is counted as unlisted if its list of intersections lacks one. Where a mesh is closed, rays from outside
-past edges, as closely as doubles can represent, cross it an even number of times, except those that meet an edge
-exactly.
+there is met, unless the line lies in its plane. A ray is lost if it misses, or hits farther away, although there is
+such a triangle; it is counted as unlisted if its list of intersections lacks one. Where a mesh is closed, rays from
+outside past edges, as closely as doubles can represent, cross it an even number of times, except those that meet an
+edge exactly.
 """
 
 from __future__ import annotations

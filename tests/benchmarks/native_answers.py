@@ -19,7 +19,7 @@ PROGRAM = "answers_bench"
 def ask(
     native: NativePrograms, mesh: BenchMesh, rays: Rays, peers: Sequence[str], strategies: Sequence[str]
 ) -> dict[str, Answers]:
-    """By competitor, named as by trace_bench. Where any hit was asked for, primitive_ids is 0 where there is one.
+    """By competitor, named as by trace_bench. For queries of any hit, primitive_ids is 0 where there is a hit.
 
     strategies: in which ours trace.
     """

@@ -26,7 +26,7 @@ Hit = tuple[int, float, int] | None  # triangle, distance, instance
 class Answers:
     """t: (R,) in multiples of the directions, inf on a miss. primitive_ids, instance_ids: (R,), -1 on a miss.
 
-    Where any hit was asked for, only whether an id is -1 means something.
+    For queries of any hit, the only information in an id is whether it is -1.
     """
 
     t: npt.NDArray[np.float64]

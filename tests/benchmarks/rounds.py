@@ -11,7 +11,7 @@ import numpy as np
 
 @dataclass(frozen=True)
 class Spread:
-    """The middle of some measurements, and the quarters below and above which a fourth of them lies."""
+    """The median and the lower and upper quartile of some measurements."""
 
     median: float
     low: float

@@ -2,11 +2,11 @@
 
     python tests/benchmarks/survey.py FOLDER ... --json survey.json [--table OUT] [--sheets FOLDER]
 
-Each file is rendered in a separate process, with one sample on a few pixels. What `report.not_shown` then lists is
-counted by feature, and by the files that it occurs in: names of materials, images and nodes are left out of a feature.
+Each file is rendered in a separate process, with one sample on a few pixels. The entries of `report.not_shown` are
+counted by feature, and by the files that they occur in: names of materials, images and nodes are left out of a feature.
 Files that cannot be opened, that take longer than --timeout, or whose render fails are listed with the reason.
 `--sheets` also renders files at `--size`, with Cycles too: ours, Cycles' and four times the difference, side by side. A
-file without a camera is looked at from its front, above and aside; one without any light has a grey world and a sun.
+file without a camera is rendered from the front, above and aside; one without any light gets a grey world and a sun.
 """
 
 from __future__ import annotations

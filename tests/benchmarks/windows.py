@@ -2,7 +2,7 @@
 
     python tests/benchmarks/windows.py WINDOWS.whl LINUX.whl RECORD --rounds 5 --json windows.json
 
-Both wheels are for CPython 3.11 and made by one compiler, so that what differs is the system: its memory, threads and
+Both wheels are for CPython 3.11 and made by one compiler, so that only the system differs: its memory, threads and
 clocks. RECORD is the file that `tests/wine/read_blend.py` has written for a scene. Each round runs both, the order
 changing; of each figure the medians and quartiles are kept, and the ratio of each round's Wine to its Linux. The
 machine's load is recorded too: on a busy machine the ratio of two runs is less reliable.

@@ -13,7 +13,7 @@ from stress import zoo_table
 
 
 class Watched(Mapping[str, Any]):
-    """An object of figures that notes which of its values are asked for."""
+    """An object of figures that records which of its values are read."""
 
     __slots__ = ("_asked", "_values")
 

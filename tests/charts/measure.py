@@ -1,7 +1,7 @@
 """Measures the charts' figures and writes them to data/: python tests/charts/measure.py [NAME ...] [--mesh FILE ...].
 
 Everything takes about ten minutes on two quiet cores. Charts of single meshes show the meshes that --mesh names
-together with those that Blender makes; the native programs are looked for in --native.
+together with those that Blender makes; the native programs are searched for in --native.
 """
 
 from __future__ import annotations

@@ -1,7 +1,6 @@
 """Sentences about the charts whose numbers come from the figures: make.py writes them into README.md.
 
-They are between
-two marks next to each picture. The rest of the text there is written by hand.
+They are between two marks next to each picture. The rest of the text there is written by hand.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Rays are read where they are, and answers are written where the caller wants them: the same bits as with copies."""
+"""Rays are read in place, and answers are written into the caller's arrays: the same bits as with copies."""
 
 from __future__ import annotations
 

@@ -103,7 +103,7 @@ def test_measuring_can_be_watched_and_stopped():
 
 
 class FakeTime:
-    """Two clocks that go on by 50 ns whenever one is looked at; a thread's own shows every `step` only."""
+    """Two clocks that advance by 50 ns whenever one is read; a thread's own shows every `step` only."""
 
     def __init__(self, step: int, start: int = 0) -> None:
         self.now, self.step = start, step

@@ -92,7 +92,7 @@ def unlike(case: Case) -> int:
 
 
 def wrong_answers(scene: perfect_bvh.Scene, met: np.ndarray, t: F64, *rays: F64, times: float = 0.0) -> np.ndarray:
-    """True for each ray that a query answers otherwise. met, t: (rays, triangles), of their lines."""
+    """True for each ray that a query answers differently. met, t: (rays, triangles), of their lines."""
     # Which side of its origin a ray meets a triangle on is a question of t, which is rounded.
     clear = ~(met & (np.abs(t) < 1e-12)).any(axis=1)
     met = met & (t > 0.0)

@@ -1,4 +1,4 @@
-"""How previews are asked for: the same pixels for any number of threads, and which looks are refused."""
+"""Calls of previews: the same pixels for any number of threads, and which looks are refused."""
 
 from __future__ import annotations
 

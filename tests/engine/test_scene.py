@@ -107,7 +107,7 @@ def test_a_scene_never_committed_refuses(scene):
 
 
 def test_a_scene_asks_before_each_query_that_it_would_answer(placed):
-    """Once a query, and never for one that is refused anyway, nor for a snapshot's."""
+    """Once a query, but not for a refused query or a snapshot's query."""
     scene, _, _ = placed
     scene.commit()
     asked = []

@@ -68,7 +68,7 @@ def check_same(rendered: Render, expected: Render, tolerance: float = BLENDERS_R
     for mode in MODES:
         assert np.ptp(expected[mode][..., :3]) > 0.1
         if mode == "preview" and tolerance > 0.0:
-            # Where a colour rounds otherwise a path may choose otherwise: few of them do.
+            # Where a colour rounds differently, a path may take another branch: few of them do.
             is_same = np.isclose(rendered[mode], expected[mode], rtol=10 * tolerance, atol=tolerance)
             assert is_same.mean() > 0.998
             assert np.abs(rendered[mode] - expected[mode]).mean() < tolerance

@@ -86,7 +86,7 @@ def render_what_does_not_fit() -> Step:
 
 
 def render_what_is_broken() -> Step:
-    """A texture whose file is gone, and a vertex that is nowhere: both are named, and the rest is rendered."""
+    """A texture whose file is missing, and a vertex that is not finite: both are named, and the rest is rendered."""
     material = bpy.data.materials.new("painted")
     node = material.node_tree.nodes.new("ShaderNodeTexImage")
     node.image = bpy.data.images.new("paint", 4, 4)

@@ -20,7 +20,7 @@ LONGEST = 300.0  # then work is released, and the step fails: a Blender that wai
 
 
 class Gate:
-    """Open at first. Work comes to it again and again, with how far it is, and waits there while it is held."""
+    """Open at first. Work calls it repeatedly with its progress, and waits there while it is held."""
 
     def __init__(self) -> None:
         self._shall_hold: Condition | None = None
@@ -111,7 +111,7 @@ def gate_of_builds() -> Iterator[Gate]:
 
 @contextmanager
 def gate_of_renders() -> Iterator[Gate]:
-    """For renders in the background; one that Blender wants to end is let go. How far: the share done."""
+    """For renders in the background; one that Blender cancels is released. The progress is the share done."""
     gate = Gate()
 
     def make(original: Callable[[Any, Any, float], bool]) -> Any:

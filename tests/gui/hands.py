@@ -1,4 +1,4 @@
-"""Hands on the mouse and the keyboard of a Blender with windows: real clicks and keys, through the X server.
+"""Uses the mouse and the keyboard of a Blender with windows: real clicks and keys, through the X server.
 
 The tests use only the input of a user; each call ends when Blender has handled it.
 """

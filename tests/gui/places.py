@@ -11,7 +11,7 @@ _front = 0
 
 
 def front_window() -> bpy.types.Window:
-    """The one that the mouse is in and areas are looked for in."""
+    """The window with the mouse, in which areas are searched for."""
     return bpy.context.window_manager.windows[_front]
 
 

@@ -34,7 +34,7 @@ def call_in_sidebar(area: bpy.types.Area) -> str:
 
 
 def press_in_sidebar(area: bpy.types.Area, call: str) -> Step:
-    """An operator's button, which is looked for from above."""
+    """An operator's button, searched for from above."""
     sidebar = region_of(area, "UI")
     for y in range(sidebar.y + sidebar.height - STEP, sidebar.y, -STEP):
         hover(sidebar.x + 0.5 * sidebar.width, y)

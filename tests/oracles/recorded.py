@@ -34,7 +34,7 @@ class Recordings:
 
     def __init__(self, folder: Path, mode: Mode) -> None:
         self.mode = mode
-        self.current: str | None = None  # the file of tests that is at work: its path within tests/, no suffix
+        self.current: str | None = None  # the current test file: its path within tests/, no suffix
         self._folder = folder
         self._files: dict[str, dict[str, Packed]] = {}
         self._counts: Counter[str] = Counter()

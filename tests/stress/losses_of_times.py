@@ -136,7 +136,7 @@ def unasked_inverse(motion: Motion) -> Loss:
 
 
 def unchecked_step(motion: Motion) -> Loss:
-    """Rays at times that are none: how many read a step that is not there; ours: how many hit anything."""
+    """Rays at invalid times: how many read a step that is not there; ours: how many hit anything."""
     origins, directions, _ = rays_at(motion, RAYS)
     times = np.resize(np.array(BAD_TIMES, np.float32), RAYS)
     with np.errstate(invalid="ignore"):

@@ -146,7 +146,7 @@ def cast_in_float(balls: BenchBalls, rays: Rays) -> tuple[F32, npt.NDArray[np.in
 
 
 def lost(t_hit: F32, right: F32) -> npt.NDArray[np.bool_]:
-    """Which hits are none, or none are hits, or more than a thousandth off."""
+    """Which rays are false hits or false misses, or are off by more than a thousandth."""
     is_hit = np.isfinite(right)
     with np.errstate(invalid="ignore"):
         is_off = np.abs(t_hit - right) > 1e-3 * np.abs(right)

@@ -107,7 +107,7 @@ def everything_at_once() -> SceneRecord:
 def in_motion(
     made: SceneRecord, *rows: int, meshes: tuple[int, ...] = (), steps: int = 3, by: float = 1.0
 ) -> SceneRecord:
-    """A scene with instances that move along x, and meshes along z."""
+    """Returns the scene with these instances moving along x, and these meshes deforming along z."""
     way = by * np.linspace(-1.0, 1.0, steps, dtype=np.float32)
     moved = np.repeat(made.instances.transforms[None, list(rows)], steps, axis=0)
     moved[:, :, 0, 3] += way[:, None]
