@@ -12,7 +12,7 @@ from pathlib import Path
 REPOSITORY = Path(__file__).resolve().parent.parent
 PLAIN = ("README.md", "SECURITY.md", "CONTRIBUTING.md", "docs/**/*.md", ".github/**/*.md", ".github/**/*.yml")
 PLAIN += ("examples/README.md", "native/README.md", "blend_scenes/README.md", "tests/charts/README.md")
-PLAIN += ("addon/scanning/light/README.md",)
+PLAIN += ("addon/scanning/light/README.md", "ARCHITECTURE.md", "tests/benchmarks/README.md")
 # A pattern, and its replacement.
 INSTEAD = {
     r"whatever|whoever|wherever|whichever": "any, all, or who and what it is",
