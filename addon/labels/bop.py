@@ -19,8 +19,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from ..support.files import data_library, replacing, write_arrays
-from .files import NOTHING_IN_SIGHT, write_grey
+from ..support.files import replacing, write_arrays
+from .files import grey_depth, too_far_warning, write_grey
 from .labels import Labels, run_lengths
 
 if TYPE_CHECKING:
@@ -31,20 +31,10 @@ SCENE = f"{FORMAT}/train/000001"
 JOINED = tuple(f"{SCENE}/scene_{what}.json" for what in ("gt", "gt_info", "camera"))
 MILLIMETRES = 1000.0
 NO_BOX = [-1, -1, -1, -1]
-_MOST = 65535
 _DIRECTIONS = 2000  # along which the ends of a model are looked for
 
 Row = dict[str, Any]
 Doubles = npt.NDArray[np.float64]
-
-
-def check_bop() -> None:
-    """Raises ImportError, with what to install, if no such files can be made here."""
-    _pillow()
-
-
-def _pillow() -> Any:
-    return data_library("PIL.Image", "BOP's files need Pillow")
 
 
 def depth_name(frame: int) -> str:
@@ -61,10 +51,9 @@ class Models:
 
     def add(self, mesh: MeshRecord, stretch: Doubles) -> str:
         """Add a mesh, stretched, and return its digest."""
+        # Matrices are float32, so the stretch of an object that turns differs a little from frame to frame.
         unit = 10.0 ** np.floor(np.log10(max(np.abs(stretch).max(), 1e-30)))
-        rounded = (
-            np.round(stretch / unit, 5) * unit + 0.0
-        )  # matrices are float32: one stretch, turned, differs a little
+        rounded = np.round(stretch / unit, 5) * unit + 0.0
         known = self._known.get((id(mesh), rounded.tobytes()))
         if known is not None:
             return known[0]
@@ -97,12 +86,12 @@ def image_row(
     if "intrinsics" not in labels.camera:
         raise ValueError(f"bop: the camera must be a perspective one, not {labels.camera['projection']}")
     view = np.array(labels.camera["world_to_camera"])
-    steps = np.where(labels.depth < NOTHING_IN_SIGHT, np.round(labels.depth.astype(np.float64) / depth_scale), 0.0)
-    depth = np.where(steps <= _MOST, steps, 0.0).astype(np.uint16)
+    depth, too_far = grey_depth(labels.depth, depth_scale)
     visible, amodal = run_lengths(labels.visible), run_lengths(labels.amodal)
     masks = labels.visible, labels.amodal
     boxes = [np.where(mask.areas[:, None] > 0, mask.boxes(), NO_BOX).tolist() for mask in masks]
-    things, left_out = [], []
+    things: list[Row] = []
+    left_out = [too_far_warning("BOP", depth_scale)] if too_far else []
     for number, thing in enumerate(labels.things):
         mesh = record.meshes[record.instances.mesh_indices[rows[number]]]
         if mesh.kind != "triangles":
@@ -185,8 +174,8 @@ def join_rows(rows: Callable[[], Iterable[Row]], models: Iterable[Path], folder:
 def _save_mask(path: Path, counts: list[int], size: list[int]) -> None:
     width, height = size
     columns = np.repeat(np.arange(len(counts)) % 2, counts).reshape(width, height)
-    with replacing(path) as name, name.open("wb") as file:
-        _pillow().fromarray((columns.T * 255).astype(np.uint8)).save(file, format="PNG", compress_level=1)
+    with replacing(path) as name:
+        write_grey(name, (columns.T * 255).astype(np.uint8))
 
 
 def _save_models(numbers: dict[str, int], files: Iterable[Path], folder: Path) -> None:

@@ -147,12 +147,26 @@ def grey_images(labels: Labels, depth_scale: float, plain: Mapping[str, str]) ->
             images[f"things_layer_{number}"] = _png_ids("things", things)
     too_far = 0
     for name, depth in depths.items():
-        steps = np.maximum(np.rint(depth.astype(np.float64) / depth_scale), 1.0)
-        is_there = depth < NOTHING_IN_SIGHT
-        is_near = is_there & (steps <= MOST)
-        too_far += int((is_there & ~is_near).sum())
-        images[name] = np.where(is_near, steps, 0.0).astype(np.uint16)
+        images[name], farther = grey_depth(depth, depth_scale)
+        too_far += farther
     return images, too_far
+
+
+def grey_depth(depth: npt.NDArray[np.float32], depth_scale: float) -> tuple[Uint16Array, int]:
+    """Returns (H, W) depths in whole steps, 0 for nothing, and the number of pixels that are too far for 16 bits.
+
+    Args:
+        depth_scale: World units a step.
+    """
+    steps = np.maximum(np.rint(depth.astype(np.float64) / depth_scale), 1.0)
+    is_there = depth < NOTHING_IN_SIGHT
+    is_near = is_there & (steps <= MOST)
+    return np.where(is_near, steps, 0.0).astype(np.uint16), int((is_there & ~is_near).sum())
+
+
+def too_far_warning(name: str, depth_scale: float) -> str:
+    """Returns the sentence for a file's depths that are too far."""
+    return f"{name}: depth beyond {MOST * depth_scale:g} is 0 there; a larger depth scale reaches it"
 
 
 def _png_label(name: str, label: LabelColumn) -> Uint16Array:
@@ -176,7 +190,7 @@ def _png_ids(name: str, values: npt.NDArray[np.int32]) -> Uint16Array:
     return (values + 1).astype(np.uint16)
 
 
-def write_grey(path: Path, image: Uint16Array) -> None:
+def write_grey(path: Path, image: Uint16Array | npt.NDArray[np.uint8]) -> None:
     """Writes (H, W), row 0 on top; the same bytes for the same image. Raises ImportError without Pillow, OSError."""
     with path.open("wb") as file:
         _pillow().fromarray(image).save(file, format="PNG", compress_level=1)  # a frame has several: speed over size
@@ -276,8 +290,7 @@ def save_labels(
     plain = plain_names(labels.labels)
     images, too_far = grey_images(labels, depth_scale, plain) if "png" in formats else ({}, 0)
     channels = exr_channels(labels, plain) if "exr" in formats else {}
-    far = f"PNG: depth beyond {MOST * depth_scale:g} is 0 there; a larger depth scale reaches it"
-    warnings = (far,) if too_far else ()
+    warnings = (too_far_warning("PNG", depth_scale),) if too_far else ()
     made: list[Path] = []
     meaning: dict[str, Any] = {}
     manifest = folder / f"{stem}.json"

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Generator
 from contextlib import closing
 from dataclasses import dataclass
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -133,18 +132,20 @@ class LabelWork(PieceWork):
         yield Done({"frames": len(piece.frames)}, tuple(warnings))
 
     def join(self) -> None:
-        """The file of COCO's format, and the folder of BOP's, of all pieces, in the order of their frames.
+        """Writes the file of COCO's format, of these chunks, and the data of BOP's, of all chunks in the folder.
 
-        Raises OSError.
+        BOP's files have the same names for any frames, so those of earlier runs are joined again. Raises OSError.
         """
-
-        def paths(ending: str) -> list[Path]:
-            return [self.place.path_of(f"{piece.stem}.{ending}") for piece in self.pieces]
-
         if self._plan.has_coco:
-            join_rows(lambda: read_rows(paths("coco.jsonl")), self.place.path_of(self.joined[0]))
+            rows = [self.place.path_of(f"{piece.stem}.coco.jsonl") for piece in self.pieces]
+            join_rows(lambda: read_rows(rows), self.place.path_of(self.joined[0]))
         if self._plan.has_bop:
-            bop.join_rows(lambda: read_rows(paths("bop.jsonl")), paths("bop_models.npz"), self.place.folder)
+            found = sorted(self.place.folder.glob(f"{BEFORE}*.bop.jsonl"))
+            stems = [path.name.removesuffix(".bop.jsonl") for path in found]
+            stems = [stem for stem in stems if self.place.path_of(f"{stem}.json").is_file()]  # complete ones
+            files = [self.place.path_of(f"{stem}.bop.jsonl") for stem in stems]
+            models = [self.place.path_of(f"{stem}.bop_models.npz") for stem in stems]
+            bop.join_rows(lambda: read_rows(files), models, self.place.folder)
 
     def _label(self, frame: int, sync: SceneSync) -> Generator[float, None, Labels]:
         """Labels one frame, as it would be rendered."""

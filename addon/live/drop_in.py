@@ -127,9 +127,10 @@ class BVHTree:
         Raises:
             ValueError: For arrays of another shape, and rows that are no vertices.
         """
-        positions = np.asarray(vertices, np.float32).reshape(-1, 3)
+        positions = _rows_of_three("vertices", np.asarray(vertices, np.float32))
         if all_triangles:
-            triangles: Array = np.asarray(polygons, np.int32).reshape(-1, 3)
+            triangles: Array = _rows_of_three("polygons", np.asarray(polygons, np.int32))
+            _check_corners(triangles, range(len(triangles)), len(positions))
             owners = np.arange(len(triangles), dtype=np.int32)
             return cls(positions, triangles, owners, _normals_of(positions, triangles), epsilon)
         rows: list[Array] = [np.empty((0, 3), np.int32)]
@@ -140,12 +141,7 @@ class BVHTree:
         normals = np.zeros((sum(map(len, by_size.values())), 3))
         for size, owners in by_size.items():
             corners = np.array([polygons[owner] for owner in owners], np.int64)  # type: ignore[index]
-            bad = np.flatnonzero((corners < 0).any(axis=1) | (corners >= len(positions)).any(axis=1)) if size else []
-            if len(bad):
-                raise ValueError(
-                    f"BVHTree.FromPolygons: polygon {owners[bad[0]]} has vertices {corners[bad[0]].tolist()}, "
-                    f"but there are {len(positions)}"
-                )
+            _check_corners(corners, owners, len(positions))
             if size < 3:
                 continue
             places = positions[corners].astype(np.float64)
@@ -173,7 +169,7 @@ class BVHTree:
             return self._cast_one(origin, direction, distance)
         origins, directions = np.broadcast_arrays(np.asarray(origin, float), np.asarray(direction, float))
         directions = _unit(directions)
-        t_max = np.minimum(np.asarray(distance, float), np.inf)
+        t_max = np.minimum(distance, LONGEST)
         hits = self._scene.cast_rays(
             origins, directions, t_max=t_max, fields=("positions", "distances", "primitive_ids")
         )
@@ -202,6 +198,8 @@ class BVHTree:
 
     def overlap(self, other_tree: BVHTree) -> list[tuple[int, int]]:
         """Find the pairs of polygons of two trees that overlap, by Blender's own trees; see there."""
+        if not isinstance(other_tree, BVHTree):
+            raise TypeError(f"BVHTree.overlap: other_tree must be a perfect_bvh_addon.BVHTree, got {type(other_tree)}")
         rows = np.array(self._blenders().overlap(other_tree._blenders()), np.int64).reshape(-1, 2)
         pairs = np.stack([self._polygons[rows[:, 0]], other_tree._polygons[rows[:, 1]]], axis=-1)
         return [(int(one), int(other)) for one, other in np.unique(pairs, axis=0)]
@@ -314,6 +312,24 @@ def _split(places: Array, normals: Array) -> Array:
     for row, triangles in enumerate(found):
         pieces[row, : len(triangles)] = triangles
     return pieces
+
+
+def _rows_of_three(name: str, rows: Array) -> Array:
+    if rows.size == 0:
+        return rows.reshape(0, 3)
+    if rows.ndim != 2 or rows.shape[1] != 3:
+        raise ValueError(f"BVHTree.FromPolygons: {name} must have shape (n, 3), got {rows.shape}")
+    return rows
+
+
+def _check_corners(corners: Array, owners: Sequence[int], count: int) -> None:
+    """Refuse polygons with vertices that do not exist. owners: the polygons' numbers."""
+    bad = np.flatnonzero(((corners < 0) | (corners >= count)).any(axis=1))
+    if len(bad):
+        raise ValueError(
+            f"BVHTree.FromPolygons: polygon {owners[bad[0]]} has vertices {corners[bad[0]].tolist()}, "
+            f"but there are {count}"
+        )
 
 
 def _read(collection: Any, name: str, width: int, dtype: type[Any]) -> Array:

@@ -115,6 +115,18 @@ def test_masks_are_those_of_each_object_alone(file: Path, tmp_path: Path) -> Non
         assert (image(folder / TRAIN / "mask" / f"000001_{place:06d}.png") > 0).tolist() == alone.tolist()
 
 
+def test_a_later_run_of_other_frames_keeps_the_earlier_ones(file: Path, tmp_path: Path, capfd: Any) -> None:
+    folder = tmp_path / "out"
+    common = ("labels", file, "-o", folder, "--format", "bop", "--no-coco", "--depth-scale", "0.0001")
+    assert run(*common, "--frames", "1") == 0
+    assert "BOP: depth beyond 6.5535 is 0 there" in "".join(capfd.readouterr())
+    first = {path.name: path.read_bytes() for path in (folder / TRAIN / "mask").iterdir()}
+    assert run(*common, "--frames", "2", "-q") == 0
+    assert [list(read(folder, what)) for what in ("gt", "gt_info", "camera")] == [["1", "2"]] * 3
+    assert len(list((folder / TRAIN / "mask").iterdir())) == 2 * len(first)
+    assert all((folder / TRAIN / "mask" / name).read_bytes() == content for name, content in first.items())
+
+
 def test_chunks_are_kept_and_the_camera_must_be_perspective(file: Path, tmp_path: Path, capfd: Any) -> None:
     folder = tmp_path / "out"
     arguments = ("labels", file, "-o", folder, "--format", "bop", "--no-coco", "--frames", "1-2", "--piece", 1)

@@ -95,6 +95,12 @@ def test_concave_polygons_and_odd_input() -> None:
         BVHTree.FromPolygons([(0, 0, 0)], [(0, 1, 2)])
     with pytest.raises(ValueError, match="shape"):
         dart.ray_cast((1, 2), (0, 0))
+    with pytest.raises(ValueError, match=r"vertices must have shape \(n, 3\), got \(3, 2\)"):
+        BVHTree.FromPolygons([(0, 0), (1, 0), (0, 1)], [(0, 1, 2)])
+    with pytest.raises(ValueError, match=r"polygon 1 has vertices \[0, 1, -1\], but there are 3"):
+        BVHTree.FromPolygons([(0, 0, 0), (1, 0, 0), (0, 1, 0)], [(0, 1, 2), (0, 1, -1)], all_triangles=True)
+    with pytest.raises(TypeError, match="other_tree"):
+        dart.overlap(BlendersTree.FromPolygons([], []))
     with pytest.raises(ValueError, match="cage"):
         BVHTree.FromObject(bpy.context.object, bpy.context.evaluated_depsgraph_get(), cage=True)
     empty_object = bpy.data.objects.new("Nothing", None)
@@ -129,3 +135,44 @@ def test_rays_into_the_scene_answer_as_blenders_do_and_are_never_stale(monkey: A
         assert same > 0.99 * answers[0].sum() > 50
     miss = ray_cast(depsgraph, (0, 0, 99), (0, 0, 1))
     assert miss[0].shape == () and not miss[0] and miss[4][()] is None
+
+
+@pytest.mark.parametrize("is_registered", [False, True])
+def test_each_edit_is_in_the_next_answer(monkey: Any, is_registered: bool) -> None:
+    import perfect_bvh_addon
+
+    if is_registered:
+        perfect_bvh_addon.register()
+    try:
+        monkey.modifiers.clear()
+        bpy.ops.mesh.primitive_plane_add(size=20.0, location=(0.0, 0.0, -5.0))
+        floor = bpy.context.object
+
+        def height() -> float:
+            depsgraph = bpy.context.evaluated_depsgraph_get()
+            answer = ray_cast(depsgraph, (7.0, 7.0, 50.0), (0.0, 0.0, -1.0))
+            assert bool(answer[0]) == bpy.context.scene.ray_cast(depsgraph, (7.0, 7.0, 50.0), (0.0, 0.0, -1.0))[0]
+            return float(answer[1][2]) if answer[0] else math.nan
+
+        assert height() == pytest.approx(-5.0)
+        for vertex in floor.data.vertices:
+            vertex.co.z = 1.0
+        floor.data.update()
+        assert height() == pytest.approx(-4.0)
+        doubled = np.array([vertex.co for vertex in floor.data.vertices]) * (1.0, 1.0, 2.0)
+        floor.data.vertices.foreach_set("co", doubled.ravel())
+        floor.data.update()
+        assert height() == pytest.approx(-3.0)
+        floor.location.z = 2.0
+        assert height() == pytest.approx(4.0)
+        floor.modifiers.new("Wave", "DISPLACE").strength = 0.0
+        floor.modifiers["Wave"].mid_level = 0.0
+        floor.modifiers["Wave"].strength = 1.0
+        assert height() == pytest.approx(5.0)
+        floor.hide_viewport = True
+        assert math.isnan(height())
+        floor.hide_viewport = False
+        assert height() == pytest.approx(5.0)
+    finally:
+        if is_registered:
+            perfect_bvh_addon.unregister()

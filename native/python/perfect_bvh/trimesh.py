@@ -210,7 +210,7 @@ class RayMeshIntersector:
         Such hits have the same t, share a corner and face the ray from the same side. Where a ray leaves one part of a
         mesh and enters a touching part, there are two positions: their sides differ.
         """
-        corners = np.asarray(self.mesh.vertices)[np.asarray(self.mesh.faces)]
+        vertices, faces = np.asarray(self.mesh.vertices), np.asarray(self.mesh.faces)
         is_new = np.ones(len(rays), np.bool_)
         for side in (False, True):
             rows = np.flatnonzero(hits.front_face == side)
@@ -218,7 +218,7 @@ class RayMeshIntersector:
             is_near = hits.t_hit[after] <= np.nextafter(hits.t_hit[before], np.float32(np.inf))
             is_near &= rays[after] == rays[before]
             before, after = before[is_near], after[is_near]
-            one, other = corners[hits.primitive_ids[before]], corners[hits.primitive_ids[after]]
+            one, other = (vertices[faces[hits.primitive_ids[hit]]] for hit in (before, after))
             is_new[after] = ~(one[:, :, None] == other[:, None, :]).all(axis=3).any(axis=(1, 2))
         return is_new
 
