@@ -157,6 +157,15 @@ def test_each_package_of_the_add_on_lists_its_modules(tree: Tree) -> None:
     assert {file: names for file, names in found.items() if names} == {}
 
 
+def test_functions_of_states_are_in_their_files(repository: Path) -> None:
+    rows = re.findall(r"\| `([\w:.]+)` \| `([\w/.]+)` \|$", (repository / "docs/states.md").read_text(), re.MULTILINE)
+    assert len(rows) > 30
+    for name, file in rows:
+        *owner, last = re.split(r"\.|::", name)
+        source = (repository / file).read_text(encoding="utf-8")
+        assert re.search(rf"\b{last}\b", source) and all(part in source for part in owner), (name, file)
+
+
 def test_names_of_what_has_gone_are_found(tree: Tree) -> None:
     package = '"""Light.\n\nmodel   numbers\npaths, beams   light\nlight_tables   the same\nthe_long_module it\n"""'
     assert missing_modules(tree, "addon/scanning/light/__init__.py", package) == {"light_tables", "the_long_module"}
