@@ -56,7 +56,7 @@ void bind_threads(py::module_& module) {
   constexpr int kMostThreads = 1024;
   module.def(
       "thread_count", [] { return ThreadPool::shared().thread_count(); },
-      "How many threads long calls use, the calling one included.");
+      "Returns how many threads long calls use, including the calling thread.");
   module.def(
       "set_thread_count",
       [](int count) {
@@ -68,8 +68,8 @@ void bind_threads(py::module_& module) {
         ThreadPool::set_shared_thread_count(count);
       },
       py::arg("count"),
-      "Sets how many threads long calls use from now on; 0, the default, for as many as the process may use.\n\n"
-      "Changes no answer. Calls under way are finished. Raises ValueError for less than 0 or more than 1024.");
+      "Sets how many threads long calls use from now on. 0, the default, means as many as the process may use.\n\n"
+      "Results do not change. Running calls finish first. Raises ValueError for less than 0 or more than 1024.");
   module.def(
       "shutdown_threads",
       [] {
@@ -79,19 +79,21 @@ void bind_threads(py::module_& module) {
       "Ends the engine's threads; the next long call starts them again.");
   py::class_<StopFlag, std::shared_ptr<StopFlag>> stop_flag(
       module, "StopFlag",
-      "Ends long calls from another thread: given as their `progress`, which is otherwise asked about every twentieth\n"
-      "of a second and needs Python's lock for it, it is looked at by each thread of a call after every millisecond\n"
-      "or so of work. They then raise `Cancelled`. One that is set stays so. `make_stop_flag` makes them.");
+      "Stops long calls from another thread, which pass it as their `progress`.\n\n"
+      "Other `progress` callables run about 20 times a second and need Python's lock. Each thread of a call reads the\n"
+      "flag after about every millisecond of work, without the lock. The calls then raise `Cancelled`. A flag that is\n"
+      "set stays set. `make_stop_flag` makes them.");
   stop_flag
       .def(
           "set", [](StopFlag& flag) { flag.is_set.store(true, std::memory_order_relaxed); },
-          "Ends the calls that were given it, and any that will be; from any thread.")
+          "Stops all calls that have this flag as their `progress`, now and later. Any thread may call it.")
       .def_property_readonly("is_set", [](const StopFlag& flag) { return flag.is_set.load(std::memory_order_relaxed); })
       .def(
           "__call__", [](const StopFlag& flag, double) { return !flag.is_set.load(std::memory_order_relaxed); },
-          py::arg("share"), "Whether to go on: what any `progress` is asked.");
+          py::arg("share"), "Returns whether to continue, as any `progress` does.");
   make_only_natively(stop_flag);
-  module.def("make_stop_flag", [] { return std::make_shared<StopFlag>(); }, "A `StopFlag` that is not set.");
+  module.def(
+      "make_stop_flag", [] { return std::make_shared<StopFlag>(); }, "Returns a new `StopFlag`, which is not set.");
 }
 
 }  // namespace perfect_bvh::bindings

@@ -256,7 +256,7 @@ TEST(Governor, TimesInReasonsAreThoseThatAPersonWouldSay) {
 TEST(Governor, WhatRaysLoseIsWeighedInWords) {
   UpdateQuestion asked = question(1000, 1);
   EXPECT_EQ(decide_update(asked, machine()).reason,
-            "positions changed; what rays lose in the refitted tree is too little to pay for a new one (39 ms)");
+            "positions changed; rays lose too little in the refitted tree to repay a new one (39 ms)");
   asked = question(1e5, 2);
   EXPECT_EQ(decide_update(asked, machine()).reason.find("positions changed; rays lose 26 ms in the refitted tree, "),
             0u)

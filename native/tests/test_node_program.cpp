@@ -88,21 +88,23 @@ void expect_refused(const std::vector<std::int32_t>& codes, const std::vector<fl
 
 TEST(NodeProgram, WhatIsNoneIsRefused) {
   const std::int32_t constant = row_of(NodeKind::kConstant), mean = row_of(NodeKind::kAverage);
-  expect_refused({99, 0, 0}, {}, "is of no known kind");
-  expect_refused({-1, 0, 0}, {}, "is of no known kind");
-  expect_refused({constant, 1, 3}, {1, 2, 3}, "is of no known mode");
+  expect_refused({99, 0, 0}, {}, "has an unknown kind");
+  expect_refused({-1, 0, 0}, {}, "has an unknown kind");
+  expect_refused({constant, 1, 3}, {1, 2, 3}, "has an unknown mode");
   expect_refused({constant, 0, 3}, {1, 2}, "lacks numbers");
-  expect_refused({constant, 0, 2}, {1, 2}, "has another number of numbers");
+  expect_refused({constant, 0, 2}, {1, 2}, "must have as many numbers");
   expect_refused({constant, 0, -1}, {1, 2}, "lacks numbers");
-  expect_refused({constant, 0, 3, mean, 0, 0, 1, 1}, {1, 2, 3}, "reads what is not written yet");
-  expect_refused({constant, 0, 3, mean, 0, 0, 0, 2}, {1, 2, 3}, "reads what is not written yet");
-  expect_refused({constant, 0, 3, mean, 0, 0, -1, 0}, {1, 2, 3}, "reads what is not written yet");
-  expect_refused({constant, 0, 3, mean, 0, 0}, {1, 2, 3}, "reads what is not written yet");
+  expect_refused({constant, 0, 3, mean, 0, 0, 1, 1}, {1, 2, 3}, "reads a channel that is not written yet");
+  expect_refused({constant, 0, 3, mean, 0, 0, 0, 2}, {1, 2, 3}, "reads a channel that is not written yet");
+  expect_refused({constant, 0, 3, mean, 0, 0, -1, 0}, {1, 2, 3}, "reads a channel that is not written yet");
+  expect_refused({constant, 0, 3, mean, 0, 0}, {1, 2, 3}, "reads a channel that is not written yet");
   expect_refused({constant, 0, 3, row_of(NodeKind::kTable), 0, 4, 0, 0}, {1, 2, 3, 1, 2, 3, 4}, "table without two");
-  expect_refused({constant, 0, 3, row_of(NodeKind::kImage), 0, 1, 0, 1}, {1, 2, 3, 1}, "refers to no image");
-  expect_refused({constant, 0, 3, row_of(NodeKind::kImage), 0, 1, 0, 1}, {1, 2, 3, kNan}, "refers to no image");
-  expect_refused({row_of(NodeKind::kInput), 6, 2}, {0, 3}, "has no side of 0 to 2");
-  expect_refused({row_of(NodeKind::kInput), 13, 2}, {1, 0}, "asks for no row that there is");
+  expect_refused({constant, 0, 3, row_of(NodeKind::kImage), 0, 1, 0, 1}, {1, 2, 3, 1},
+                 "refers to an image that does not exist");
+  expect_refused({constant, 0, 3, row_of(NodeKind::kImage), 0, 1, 0, 1}, {1, 2, 3, kNan},
+                 "refers to an image that does not exist");
+  expect_refused({row_of(NodeKind::kInput), 6, 2}, {0, 3}, "must have a side from 0 to 2");
+  expect_refused({row_of(NodeKind::kInput), 13, 2}, {1, 0}, "refers to a row that does not exist");
   const NodeProgram program(std::vector<std::int32_t>{constant, 0, 3, mean, 0, 0, 0, 1}, std::vector<float>{1, 2, 6}, 0,
                             0);
   NodeRun run;

@@ -215,7 +215,7 @@ TEST(TopLevelRefit, GivesWayWhereInstancesComeAndGoOrAreFlattened) {
   field.scene().remove_instances(std::vector<std::int32_t>{field.ids()[3]});
   const TopLevelReport report = field.commit();
   EXPECT_FALSE(report.is_refitted);
-  EXPECT_EQ(report.reason, "instances came or went");
+  EXPECT_EQ(report.reason, "instances were added or removed");
   field.scene().remove_instances(std::span(field.ids()).subspan(4));
   field.scene().remove_instances(std::span(field.ids()).first(3));
   field.commit();

@@ -226,7 +226,7 @@ def test_each_image_has_its_own(scene: Scene) -> None:
         ({"sampling": AdaptiveSampling((70, 150), 0.01)}, r"for an image of \(150, 70\) pixels, got \(70, 150\)"),
         ({"sampling": 0.01}, "sampling must be a perfect_bvh.AdaptiveSampling, got float"),
         ({"sampling": AdaptiveSampling(SIZE, 0.01), "passes": ("depth",)}, "passes must hold 'combined'"),
-        ({"sampling": AdaptiveSampling(SIZE, 0.01), "tiles": np.ones(TILES, np.bool_)}, "tiles cannot be given"),
+        ({"sampling": AdaptiveSampling(SIZE, 0.01), "tiles": np.ones(TILES, np.bool_)}, "tiles must be None"),
     )
     for options, expected in cases:
         with pytest.raises(ValueError, match=f"render_progressively: .*{expected}"):

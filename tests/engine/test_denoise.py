@@ -303,7 +303,7 @@ def test_a_forked_child_does_without_a_library(libraries: Libraries) -> None:
     before = Denoiser((SIDE, SIDE), libraries=[path])
 
     def work() -> bool:
-        with pytest.raises(perfect_bvh.EngineError, match="was forked"):
+        with pytest.raises(perfect_bvh.EngineError, match="forked process"):
             before.denoise(color)
         made = Denoiser((SIDE, SIDE), libraries=[path])
         return made.name == JOINT_NAME and "forked" in made.complaints[0] and not made.denoise(color).any()

@@ -91,7 +91,7 @@ def test_an_instances_own_values_are_asked_for() -> None:
     look = replace(look, instances=replace(look.instances, values=values), world=World())
     assert render(floor(), ABOVE, "preview", SIZE, 1, look)[16, 16, :3] == pytest.approx((0.1, 0.2, 0.3), abs=1e-6)
     for wrong, message in (
-        (values[:, :1], "asks for no row"),
+        (values[:, :1], "refers to a row that does not exist"),
         (values[0], r"must have shape \(1, K, 4\), got \(2, 4\)"),
     ):
         bad = replace(look, instances=replace(look.instances, values=wrong))

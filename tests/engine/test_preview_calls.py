@@ -39,7 +39,7 @@ def test_pixels_do_not_depend_on_threads():
         (Appearance(world=World((math.nan, 0, 0))), "world.color must be three numbers"),
         (
             Appearance(materials=materials(programs=(image_program("COLOR", image=3),))),
-            "materials.programs: instruction 1 refers to no image",
+            "materials.programs: instruction 1 refers to an image that does not exist",
         ),
         (Appearance(materials=materials(alphas=np.zeros(2, np.float32))), "materials.alphas has 2 rows"),
         (Appearance(plain_reflectance=1.5), "plain_reflectance must be .*, got 1.5"),

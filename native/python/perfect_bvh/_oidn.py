@@ -82,7 +82,7 @@ def find_library(paths: tuple[str, ...]) -> tuple[Library | None, tuple[str, ...
         paths: Files to try before all others.
     """
     if has_forked():
-        return None, (f"{NAME} does not work in a process that was forked",)
+        return None, (f"{NAME} does not work in a forked process",)
     if paths in _found:
         return _found[paths]
     reasons: list[str] = []
@@ -93,7 +93,7 @@ def find_library(paths: tuple[str, ...]) -> tuple[Library | None, tuple[str, ...
             if path != LIBRARY_NAME:  # a name alone says only that the system has none
                 reasons.append(f"{NAME} cannot be loaded: {_reason(error, path)}")
         except (AttributeError, ValueError, EngineError, MemoryError) as error:
-            reasons.append(f"'{path}' is no {NAME} that can be used: {error}")
+            reasons.append(f"'{path}' is not a usable {NAME}: {error}")
         else:
             _found[paths] = library, tuple(reasons)
             return _found[paths]
@@ -233,7 +233,7 @@ class Filter:
     def run(self, progress: Share | None) -> None:
         """Filters the current images. progress: called on this thread with 0 to 1, False stops it."""
         if has_forked():
-            raise EngineError(f"denoise: this process was forked, and {NAME} was not: make another Denoiser")
+            raise EngineError(f"denoise: {NAME} does not work in a forked process: make a new Denoiser there")
         state = self._run
         state.share, state.shall_stop = 0.0, False
         # On a separate thread, so that this one can ask its caller and can be interrupted; the library's would not.

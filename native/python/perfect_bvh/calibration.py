@@ -120,7 +120,7 @@ class Calibration:
             raise CalibrationError(f"{path} is not JSON ({error})") from error
         version = values.get("version") if isinstance(values, dict) else None
         if version != VERSION:
-            raise CalibrationError(f"{path} has the version {version!r}, this engine reads {VERSION}")
+            raise CalibrationError(f"{path} has version {version!r}, but this engine reads version {VERSION}")
         try:
             builders = {name: BuilderCost(**cost) for name, cost in values["builders"].items()}
             return cls(
@@ -131,7 +131,7 @@ class Calibration:
         except CalibrationError as error:
             raise CalibrationError(f"{path}: {error}") from error
         except (KeyError, TypeError, AttributeError) as error:
-            raise CalibrationError(f"{path} lacks numbers or has others ({error!r})") from error
+            raise CalibrationError(f"{path} has missing or unknown numbers ({error!r})") from error
 
 
 def user_file() -> Path:

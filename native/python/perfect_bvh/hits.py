@@ -78,7 +78,7 @@ class Hits:
             try:
                 return self.columns[name]
             except KeyError:
-                raise AttributeError(f"hits have no {name}: ask for it with fields=({name!r}, ...)") from None
+                raise AttributeError(f"hits have no {name}: request it with fields=({name!r}, ...)") from None
         if name == "is_hit":  # which failed, for want of any field to tell it by
             raise AttributeError("hits have no is_hit: it needs t_hit or an id, as with fields=('primitive_ids', ...)")
         raise AttributeError(f"hits have no field {name!r}; there are {', '.join(FIELD_TYPES)}")

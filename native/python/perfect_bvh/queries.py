@@ -216,7 +216,9 @@ class Queries:
         names = fields_of(fields)
         costs = [field for field in names if field in ("nodes_visited", "primitives_tested")]
         if costs:
-            raise ValueError(f"{name}: fields has {costs[0]!r}, which rays have, not hits; ask cast_rays for it")
+            raise ValueError(
+                f"{name}: fields has {costs[0]!r}, which belongs to rays, not to hits; request it from cast_rays"
+            )
         allocate_columns(name, names, (0,), None)  # refuses wrong names before any work
         snapshot = self._committed()
         counts = np.empty(batch.shape, np.int32)

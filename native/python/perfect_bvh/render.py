@@ -409,7 +409,7 @@ def _check_sampling(sampling: AdaptiveSampling, size: tuple[int, int], passes: l
     if "combined" not in passes:
         raise ValueError(f"{function}: passes must hold 'combined', which sampling judges, got {', '.join(passes)}")
     if tiles is not None:
-        raise ValueError(f"{function}: tiles cannot be given beside sampling, which chooses them")
+        raise ValueError(f"{function}: tiles must be None where sampling is given, which chooses them")
 
 
 def _check_passes(function: str, passes: Iterable[str]) -> list[str]:

@@ -116,15 +116,15 @@ namespace {
 // Returns the reason for a builder that was not requested by name and is not the default.
 const char* why_so_built(BuilderKind asked, BuilderKind chosen, Usage usage) {
   if (asked != BuilderKind::kAuto || chosen == BuilderKind::kBinned) return "";
-  if (chosen == BuilderKind::kSpatial) return "; the rays repay spatial splits";
+  if (chosen == BuilderKind::kSpatial) return "; the expected rays repay spatial splits";
   return usage == Usage::kChanging ? "; its topology changes, so the fast builder made its tree"
-                                   : "; the expected rays repay no more than the fast builder";
+                                   : "; too few rays are expected to repay a slower builder than the fast one";
 }
 
 std::string why_built(const MeshState& state) {
   if (!state.blas) return "new mesh";
   const std::string what = std::string("the ") + names_of(state.blas->mesh.kind).kind;
-  return what + (is_resting(state) ? " rest, and more rays came than their tree was built for" : " were replaced");
+  return what + (is_resting(state) ? " rest, and more rays were cast than their tree was built for" : " were replaced");
 }
 
 void build_blas(Blas& blas, const ChangedMesh& changed, const CommitOptions& options, BlasResult& result,

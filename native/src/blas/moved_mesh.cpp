@@ -171,8 +171,8 @@ std::shared_ptr<const Mesh> balls_at_step(const Mesh& first, const BallsGiven<T>
   });
   if (all_alike) return step;
   throw InvalidArgument(std::string(function) +
-                        ": radii that are 0 at one step must be 0 at every step, since what has "
-                        "none is left out; give the others a small one");
+                        ": radii that are 0 at one step must be 0 at every step, because a "
+                        "primitive without a radius is left out; give the others a small radius");
 }
 template std::shared_ptr<const Mesh> balls_at_step(const Mesh&, const BallsGiven<float>&, ThreadPool&, const char*);
 template std::shared_ptr<const Mesh> balls_at_step(const Mesh&, const BallsGiven<double>&, ThreadPool&, const char*);

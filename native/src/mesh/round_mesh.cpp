@@ -44,7 +44,7 @@ void check_radii(std::span<const T> radii, const char* function) {
   for (std::size_t i = 0; i < radii.size(); ++i) {
     if (radii[i] >= 0 && radii[i] <= static_cast<T>(kLargest)) continue;
     refuse(function, "radii[" + std::to_string(i) + "] must be at least 0 and at most 1e18, got " +
-                         to_text(static_cast<double>(radii[i])) + "; a radius of 0 leaves out what has no other");
+                         to_text(static_cast<double>(radii[i])) + "; a primitive whose radii are 0 is left out");
   }
 }
 

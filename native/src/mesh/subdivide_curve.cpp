@@ -114,9 +114,9 @@ void sum_up(Subdivision& subdivision, const std::string& function) {
       subdivision.first_balls[span] = static_cast<std::uint32_t>(balls);
       balls += pieces;
       if (balls >= kMostBalls) {
-        throw InvalidArgument(function + ": a mesh of curves holds 2**30 balls, and curve " +
+        throw InvalidArgument(function + ": a mesh of curves holds at most 2**30 spheres, and curve " +
                               std::to_string(curve - 1) +
-                              " goes beyond them; raise the tolerance, or divide the curves into several meshes");
+                              " exceeds that; raise the tolerance, or divide the curves into several meshes");
       }
     }
     ++balls;

@@ -60,7 +60,7 @@ bool try_refit(Snapshot& snapshot, std::span<const PrimRef> boxes, std::optional
     return false;
   }
   if (!is_over(snapshot.tlas, boxes, cancel)) {
-    report.reason = "instances came or went";
+    report.reason = "instances were added or removed";
     return false;
   }
   const Stopwatch watch;
@@ -70,7 +70,7 @@ bool try_refit(Snapshot& snapshot, std::span<const PrimRef> boxes, std::optional
       is_worth_keeping(cost, snapshot.built_cost, boxes.size(), snapshot.tried_clustering, expected_rays);
   if (is_kept) finish_refit(snapshot.tlas, snapshot.top_level, boxes, pool, cancel);
   report.refit_milliseconds = watch.milliseconds();
-  report.reason = describe(cost, snapshot.built_cost) + (is_kept ? "" : ", so a new tree pays");
+  report.reason = describe(cost, snapshot.built_cost) + (is_kept ? "" : ", so a new tree pays off");
   return is_kept;
 }
 

@@ -45,7 +45,7 @@ double gain_of(double excess, const Excess& past) { return (past.commit_count + 
 // Compares the loss of rays in the refitted tree with the price of an action, in words; it `pays` or not.
 std::string weigh(double lost, UpdateAction action, double price, bool pays) {
   if (!pays && is_next_to_nothing(lost)) {
-    return "what rays lose in the refitted tree is too little to pay for a new one (" + as_time(price) + ")";
+    return "rays lose too little in the refitted tree to repay a new one (" + as_time(price) + ")";
   }
   return "rays lose " + as_time(lost) + " in the refitted tree, " + (pays ? "enough to " : "too little to ") +
          verb_of(action) + " for " + as_time(price);
@@ -84,8 +84,8 @@ void decide_by_decay(const UpdateQuestion& question, UpdateDecision& decision) {
   decision.action = restructured > kRestructureLimit * then ? UpdateAction::kRebuild
                     : now <= kRotateLimit * then            ? UpdateAction::kRotate
                                                             : UpdateAction::kRebuildParts;
-  decision.reason +=
-      ", and a ray through the refitted tree would cost " + with_tenths(now / then) + " times what it did when built";
+  decision.reason += ", and a ray through the refitted tree would cost " + with_tenths(now / then) +
+                     " times as much as when the tree was built";
 }
 
 void remember(UpdateDecision& decision, const UpdateQuestion& question, const Forecast& costs) {
@@ -178,7 +178,7 @@ UpdateDecision decide_update(const UpdateQuestion& question, const Calibration& 
     if (question.rays) decision.alternatives.back().trace_nanoseconds = *question.rays * costs.ray[i];
   }
   if (question.triangle_count == 0) {
-    decision.reason = "positions changed of a mesh that has nothing for rays to meet";
+    decision.reason = "positions changed; the mesh has no primitives that rays can hit";
   } else if (question.policy != Policy::kGoverned) {
     decision.action = static_cast<UpdateAction>(static_cast<std::size_t>(question.policy) - 1);
     decision.reason = std::string("positions changed, and the policy is to ") + verb_of(decision.action) + " always";
@@ -243,7 +243,7 @@ std::string tell(const RestQuestion& question, const Excess& at_rest, double bui
   const std::string rest = std::string("the ") + question.what + " rest; ";
   if (!question.rays) {
     return rest + "a ray costs " + with_tenths(decay) +
-           " times what it would in a new tree, but the number of expected rays is unknown";
+           " times as much as in a new tree, but the number of expected rays is unknown";
   }
   const std::string commits =
       at_rest.commit_count == 1 ? "1 commit" : std::to_string(at_rest.commit_count) + " commits";

@@ -52,15 +52,15 @@ NodeProgram::NodeProgram(std::span<const std::int32_t> codes, std::span<const fl
   while (!read.at_end()) {
     const std::size_t row = whole_.instructions.size();
     const std::int32_t kind = read.next();
-    require(kind >= 0 && static_cast<std::size_t>(kind) < std::size(kNodeShapes), row, "is of no known kind");
+    require(kind >= 0 && static_cast<std::size_t>(kind) < std::size(kNodeShapes), row, "has an unknown kind");
     NodeInstruction& made = whole_.instructions.emplace_back();
     made.kind = static_cast<NodeKind>(kind);
     const NodeShape& shape = shape_of(made.kind);
     const std::int32_t mode = read.next(), count = read.next();
     const auto first = static_cast<std::int32_t>(channels_);
-    require(mode >= 0 && mode < count_words(shape.modes), row, "is of no known mode");
+    require(mode >= 0 && mode < count_words(shape.modes), row, "has an unknown mode");
     require(count >= 0 && static_cast<std::size_t>(count) <= numbers_.size() - number, row, "lacks numbers");
-    require(shape.numbers < 0 || shape.numbers == count, row, "has another number of numbers than its kind");
+    require(shape.numbers < 0 || shape.numbers == count, row, "must have as many numbers as its kind");
     made.mode = static_cast<std::uint8_t>(mode), made.first = first;
     made.numbers = std::span(numbers_).subspan(number, static_cast<std::size_t>(count));
     made.operands = std::span(operands_).subspan(operand, shape.operands.size());
@@ -68,7 +68,8 @@ NodeProgram::NodeProgram(std::span<const std::int32_t> codes, std::span<const fl
       NodeOperand& to = operands_[operand++];
       to.channel = read.next(), to.step = read.next();
       const std::int32_t last = to.channel + to.step * (width - '1');
-      require(to.channel >= 0 && (to.step == 0 || to.step == 1) && last < first, row, "reads what is not written yet");
+      require(to.channel >= 0 && (to.step == 0 || to.step == 1) && last < first, row,
+              "reads a channel that is not written yet");
     }
     if (made.kind == NodeKind::kTable) require(count >= 8 && count % 4 == 0, row, "has a table without two whole rows");
     if (made.kind == NodeKind::kCurves) require(count >= 8 && count % 3 == 2, row, "has curves without two whole rows");
@@ -77,18 +78,18 @@ NodeProgram::NodeProgram(std::span<const std::int32_t> codes, std::span<const fl
       return value >= 0.0f && value < static_cast<float>(rows) && value == static_cast<float>(static_cast<int>(value));
     };
     if (made.kind == NodeKind::kImage || made.kind == NodeKind::kBoxImage) {
-      require(is_row_of(images), row, "refers to no image");
+      require(is_row_of(images), row, "refers to an image that does not exist");
     }
-    if (made.kind == NodeKind::kVectorTransform) require(is_row_of(9), row, "has no pair of spaces of 0 to 8");
+    if (made.kind == NodeKind::kVectorTransform) require(is_row_of(9), row, "must have a pair of spaces from 0 to 8");
     if (made.kind == NodeKind::kInput) {
       const bool is_instance = static_cast<NodeInput>(mode) == NodeInput::kInstance;
-      require(is_row_of(is_instance ? instance_rows : 1 << 16), row, "asks for no row that there is");
+      require(is_row_of(is_instance ? instance_rows : 1 << 16), row, "refers to a row that does not exist");
       const float side = made.numbers[static_cast<NodeInput>(mode) == NodeInput::kSide ? 0 : 1];
-      require(side == 0.0f || side == 1.0f || side == 2.0f, row, "has no side of 0 to 2");
+      require(side == 0.0f || side == 1.0f || side == 2.0f, row, "must have a side from 0 to 2");
     }
     number += made.numbers.size();
     channels_ += static_cast<std::size_t>(shape.channels);
-    require(channels_ <= kMostChannels, row, "is one too many: the program has more than 65,536 channels");
+    require(channels_ <= kMostChannels, row, "exceeds the limit: a program has at most 65,536 channels");
     add_needs(made, whole_.needs);
     if (made.kind == NodeKind::kSet) outputs_[made.mode] = made.operands.data();
   }

@@ -43,8 +43,8 @@ void check(const RenderSettings& settings) {
   if (settings.clay.light_rays < 1) throw InvalidArgument("render: light_rays must be at least 1");
   const std::size_t tiles = tile_count(settings.width) * tile_count(settings.height);
   if (!settings.wanted_tiles.empty() && settings.wanted_tiles.size() != tiles) {
-    throw InvalidArgument("render: tiles must say of each of the " + std::to_string(tiles) +
-                          " whether to trace it, got " + std::to_string(settings.wanted_tiles.size()));
+    throw InvalidArgument("render: tiles must have one bool for each of the " + std::to_string(tiles) + " tiles, got " +
+                          std::to_string(settings.wanted_tiles.size()));
   }
 }
 

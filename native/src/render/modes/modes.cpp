@@ -328,7 +328,7 @@ std::unique_ptr<ShadingMode> make_mode(const ModeInputs& inputs) {
     case Mode::kCost:
       return make_cost_mode();
   }
-  throw InvalidArgument("render: mode is none of the engine's");
+  throw InvalidArgument("render: unknown mode");
 }
 
 }  // namespace perfect_bvh
