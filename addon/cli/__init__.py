@@ -20,6 +20,7 @@ import argparse
 import os
 import sys
 from collections.abc import Sequence
+from typing import Any
 
 from ..settings.modes import MODES
 from ..settings.scan_choices import CLOUD_FORMATS
@@ -43,10 +44,18 @@ from .report import is_reader_gone, write_any_text
 DEFAULT_AUDIT = 1e-3
 
 
+class _OldName(argparse.Action):
+    """Accepts --piece, the former name of --chunk, for one more version."""
+
+    def __call__(self, parser: Any, namespace: Any, values: Any, option_string: str | None = None) -> None:
+        sys.stderr.write(f"perfect-bvh: {option_string} is now --chunk; the old name ends with the next version\n")
+        setattr(namespace, self.dest, values)
+
+
 def build_parser(prog: str) -> argparse.ArgumentParser:
-    """The parser of the whole command line, which was started as `prog`."""
+    """Return the parser of the whole command line. prog: the name under which it was started."""
     parser = argparse.ArgumentParser(
-        prog=prog, description="Render .blend files with a native BVH, and look at the trees it builds."
+        prog=prog, description="Render, scan and label .blend files with a native BVH, and inspect its trees."
     )
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
     _add_render(commands)
@@ -65,12 +74,12 @@ def _add_file(parser: argparse.ArgumentParser) -> None:
 
 
 def _add_file_options(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--threads", type=POSITIVE, metavar="N", help="threads to use (default: as the file says)")
+    parser.add_argument("--threads", type=POSITIVE, metavar="N", help="number of threads (default: from the file)")
     parser.add_argument(
-        "--autoexec", action="store_true", help="run the Python scripts and drivers inside the file (only if trusted)"
+        "--autoexec", action="store_true", help="run the file's Python scripts and drivers (only if you trust the file)"
     )
     parser.add_argument(
-        "--allow-missing", action="store_true", help="go on without linked libraries that are missing, and name them"
+        "--allow-missing", action="store_true", help="continue if linked libraries are missing, and list them"
     )
 
 
@@ -78,8 +87,8 @@ def _add_viewport(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--viewport",
         action="store_true",
-        help="see the objects, collections, modifier levels and particles that viewports show (default: those of a "
-        "render; the camera is that of the frame's marker either way)",
+        help="use the objects, collections, modifier levels and particles that viewports show (default: those of a "
+        "render). The camera is that of the frame's marker in both cases",
     )
 
 
@@ -89,21 +98,22 @@ def _add_frames(parser: argparse.ArgumentParser, default: str = "current") -> No
 
 
 def _add_quiet(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("-q", "--quiet", action="store_true", help="no progress bar and no summary")
+    parser.add_argument("-q", "--quiet", action="store_true", help="print no progress bar and no summary")
 
 
 def _add_pieces(parser: argparse.ArgumentParser) -> None:
     """Adds options of work in chunks, with or without workers."""
-    parser.add_argument("--piece", type=POSITIVE, metavar="N", help="most frames of a piece (default: 10)")
-    parser.add_argument("--resume", action="store_true", help="keep the pieces that are there and whole")
+    parser.add_argument("--chunk", dest="piece", type=POSITIVE, metavar="N", help="frames per chunk (default: 10)")
+    parser.add_argument("--piece", action=_OldName, type=POSITIVE, help=argparse.SUPPRESS)
+    parser.add_argument("--resume", action="store_true", help="create only missing or damaged chunks")
     parser.add_argument(
         "--workers",
         type=POSITIVE,
         metavar="N",
-        help="do pieces in N processes, each with a Blender of its own, by Dask",
+        help="process chunks in N processes, each with a separate Blender, using Dask",
     )
     parser.add_argument(
-        "--scheduler", metavar="ADDRESS", help="do pieces on the workers of a Dask scheduler, such as tcp://host:8786"
+        "--scheduler", metavar="ADDRESS", help="process chunks on the workers of a Dask scheduler (tcp://host:8786)"
     )
 
 
@@ -132,40 +142,41 @@ def _add_render(commands: argparse._SubParsersAction) -> None:
         "--output",
         required=True,
         metavar="OUT",
-        help="an image (out.png), a pattern (out/frame_####.png) or a folder (out/); .png, .jpg, .webp, .tif or .exr",
+        help="an image (out.png), a name with frame numbers (out/frame_####.png) or a folder (out/). Images are .png, "
+        ".jpg, .webp, .tif or .exr",
     )
     _add_frames(parser)
-    parser.add_argument("--mode", metavar="M", help="what the image shows, see below (default: as the file says)")
-    parser.add_argument("--size", type=parse_size, metavar="WxH", help="pixels (default: as the file says)")
-    parser.add_argument("--samples", type=POSITIVE, metavar="N", help="rays a pixel (default: as the file says)")
+    parser.add_argument("--mode", metavar="M", help="what the image shows, see below (default: from the file)")
+    parser.add_argument("--size", type=parse_size, metavar="WxH", help="size in pixels (default: from the file)")
+    parser.add_argument("--samples", type=POSITIVE, metavar="N", help="camera rays per pixel (default: from the file)")
     parser.add_argument(
         "--denoise",
         action=argparse.BooleanOptionalAction,
-        help="whether the noise of lit and clay is taken out (default: as the file says)",
+        help="denoise images of the modes lit and clay (default: from the file)",
     )
     parser.add_argument(
         "--time-limit",
         type=SECONDS,
         metavar="S",
-        help="seconds for tracing a frame, at the cost of samples; 0 for no limit (default: as the file says)",
+        help="seconds for tracing a frame, with fewer samples if necessary; 0 for no limit (default: from the file)",
     )
     parser.add_argument(
         "--noise-threshold",
         type=THRESHOLD,
         metavar="T",
-        help="where the noise of lit and clay is below this, sampling ends; 0: never (default: as the file says)",
+        help="stop sampling where the noise of lit and clay is below this; 0: never (default: from the file)",
     )
-    parser.add_argument("--seed", type=parse_seed, metavar="N", help="the pattern of noise (default: as the file says)")
+    parser.add_argument("--seed", type=parse_seed, metavar="N", help="seed of the noise (default: from the file)")
     parser.add_argument(
         "--audit",
         type=SHARE,
         nargs="?",
         const=DEFAULT_AUDIT,
         metavar="SHARE",
-        help="check a share of the camera rays again, in double precision and without a tree, and say how many are "
+        help="check a share of the camera rays again, in double precision and without a tree, and print how many are "
         f"wrong (default share: {DEFAULT_AUDIT:g})",
     )
-    parser.add_argument("--stats", action="store_true", help="print what each frame did to the trees, and the times")
+    parser.add_argument("--stats", action="store_true", help="print updates of trees and times for each frame")
     _add_pieces(parser)
     _add_quiet(parser)
 
@@ -173,32 +184,32 @@ def _add_render(commands: argparse._SubParsersAction) -> None:
 def _add_scan(commands: argparse._SubParsersAction) -> None:
     parser = commands.add_parser(
         "scan",
-        help="write what a sensor measures, as point clouds",
-        description="Scan frames with a LiDAR or a depth camera that an object carries: a file of points for each "
-        "piece of some frames, with a manifest that says what is in it. --resume does what is missing or damaged.",
+        help="write the point clouds of a LiDAR or depth camera",
+        description="Scan frames with a LiDAR or a depth camera on an object. Each chunk of frames becomes "
+        "a file of points and a manifest that describes it. --resume creates only missing or damaged chunks.",
     )
     parser.add_argument("file", metavar="FILE.blend", nargs="?", help="the scene")
     _add_file_options(parser)
     _add_viewport(parser)
-    parser.add_argument("-o", "--output", metavar="DIR", help="the folder for the files")
+    parser.add_argument("-o", "--output", metavar="DIR", help="folder of the files")
     parser.add_argument(
-        "--sensor", default="spinning-16", metavar="NAME", help="a name of --list-sensors, or a .toml file of one's own"
+        "--sensor", default="spinning-16", metavar="NAME", help="a name from --list-sensors, or your own .toml file"
     )
-    parser.add_argument("--list-sensors", action="store_true", help="name the sensors, one a line, and do nothing else")
-    parser.add_argument("--on", metavar="OBJECT", help="the object that carries it (default: each frame's camera)")
+    parser.add_argument("--list-sensors", action="store_true", help="list the included sensors, one per line, and exit")
+    parser.add_argument("--on", metavar="OBJECT", help="the object it is mounted on (default: each frame's camera)")
     parser.add_argument(
         "--exclude-mount",
         action=argparse.BooleanOptionalAction,
-        help="make that object and its children invisible to the rays (default: if the sensor is inside of its mesh)",
+        help="make that object and its children invisible to the rays (default: if the sensor is inside its mesh)",
     )
-    _add_frames(parser, "one whole pass in the current one")
-    parser.add_argument("--steps", type=POSITIVE, metavar="N", help="key moments of a frame (default: 1)")
+    _add_frames(parser, "one whole sweep in the current frame")
+    parser.add_argument("--steps", type=POSITIVE, metavar="N", help="time samples per frame (default: 1)")
     *names, last = (one.name for one in CLOUD_FORMATS)
     parser.add_argument(
         "--format", default="npz", metavar="F", help=f"{', '.join(names)} or {last} (default: %(default)s)"
     )
     parser.add_argument(
-        "--seed", type=parse_seed, default=0, metavar="N", help="of the sensor's noise and dropout (default: 0)"
+        "--seed", type=parse_seed, default=0, metavar="N", help="seed of the sensor's noise and dropout (default: 0)"
     )
     _add_labels_of(parser, "columns of the points")
     _add_pieces(parser)
@@ -208,44 +219,46 @@ def _add_scan(commands: argparse._SubParsersAction) -> None:
 def _add_labels(commands: argparse._SubParsersAction) -> None:
     parser = commands.add_parser(
         "labels",
-        help="write exact ids, masks and depths of what the camera sees",
-        description="Label frames as they would be rendered: for each, files of depths, positions, normals, uvs "
-        "and ids, with masks of all that is there, hidden or not; for all together a file of COCO's format, with run "
-        "lengths of the masks. One ray a pixel lists all surfaces, so that nothing is blended.",
+        help="write exact ids, masks and depth of what the camera sees",
+        description="Label frames as they would be rendered. Each frame gets files of depth, positions, normals, UVs, "
+        "ids and masks of all objects, visible or hidden. A COCO file with run-length masks covers all frames. "
+        "One ray per pixel lists all surfaces, so no values are blended.",
     )
     _add_file(parser)
-    parser.add_argument("-o", "--output", required=True, metavar="DIR", help="the folder for the files")
+    parser.add_argument("-o", "--output", required=True, metavar="DIR", help="folder of the files")
     _add_frames(parser)
-    parser.add_argument("--size", type=parse_size, metavar="WxH", help="pixels (default: as the file says)")
+    parser.add_argument("--size", type=parse_size, metavar="WxH", help="size in pixels (default: from the file)")
     parser.add_argument(
         "--category",
         metavar="NAME",
-        help="the custom property of objects whose values are categories (default: each object's name is one)",
+        help="the custom property whose value is an object's category (default: the object's name is its category)",
     )
     parser.add_argument(
         "--layers",
         type=LAYERS,
         default=1,
         metavar="K",
-        help="how many surfaces a ray keeps the depths of (default: 1)",
+        help="number of surfaces per ray whose depth is kept (default: 1)",
     )
-    _add_labels_of(parser, "images, and values of things")
+    _add_labels_of(parser, "images, and values of object instances")
     parser.add_argument(
         "--format",
         nargs="+",
         default=["npz"],
         metavar="F",
-        help="npz, npy, png, exr or bop, one or more (default: npz); with npy, png and exr a .json says what numbers "
-        "mean; bop is a data set for the estimation of poses: depth, masks, poses and models in the folder bop",
+        help="one or more of npz, npy, png, exr and bop (default: npz). With npy, png and exr, a .json file explains "
+        "the numbers. bop is a data set for pose estimation: depth, masks, poses and models in the folder bop",
     )
     parser.add_argument(
         "--depth-scale",
         type=SCALE,
         metavar="S",
-        help="world units that a step of a PNG's depth is; its 16 bits reach 65535 of them (default: 0.001)",
+        help="depth resolution of PNG files in world units; the farthest depth is 65535 times this (default: 0.001)",
     )
-    parser.add_argument("--flow", action="store_true", help="also how pixels move from the frame before to the next")
-    parser.add_argument("--no-coco", action="store_true", help="no file of COCO's format, which needs pycocotools")
+    parser.add_argument(
+        "--flow", action="store_true", help="also write how pixels move from the previous and to the next frame"
+    )
+    parser.add_argument("--no-coco", action="store_true", help="write no COCO file, which needs pycocotools")
     _add_pieces(parser)
     _add_quiet(parser)
 
@@ -253,9 +266,9 @@ def _add_labels(commands: argparse._SubParsersAction) -> None:
 def _add_info(commands: argparse._SubParsersAction) -> None:
     parser = commands.add_parser(
         "info",
-        help="print the plan: the meshes and their trees",
-        description="List each mesh with its class and the reason for it, its builder and bytes, and what building it "
-        "and tracing a render's rays through it is expected to take on one thread.",
+        help="print the meshes, their trees and expected costs",
+        description="List each mesh with its class and the reason for it, its builder, its bytes, and the expected "
+        "times of building its tree and tracing a render's rays through it on one thread.",
     )
     _add_file(parser)
     parser.add_argument("--frame", type=int, metavar="N", help="the frame to read (default: the file's current one)")
@@ -264,31 +277,31 @@ def _add_info(commands: argparse._SubParsersAction) -> None:
 def _add_bench(commands: argparse._SubParsersAction) -> None:
     parser = commands.add_parser(
         "bench",
-        help="measure a scene, as a table and charts",
-        description="Measure for about a minute what builders and, over an animation, policies "
-        "cost and gain on this scene; print a table with advice and write all figures as JSON, and a chart of each "
-        "where matplotlib is installed. "
-        "Ctrl-C ends it with what has been measured so far.",
+        help="compare builders and update policies on a scene",
+        description="Measure for about a minute what each builder and, in an animation, each update policy "
+        "costs and gains on this scene. Print a table with advice, and write all figures as JSON, and as charts "
+        "if matplotlib is installed. "
+        "Ctrl-C stops it and writes the results so far.",
     )
     _add_file(parser)
-    parser.add_argument("-o", "--output", required=True, metavar="DIR", help="the folder for pictures and bench.json")
-    parser.add_argument("--seconds", type=POSITIVE, default=60, metavar="N", help="how long (default: %(default)s)")
+    parser.add_argument("-o", "--output", required=True, metavar="DIR", help="folder of the charts and bench.json")
+    parser.add_argument("--seconds", type=POSITIVE, default=60, metavar="N", help="duration (default: %(default)s)")
 
 
 def _add_calibrate(commands: argparse._SubParsersAction) -> None:
     parser = commands.add_parser(
         "calibrate",
-        help="measure this machine",
-        description="Measure once, in a few seconds, what building, refitting and tracing cost on this machine: that "
-        "decides whether a tree is refitted or rebuilt. Leave the machine alone meanwhile.",
+        help="measure the costs of trees on this machine",
+        description="Measure once, in a few seconds, what building, refitting and tracing cost on this machine. The "
+        "result decides whether trees are refitted or rebuilt. Run nothing else on the machine during that.",
     )
-    parser.add_argument("-o", "--output", metavar="FILE", help="where to keep it (default: the user's cache folder)")
+    parser.add_argument("-o", "--output", metavar="FILE", help="file for the result (default: in the cache folder)")
 
 
 def main(argv: Sequence[str] | None = None, prog: str = "perfect-bvh") -> int:
     """Run the command line; the process's exit status.
 
-    0, 2 for an error, 3 if pieces of the work failed, 130 after Ctrl-C, 141 after a closed pipe.
+    0, 2 for an error, 3 if chunks of the work failed, 130 after Ctrl-C, 141 after a closed pipe.
     """
     write_any_text()
     arguments = build_parser(prog).parse_args(argv)

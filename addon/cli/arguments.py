@@ -72,7 +72,7 @@ def parse_size(text: str) -> tuple[int, int]:
         raise argparse.ArgumentTypeError(f"expected WIDTHxHEIGHT such as 960x540, got {text!r}")
     size = int(match[1]), int(match[2])
     if min(size) < MIN_SIZE:
-        way_out = "make a larger image and cut it"
+        way_out = "render a larger image and crop it"
         raise argparse.ArgumentTypeError(f"Blender renders no side below {MIN_SIZE} pixels, got {text}; {way_out}")
     if max(size) > MAX_SIZE:
         raise argparse.ArgumentTypeError(f"Blender renders no side above {MAX_SIZE} pixels, got {text}")
@@ -125,7 +125,7 @@ def parse_path(argument: str, text: str) -> Path:
     try:
         path = Path(text).expanduser().absolute()
     except RuntimeError as error:
-        raise CommandError(f"{argument} {text}: no such user; './{text}' is a file of that name") from error
+        raise CommandError(f"{argument} {text}: no such user; use './{text}' for a file of that name") from error
     check_name(argument, path)
     return path
 
@@ -134,7 +134,7 @@ def parse_folder(text: str) -> Path:
     """The absolute path of the folder that -o names, made if it was not there; a CommandError if it takes no file."""
     folder = parse_path("-o", text)
     if folder.exists() and not folder.is_dir():
-        raise CommandError(f"-o {text}: expected a folder, it is a file")
+        raise CommandError(f"-o {text}: expected a folder, but it is a file")
     with explained():
         prepare_folder(folder)
     return folder
@@ -147,7 +147,9 @@ def check_pieces(arguments: argparse.Namespace) -> None:
     if arguments.workers is None and arguments.scheduler is None:
         return
     if arguments.workers is not None and arguments.scheduler is not None:
-        raise CommandError("--workers starts workers here, --scheduler uses those of another cluster: give one of both")
+        raise CommandError(
+            "--workers starts workers here, --scheduler uses those of another cluster: give only one of them"
+        )
     option = "--workers" if arguments.scheduler is None else "--scheduler"
     if importlib.util.find_spec("distributed") is None:
         raise CommandError(f"{option} needs Dask: pip install 'perfect-bvh[farm]'")
@@ -197,7 +199,7 @@ class Output:
             raise CommandError(f"-o {text}: images are {', '.join(IMAGE_SUFFIXES)}, not {path.suffix}")
         numbers = re.findall(r"#+", path.name)
         if len(numbers) > 1:
-            raise CommandError(f"-o {text}: the name may hold one run of # only")
+            raise CommandError(f"-o {text}: the name may have only one group of #")
         if frame_count > 1 and not numbers:
             example = path.with_name(f"{path.stem}_####{path.suffix}").name
             raise CommandError(f"-o {text}: {frame_count} frames need a folder or a name like {example}")
@@ -245,16 +247,16 @@ def find_ignored_output(scene: bpy.types.Scene, active: bpy.types.ViewLayer) -> 
     """A sentence for each, of a scene as its file has it. active: the view layer that is rendered."""
     render = scene.render
     if render.use_compositing and _has_compositor(scene):
-        yield "Compositing: its nodes are not applied; the render as it is, is written"
+        yield "Compositing: nodes are ignored; the raw render is written"
     if render.use_sequencer and _has_strips(scene):
-        yield "Sequencer: its strips are not shown; the scene is"
+        yield "Sequencer: strips are ignored; the scene is rendered"
     if render.use_multiview:
-        yield "Stereoscopy: it is not written; one view is"
+        yield "Stereoscopy: it is unsupported; one view is written"
     if render.use_stamp:
-        yield "Burn Into Image: it is not done"
+        yield "Burn Into Image: metadata is not drawn into the image"
     others = [layer.name for layer in scene.view_layers if layer.use and layer != active]
     if others:
-        yield f"View Layers: {', '.join(others)} is not rendered; {active.name} is"
+        yield f"View Layers: only {active.name} is rendered, not {', '.join(others)}"
 
 
 def _has_compositor(scene: bpy.types.Scene) -> bool:

@@ -51,7 +51,7 @@ def _check_libraries(arguments: argparse.Namespace) -> None:
     if missing and not arguments.allow_missing:
         raise CommandError(
             f"{arguments.file}: {'; '.join(row.text for row in missing)}. Put it back, or find it in Blender with "
-            "File > External Data > Find Missing Files and save; --allow-missing goes on without it"
+            "File > External Data > Find Missing Files and save; --allow-missing continues without it"
         )
     for row in (*missing, *find_missing_blocks()):
         sys.stderr.write(f"perfect-bvh: {row}\n")

@@ -77,7 +77,7 @@ def _measure(
         out.write(f"{HOW_TO_GET_CHARTS}\n")
     out.write(f"{results.json}\n")
     if stop.is_set:
-        sys.stderr.write("perfect-bvh: stopped; what had been measured is written\n")
+        sys.stderr.write("perfect-bvh: stopped; the results so far are written\n")
         return EXIT_INTERRUPTED
     return 0
 
@@ -110,14 +110,14 @@ def run_calibrate(arguments: argparse.Namespace) -> int:
     except OSError as error:
         raise CommandError(f"cannot write {path} ({error.strerror})") from error
     lines = [
-        f"a ray's visit to a node {measured.node_nanoseconds:.1f} ns, to a leaf {measured.leaf_nanoseconds:.1f} ns",
-        f"refit {measured.refit_nanoseconds:.1f} ns a triangle, rotations {measured.rotate_nanoseconds:.1f} besides, "
-        f"new parts {measured.rebuild_parts_nanoseconds:.1f}",
+        f"a ray's visit of a node {measured.node_nanoseconds:.1f} ns, of a leaf {measured.leaf_nanoseconds:.1f} ns",
+        f"refit {measured.refit_nanoseconds:.1f} ns per triangle; rotations add {measured.rotate_nanoseconds:.1f}, "
+        f"rebuilding parts adds {measured.rebuild_parts_nanoseconds:.1f}",
     ]
     for name in BUILDERS:
         cost = measured.builders[name]
         lines.append(
-            f"{name}: build {cost.build_nanoseconds:.0f} ns a triangle, trace {cost.trace_nanoseconds:.0f} ns a ray"
+            f"{name}: build {cost.build_nanoseconds:.0f} ns per triangle, trace {cost.trace_nanoseconds:.0f} ns per ray"
         )
     sys.stdout.write("\n".join([*lines, str(path)]) + "\n")
     sys.stdout.flush()  # a missing reader is noticed here
@@ -246,7 +246,7 @@ def run_scan(arguments: argparse.Namespace) -> int:
             raise CommandError(f"expected {'FILE.blend' if name == 'file' else '-o DIR'}; see perfect-bvh scan --help")
     check_pieces(arguments)
     if arguments.steps is not None and arguments.frames is None:
-        raise CommandError("--steps needs --frames: one whole pass in the current frame has no further key moments")
+        raise CommandError("--steps needs --frames: a whole sweep in the current frame has no further time samples")
     path = check_blend_file(arguments.file)
     _check_format(f".{arguments.format}", arguments.labels)
     arguments.sensor = _sensor_name(arguments.sensor)

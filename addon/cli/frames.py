@@ -229,7 +229,7 @@ def do_piece(work: PieceWork, piece: Piece, stop: StopRequest, advance: Advance 
             raise
         raise CommandError(error.strerror or str(error)) from error
     if done is None and not stop.is_set:
-        raise CommandError(f"{piece}: Blender has given it up, and says no more")
+        raise CommandError(f"{piece}: Blender aborted the frame without an error message")
     return done
 
 
@@ -256,7 +256,7 @@ def _do_here(work: PieceWork, stop: StopRequest, arguments: argparse.Namespace) 
         except (perfect_bvh.EngineError, MemoryError) as error:  # there is no other worker that could try it again
             raise CommandError(f"{piece}: {str(error) or 'there is not enough memory'}") from error
 
-    with progress_bar("piece", len(work.pieces), arguments.quiet) as bar:
+    with progress_bar("chunk", len(work.pieces), arguments.quiet) as bar:
         for done in do_pieces(work, outcome, do):
             teller.tell(outcome.warnings)
             bar.update(done - bar.n)
@@ -269,10 +269,12 @@ def _end(work: PieceWork, outcome: Outcome) -> int:
     if outcome.failed:
         for piece, reason in outcome.failed:
             sys.stderr.write(f"perfect-bvh: {piece}: {reason}\n")
-        sys.stderr.write(f"perfect-bvh: {len(outcome.failed)} of {total} pieces failed; --resume tries them again\n")
+        sys.stderr.write(f"perfect-bvh: {len(outcome.failed)} of {total} chunks failed; retry them with --resume\n")
         return EXIT_FAILED_PIECES
     if outcome.is_stopped:
-        sys.stderr.write(f"perfect-bvh: stopped; {outcome.there} of {total} pieces are there; --resume goes on\n")
+        sys.stderr.write(
+            f"perfect-bvh: stopped; {outcome.there} of {total} chunks are complete; continue with --resume\n"
+        )
         return EXIT_INTERRUPTED
     with explained():
         work.join()

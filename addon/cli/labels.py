@@ -46,7 +46,7 @@ def _check_formats(arguments: argparse.Namespace) -> None:
     except (ValueError, ImportError) as error:
         raise CommandError(f"--format: {error}") from error
     if arguments.depth_scale is not None and not {"png", bop.FORMAT} & set(arguments.format):
-        raise CommandError("--depth-scale is of PNG files: add png or bop to --format, or leave it out")
+        raise CommandError("--depth-scale applies to PNG files: add png or bop to --format, or omit it")
     if arguments.depth_scale is None:
         arguments.depth_scale = DEPTH_SCALE
 
@@ -57,7 +57,7 @@ def _check_coco() -> None:
     try:
         check_coco()
     except ImportError as error:
-        raise CommandError(f"{error}; or leave it out: --no-coco") from error
+        raise CommandError(f"{error}; or write no COCO file: --no-coco") from error
 
 
 def labels_work(scene: bpy.types.Scene, _stop: StopRequest, arguments: argparse.Namespace) -> PieceWork:

@@ -86,7 +86,7 @@ def _open(job: dict[str, Any], stop: StopRequest) -> PieceWork:
     from .labels import labels_work
 
     if perfect_bvh.__version__ != job["version"]:
-        raise CommandError(f"it has version {perfect_bvh.__version__} of Perfect BVH, not {job['version']}")
+        raise CommandError(f"it has Perfect BVH {perfect_bvh.__version__}, not {job['version']}")
     arguments = argparse.Namespace(**{name: _tuple(value) for name, value in job["arguments"].items()})
     scene = open_scene(Path(arguments.file), arguments)
     learn_checksums(job["checksums"])
@@ -94,7 +94,7 @@ def _open(job: dict[str, Any], stop: StopRequest) -> PieceWork:
     work = jobs[arguments.command](scene, stop, arguments)
     other = find_difference(job["inputs"], work.place.inputs)
     if other is not None:
-        raise CommandError(f"it differs from the run in {other}")
+        raise CommandError(f"its inputs differ in {other}")
     return work
 
 

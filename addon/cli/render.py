@@ -36,10 +36,10 @@ def run_render(arguments: argparse.Namespace) -> int:
 
     check_mode(arguments.mode)
     if arguments.piece is not None and not _is_in_pieces(arguments):
-        raise CommandError("--piece needs --resume, --workers or --scheduler; without them there are no pieces")
+        raise CommandError("--chunk needs --resume, --workers or --scheduler; without them there are no chunks")
     check_pieces(arguments)
     if _is_in_pieces(arguments) and (arguments.stats or arguments.audit is not None):
-        raise CommandError("--stats and --audit are of one process that begins anew: not with --resume or workers")
+        raise CommandError("--stats and --audit cannot be combined with --resume, --workers or --scheduler")
     path = check_blend_file(arguments.file)
     output = Output.parse(arguments.output, len(arguments.frames or (0,)))
     output.check_frames(arguments.frames or (0,), path)

@@ -232,7 +232,7 @@ def scan_command(chosen: Any, output: str, frames: str, workers: int) -> list[st
     """`perfect-bvh scan`. workers: 0 for none."""
     program = str(Path(sys.executable).with_name("perfect-bvh"))
     blend = str(REPOSITORY / "blend_scenes" / f"{chosen.scene}.blend")
-    options = ("-q", "--sensor", chosen.sensor, "--piece", "10", "--threads", "1")
+    options = ("-q", "--sensor", chosen.sensor, "--chunk", "10", "--threads", "1")
     how = ("--workers", str(workers)) if workers else ()
     return [program, "scan", blend, "-o", output, "--frames", frames, *options, *how]
 

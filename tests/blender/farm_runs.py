@@ -37,7 +37,7 @@ def save_scene(folder: Path) -> Path:
 def command(name: str, out: Path, *more: object, frames: str = "1-12") -> list[str]:
     """Build the command line of a job, to be run in the scene's folder."""
     verb, *options = JOBS[name]
-    asked = ("small.blend", "-o", f"{out}/", "--frames", frames, "--piece", 2, "-q")
+    asked = ("small.blend", "-o", f"{out}/", "--frames", frames, "--chunk", 2, "-q")
     return [sys.executable, "-c", RUN_MAIN, verb, *map(str, (*asked, *options, *more))]
 
 

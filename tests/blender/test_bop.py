@@ -59,7 +59,7 @@ def model(folder: Path, number: int) -> np.ndarray:
 
 def test_poses_masks_depths_and_models_fit_together(file: Path, tmp_path: Path) -> None:
     folder = tmp_path / "out"
-    arguments = ("labels", file, "-o", folder, "--format", "bop", "--no-coco", "--frames", "1-2", "--piece", 1, "-q")
+    arguments = ("labels", file, "-o", folder, "--format", "bop", "--no-coco", "--frames", "1-2", "--chunk", 1, "-q")
     assert run(*arguments) == 0
     poses, facts, cameras = (read(folder, what) for what in ("gt", "gt_info", "camera"))
     assert list(poses) == list(facts) == list(cameras) == ["1", "2"]
@@ -119,7 +119,7 @@ def test_a_later_run_of_other_frames_keeps_the_earlier_ones(file: Path, tmp_path
     folder = tmp_path / "out"
     common = ("labels", file, "-o", folder, "--format", "bop", "--no-coco", "--depth-scale", "0.0001")
     assert run(*common, "--frames", "1") == 0
-    assert "BOP: depth beyond 6.5535 is 0 there" in "".join(capfd.readouterr())
+    assert "BOP: depth beyond 6.5535 is written as 0" in "".join(capfd.readouterr())
     first = {path.name: path.read_bytes() for path in (folder / TRAIN / "mask").iterdir()}
     assert run(*common, "--frames", "2", "-q") == 0
     assert [list(read(folder, what)) for what in ("gt", "gt_info", "camera")] == [["1", "2"]] * 3
@@ -129,11 +129,11 @@ def test_a_later_run_of_other_frames_keeps_the_earlier_ones(file: Path, tmp_path
 
 def test_chunks_are_kept_and_the_camera_must_be_perspective(file: Path, tmp_path: Path, capfd: Any) -> None:
     folder = tmp_path / "out"
-    arguments = ("labels", file, "-o", folder, "--format", "bop", "--no-coco", "--frames", "1-2", "--piece", 1)
+    arguments = ("labels", file, "-o", folder, "--format", "bop", "--no-coco", "--frames", "1-2", "--chunk", 1)
     assert run(*arguments, "-q") == 0
     before = {path: path.read_bytes() for path in folder.rglob("*.*")}
     assert run(*arguments, "--resume") == 0
-    assert "2 were there" in "".join(capfd.readouterr())
+    assert "2 existed" in "".join(capfd.readouterr())
     assert {path: path.read_bytes() for path in folder.rglob("*.*")} == before
     bpy.ops.wm.open_mainfile(filepath=str(file))
     bpy.context.scene.camera.data.type = "ORTHO"

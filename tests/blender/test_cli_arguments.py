@@ -48,7 +48,7 @@ def test_a_size_is_two_numbers_that_blender_can_have() -> None:
         with pytest.raises(argparse.ArgumentTypeError, match="expected WIDTHxHEIGHT"):
             parse_size(text)
     for text in ("0x5", "1x3", "4x3", "3x540"):
-        with pytest.raises(argparse.ArgumentTypeError, match=f"no side below 4 pixels, got {text}; make a larger"):
+        with pytest.raises(argparse.ArgumentTypeError, match=f"no side below 4 pixels, got {text}; render a larger"):
             parse_size(text)
     with pytest.raises(argparse.ArgumentTypeError, match="no side above 65536 pixels, got 4x65537"):
         parse_size("4x65537")
@@ -98,7 +98,7 @@ def test_output_names(output: str, frame: int, expected: str, tmp_path: Path, mo
     [
         ("a.png", 2, r"a_####\.png"),
         ("a.gif", 1, r"not \.gif"),
-        ("a#b#.png", 1, "one run of #"),
+        ("a#b#.png", 1, "one group of #"),
     ],
 )
 def test_output_names_that_cannot_work(output: str, count: int, complaint: str) -> None:

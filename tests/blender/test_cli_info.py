@@ -60,8 +60,8 @@ def test_info_needs_no_camera(small_file: Path, broken_files: dict[str, Path], c
         (("render", "{small}", "-o", "{tmp}/a.png", "--size", "1x3"), "no side below 4 pixels, got 1x3"),
         (("render", "{small}", "-o", "{tmp}/a.png", "--samples", "0"), "must be at least 1"),
         (
-            ("render", "{small}", "-o", "{tmp}/a/", "--frames", "1-2", "--piece", "1"),
-            "--piece needs --resume, --workers",
+            ("render", "{small}", "-o", "{tmp}/a/", "--frames", "1-2", "--chunk", "1"),
+            "--chunk needs --resume, --workers",
         ),
         (("scan", "{small}", "-o", "{tmp}/a", "--steps", "2"), "--steps needs --frames"),
         (("render", "{small}"), "-o"),

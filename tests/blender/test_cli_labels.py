@@ -126,9 +126,9 @@ def test_a_percentage_that_leaves_one_pixel_is_honoured(small_file: Path, tmp_pa
     [
         (("--layers", "0"), "must be 1 to 1000"),
         (("--frames", "x"), "expected frames such as"),
-        (("--size", "1x3"), "no side below 4 pixels, got 1x3; make a larger image and cut it"),
-        (("--depth-scale", "0.01"), "--depth-scale is of PNG files: add png or bop to --format"),
-        (("-o", "{file}"), "expected a folder, it is a file"),
+        (("--size", "1x3"), "no side below 4 pixels, got 1x3; render a larger image and crop it"),
+        (("--depth-scale", "0.01"), "--depth-scale applies to PNG files: add png or bop to --format"),
+        (("-o", "{file}"), "expected a folder, but it is a file"),
     ],
 )
 def test_mistakes_are_named(
@@ -152,7 +152,7 @@ def test_without_pycocotools_it_says_what_to_do(
 
 def test_what_is_there_and_whole_is_not_labelled_again(small_file: Path, tmp_path: Path) -> None:
     folder = tmp_path / "labels"
-    asked = ("labels", small_file, "-o", folder, "--frames", "1-4", "--piece", 2, "-q")
+    asked = ("labels", small_file, "-o", folder, "--frames", "1-4", "--chunk", 2, "-q")
     assert run(*asked) == 0
     before = {path.name: (path.read_bytes(), path.stat().st_mtime_ns) for path in folder.iterdir()}
     (folder / "labels_0003.npz").write_bytes(b"damaged")
@@ -173,9 +173,9 @@ def test_what_is_there_and_whole_is_not_labelled_again(small_file: Path, tmp_pat
 def test_a_folder_of_other_labels_is_refused(small_file: Path, tmp_path: Path, capfd: Any) -> None:
     folder = tmp_path / "labels"
     assert run("labels", small_file, "-o", folder, "--frames", "1-2", "-q") == 0
-    for more in (("--layers", 2), ("--piece", 1), ("--resume", "--no-coco")):
+    for more in (("--layers", 2), ("--chunk", 1), ("--resume", "--no-coco")):
         assert run("labels", small_file, "-o", folder, "--frames", "1-2", "-q", *more) == 2
-        assert "holds pieces of another set of labels" in capfd.readouterr().err
+        assert "has chunks of another set of labels" in capfd.readouterr().err
     assert run("labels", small_file, "-o", folder, "--frames", "3-4", "-q") == 0
     assert (folder / "coco_0003-0004.json").exists()
 
@@ -184,7 +184,7 @@ def test_pieces_together_number_images_and_things_as_one_file(small_file: Path, 
     """Ids of instances are an exception: each chunk has its own."""
     found = []
     for size in (1, 4):
-        assert run("labels", small_file, "-o", tmp_path / str(size), "--frames", "1-4", "--piece", size, "-q") == 0
+        assert run("labels", small_file, "-o", tmp_path / str(size), "--frames", "1-4", "--chunk", size, "-q") == 0
         found.append((tmp_path / str(size) / "coco_0001-0004.json").read_bytes())
     assert found[0] == found[1]
     content = json.loads(found[0])

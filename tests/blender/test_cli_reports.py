@@ -63,7 +63,7 @@ def test_a_scene_without_any_light_is_black_and_says_so(small_file: Path, tmp_pa
     for mode, is_black in (("preview", True), ("clay", False)):
         assert run("render", dark, "-o", tmp_path / "a.png", "--mode", mode, "--samples", 1, "--frames", "1") == 0
         assert (read_png(tmp_path / "a.png")[..., :3].max() == 0) == is_black
-        assert ("No light: neither a light" in capsys.readouterr().err) == is_black
+        assert ("No light: no light, world" in capsys.readouterr().err) == is_black
 
 
 def told_of_two_frames(folder: Path, capsys: pytest.CaptureFixture[str]) -> list[str]:
@@ -91,11 +91,11 @@ def test_what_the_command_line_does_not_write_is_said_once(small_file: Path, tmp
     blur, layers = tree.nodes.new("CompositorNodeBlur"), tree.nodes.new("CompositorNodeRLayers")
     tree.links.new(layers.outputs[0], blur.inputs[0])
     assert told_of_two_frames(tmp_path, capsys) == [
-        "Compositing: its nodes are not applied; the render as it is, is written",
-        "Sequencer: its strips are not shown; the scene is",
-        "Stereoscopy: it is not written; one view is",
-        "Burn Into Image: it is not done",
-        "View Layers: Front is not rendered; ViewLayer is",
+        "Compositing: nodes are ignored; the raw render is written",
+        "Sequencer: strips are ignored; the scene is rendered",
+        "Stereoscopy: it is unsupported; one view is written",
+        "Burn Into Image: metadata is not drawn into the image",
+        "View Layers: only ViewLayer is rendered, not Front",
     ]
 
 
@@ -111,7 +111,7 @@ def test_the_command_line_names_what_is_not_shown_once(small_file: Path, tmp_pat
     bpy.context.object.name = "Smoke"
     assert told_of_two_frames(tmp_path, capsys) == [
         "Smoke: volumes are not supported; left out",
-        "Wall: Ambient Occlusion is not shown; its flat colour is",
+        "Wall: Ambient Occlusion is unsupported; its flat colour is used",
     ]
 
 

@@ -23,7 +23,7 @@ def small_file(tmp_path: Path) -> Path:
 
 
 def scanned(small_file: Path, folder: Path, *more: object) -> int:
-    asked = ("--sensor", small_file.parent / "sensor.toml", "--on", "Head", "--frames", "1-6", "--piece", 2, "-q")
+    asked = ("--sensor", small_file.parent / "sensor.toml", "--on", "Head", "--frames", "1-6", "--chunk", 2, "-q")
     return run("scan", small_file, "-o", folder, *asked, *more)
 
 
@@ -72,9 +72,9 @@ def test_a_folder_of_another_scan_is_refused(small_file: Path, tmp_path: Path, c
     out = tmp_path / "out"
     assert scanned(small_file, out) == 0
     kept = contents(out)
-    for changed in (("--steps", 3), ("--on", "Cube"), ("--piece", 4)):
+    for changed in (("--steps", 3), ("--on", "Cube"), ("--chunk", 4)):
         assert scanned(small_file, out, *changed) == 2
-        assert "holds pieces of another scan" in capfd.readouterr().err
+        assert "has chunks of another scan" in capfd.readouterr().err
     (tmp_path / "sensor.toml").write_text(SENSOR.replace("120", "60"))
     assert scanned(small_file, out, "--resume") == 2
     assert "differs in 'sensor'" in capfd.readouterr().err

@@ -199,7 +199,7 @@ def test_pieces_have_one_table_whatever_is_met_in_them(room: Any, tmp_path: Path
     path = tmp_path / "room.blend"
     bpy.ops.wm.save_as_mainfile(filepath=str(path))
     (tmp_path / "sensor.toml").write_text(SENSOR)
-    asked = ("scan", path, "--sensor", tmp_path / "sensor.toml", "--frames", "1-3", "--piece", 1, "-q")
+    asked = ("scan", path, "--sensor", tmp_path / "sensor.toml", "--frames", "1-3", "--chunk", 1, "-q")
     labels = ("--labels", "part", "categoryID", "collection")
     assert run(*asked, "-o", tmp_path / "out", *labels) == 0
     tables = []

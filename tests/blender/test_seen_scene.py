@@ -265,7 +265,7 @@ def test_labels_and_renders_show_it(table: Table, tmp_path: Path, for_viewport: 
 
 
 @pytest.mark.parametrize("for_viewport", [False, True])
-@pytest.mark.parametrize("frames", [(), ("--frames", "3"), ("--frames", "2-3", "--piece", 1)])
+@pytest.mark.parametrize("frames", [(), ("--frames", "3"), ("--frames", "2-3", "--chunk", 1)])
 def test_scans_hit_it(table: Table, tmp_path: Path, for_viewport: bool, frames: tuple[object, ...]) -> None:
     asked = ("--sensor", table.folder / "sensor.toml", *frames, "-q")
     folder = table.run(tmp_path, "scan", for_viewport, *asked)

@@ -160,7 +160,7 @@ def check_workers(client: Client, work: PieceWork, stop: StopRequest, arguments:
         fault = _fault_of(seen, arguments)
         if fault is not None:
             host = f" on {seen['host']}" if isinstance(seen, dict) else ""
-            raise CommandError(f"the worker {address}{host} cannot do this: {fault}")
+            raise CommandError(f"worker {address}{host} cannot take part: {fault}")
     if arguments.threads is not None:
         return int(arguments.threads)
     on_host = Counter(seen["host"] for seen in found.values())
@@ -197,18 +197,20 @@ def _fault_of(seen: Any, arguments: argparse.Namespace) -> str | None:
 
     own = perfect_bvh.__version__
     if isinstance(seen, ImportError):
-        return f"it has not this version, {own}, of Perfect BVH ({seen})"
+        return f"Perfect BVH {own} is not installed there ({seen})"
     if not isinstance(seen, dict):
         return f"{type(seen).__name__}: {seen}"
     if seen["version"] != own:
-        return f"it has version {seen['version']} of Perfect BVH, and {own} is asked for; install the same on both"
+        return f"it has Perfect BVH {seen['version']}, but {own} is required; install the same version on both"
     if not seen["has_blender"]:
         return "its Python has no module bpy: pip install 'perfect-bvh[blender]'"
     if seen["size"] is None:
-        return f"it does not see {arguments.file}; the scene and its files have to be at the same path on all machines"
+        return (
+            f"{arguments.file} does not exist there; the scene and its files must be at the same path on all machines"
+        )
     if seen["size"] != os.path.getsize(arguments.file):
-        return f"{arguments.file} is another file there, of {seen['size']:,} bytes"
+        return f"{arguments.file} is a different file there, of {seen['size']:,} bytes"
     if not seen["sees_output"]:
         folder = Path(arguments.output)
-        return f"it does not see the output folder of -o {folder}; all machines have to write into the same"
+        return f"the output folder {folder} of -o does not exist there; all machines must write into the same folder"
     return None

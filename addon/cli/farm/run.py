@@ -85,7 +85,7 @@ def do_pieces_on_farm(work: PieceWork, stop: StopRequest, arguments: argparse.Na
         threads = check_workers(client, work, stop, arguments)
         if not arguments.quiet:
             count = len(client.nthreads())
-            out.write(f"{len(left)} pieces, {count} workers, threads of each: {threads}\n")
+            out.write(f"{len(left)} chunks, {count} workers, {threads} threads each\n")
             out.flush()
         _Farm(client, work, stop, _job_of(work, arguments, threads), outcome).run(left, arguments.quiet)
     with explained():
@@ -150,7 +150,7 @@ class _Farm:
             return
         addresses = list(self._ask(self._client.nthreads))
         if not addresses and not self._is_alone:
-            self._teller.say("there are no workers any more; waiting for one")
+            self._teller.say("no workers are left; waiting for one")
         self._is_alone = not addresses
         while self._left and len(self._running) < len(addresses):
             number = self._costs.next_of(self._left, len(addresses))
@@ -186,8 +186,8 @@ class _Farm:
         if future.status == "error":
             error = self._ask(future.exception)
             if not isinstance(error, KilledWorker):
-                raise self._ends(f"a worker cannot do this: {type(error).__name__}: {error}")
-            reason = "the worker of Dask has died"
+                raise self._ends(f"a worker failed: {type(error).__name__}: {error}")
+            reason = "the Dask worker died"
             return self._bury(number, error.last_worker.address, reason, error.allowed_failures + 1)
         answer = self._ask(future.result)
         if "done" in answer:
@@ -207,7 +207,7 @@ class _Farm:
         if "stopped" in answer:
             return False
         if "refused" in answer:
-            raise self._ends(f"a worker on {host} cannot do this: {answer['refused']}")
+            raise self._ends(f"a worker on {host} cannot take part: {answer['refused']}")
         if answer["is_of_files"]:
             raise self._ends(f"on {host}: {answer['fault']}")
         self._left.discard(number)
@@ -224,9 +224,9 @@ class _Farm:
         piece = self._work.pieces[number]
         if len(deaths) < MOST_DEATHS:
             self._left.add(number)
-            self._teller.say(f"{piece}: a worker has died ({reason}); done again")
+            self._teller.say(f"{piece}: a worker died ({reason}); trying again")
             return False
-        self._outcome.failed.append((piece, f"workers have died of it {len(deaths)} times, last: {reason}"))
+        self._outcome.failed.append((piece, f"{len(deaths)} workers died on it; the last reason: {reason}"))
         return True
 
     def _ask(self, call: Callable[[], Any]) -> Any:
@@ -239,11 +239,11 @@ class _Farm:
             raise self._scheduler_is_gone() from error
 
     def _scheduler_is_gone(self) -> CommandError:
-        return self._ends("the scheduler has gone away")
+        return self._ends("the connection to the scheduler is lost")
 
     def _ends(self, reason: str) -> CommandError:
         return CommandError(
-            f"{reason}; {self._outcome.there} of {len(self._work.pieces)} pieces are there, --resume goes on"
+            f"{reason}; {self._outcome.there} of {len(self._work.pieces)} chunks are complete; continue with --resume"
         )
 
     def _end_blenders(self) -> None:
