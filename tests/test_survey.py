@@ -20,19 +20,19 @@ ANSWERS = [
 @pytest.mark.parametrize(
     ("kind", "text", "feature"),
     [
-        ("material", "Bevel is not shown; black is", "material: Bevel"),
+        ("material", "Bevel is unsupported; black is used", "material: Bevel"),
         (
             "material",
-            "A (b) c (Ambient Occlusion) is not shown; its flat colour is",
+            "A (b) c (Ambient Occlusion) is unsupported; its flat colour is used",
             "material: Ambient Occlusion",
         ),
         (
             "material",
-            "Old (Squeeze Value (Legacy)) is not shown; its flat colour is",
+            "Old (Squeeze Value (Legacy)) is unsupported; its flat colour is used",
             "material: Squeeze Value (Legacy)",
         ),
-        ("material", "Squeeze Value (Legacy) is not shown; black is", "material: Squeeze Value (Legacy)"),
-        ("material", "Coat from place to place is not shown; 0.31 is", "material: Coat from place to place"),
+        ("material", "Squeeze Value (Legacy) is unsupported; black is used", "material: Squeeze Value (Legacy)"),
+        ("material", "varying Coat is unsupported; 0.31 is used", "material: varying Coat"),
         (
             "image",
             "it could not be loaded from '//a b.png'; magenta is",

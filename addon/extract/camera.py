@@ -188,7 +188,7 @@ def _find_complaint(data: Any) -> str | None:
             kind = settings.panorama_type.replace("_", " ").title()
             return f"cannot be a {kind} panorama: choose Equirectangular as its Panorama Type"
         if not (settings.longitude_min < settings.longitude_max and settings.latitude_min < settings.latitude_max):
-            return "sees nothing: the least longitude and latitude must be below the greatest"
+            return "sees nothing: the minimum longitude and latitude must be below the maximum"
     if not data.clip_start < data.clip_end:
         return f"clips everything: its start {data.clip_start:g} is not below its end"
     return None

@@ -1,4 +1,4 @@
-"""Settings of a scene and its view layer that change what Cycles shows, and that this engine does not ask."""
+"""Settings of a scene and its view layer that change Cycles' image, and that this engine ignores."""
 
 from __future__ import annotations
 
@@ -40,22 +40,22 @@ def find_ignored_settings(
 
 def _motion_blur(depsgraph: Any) -> tuple[str, str] | None:
     is_on = depsgraph.scene.render.use_motion_blur and getattr(depsgraph.view_layer, "use_motion_blur", True)
-    return ("Motion Blur", "it is not shown; one moment is") if is_on else None
+    return ("Motion Blur", "it is unsupported here; a single moment is used") if is_on else None
 
 
 def _pieces_of_hair(scene: Any) -> tuple[str, str] | None:
     curves = getattr(scene, "cycles_curves", None)
     if curves is None or curves.shape != "RIBBONS" or curves.subdivisions <= MOST_SUBDIVISIONS:
         return None
-    return "Curves", f"{curves.subdivisions} subdivisions of ribbons are not asked; {MOST_SUBDIVISIONS} are"
+    return "Curves", f"{curves.subdivisions} subdivisions of ribbons exceed the limit; {MOST_SUBDIVISIONS} are used"
 
 
 def _of_layer(layer: Any) -> Iterator[tuple[str, str]]:
     for switch, name in (("use_sky", "Environment"), ("use_solid", "Surfaces")):
         if not getattr(layer, switch):
-            yield f"View Layer {layer.name}", f"the filter {name} is not asked; {name.lower()} stays shown"
+            yield f"View Layer {layer.name}", f"the filter {name} is ignored, as if it was on"
     if getattr(layer, "world_override", None) is not None:
-        yield f"View Layer {layer.name}", "the World Override is not shown; the scene's own world is"
+        yield f"View Layer {layer.name}", "the World Override is unsupported; the scene's own world is used"
 
 
 def _of_cycles(scene: Any) -> Iterator[tuple[str, str]]:
@@ -64,16 +64,16 @@ def _of_cycles(scene: Any) -> Iterator[tuple[str, str]]:
         return
     exposure = getattr(settings, "film_exposure", 1.0)
     if exposure != 1.0:
-        yield "Film", f"the exposure {exposure:.3g} is not asked; 1 is"
+        yield "Film", f"the exposure {exposure:.3g} is ignored; 1 is used"
     if scene.render.film_transparent and getattr(settings, "film_transparent_glass", False):
-        yield "Film", "Transparent Glass is not shown; glass before the background is opaque"
+        yield "Film", "Transparent Glass is unsupported; glass in front of the background is opaque"
     if getattr(settings, "use_fast_gi", False):
-        yield "Fast GI Approximation", "it is not shown; traced light is"
+        yield "Fast GI Approximation", "it is unsupported; traced light is used"
     culls = any(getattr(settings, name, False) for name in ("use_camera_cull", "use_distance_cull"))
     if scene.render.use_simplify and culls:
-        yield "Simplify", "culling is not asked; every object is shown"
+        yield "Simplify", "culling is ignored; every object is visible"
     if scene.render.use_freestyle:
-        yield "Freestyle", "it is not shown; no lines are"
+        yield "Freestyle", "it is unsupported; no lines are drawn"
 
 
 def _passes(layer: Any) -> tuple[str, str] | None:

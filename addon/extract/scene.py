@@ -26,7 +26,7 @@ from .pointer_views import ArrayReader
 from .read_again import PlainReading, SceneParts, read_again, remember
 from .visibility import VisibilityReader, outside_viewports
 
-DARK = NotShown("dark", "No light", 0, "neither a light, the world nor a material shines; the image is black")
+DARK = NotShown("dark", "No light", 0, "no light, world or material emits light; the image is black")
 # Layouts that were proven or refuted hold for the whole process.
 shared_reader = ArrayReader()
 

@@ -241,7 +241,7 @@ def _tell(progress: Callable[[float], object] | None, done: float) -> None:
     if progress is not None and progress(done) is False:
         import perfect_bvh
 
-        raise perfect_bvh.Cancelled("the update was cancelled between two moments of the shutter")
+        raise perfect_bvh.Cancelled("the update was cancelled between two time samples of the shutter")
 
 
 def read_moment(

@@ -118,7 +118,7 @@ def compare_mesh(old: MeshRecord | None, new: MeshRecord) -> MeshDifference:
     parts = new.kind
     if not have_same(old, new, "positions", "radii"):
         moved = "vertices" if parts == "triangles" else "points"
-        return MeshDifference("deformed", f"{moved} moved, {parts} stayed", attributes_changed)
+        return MeshDifference("deformed", f"{moved} moved, {parts} are the same", attributes_changed)
     reason = f"same {parts}, same positions" if new.was_read else UNCHANGED.reason
     return MeshDifference("kept", reason, attributes_changed)
 

@@ -101,7 +101,7 @@ class HeldMeshes:
         held = self._meshes.pop(key)
         self._last = self._ids = None
         scene.remove_mesh(held.mesh_id)
-        reason = "nothing shows it any more"
+        reason = "no object uses it any more"
         return MeshChange(key, held.record.name, held.mesh_id, "removed", reason, held.record.part_count)
 
     def apply(

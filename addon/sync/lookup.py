@@ -184,7 +184,7 @@ class SceneLookup:
 
     def _check_age(self, name: str, hits: HitIds, meshes: Int32Array) -> None:
         """Raises ValueError for hits on triangles that are no longer what they were."""
-        again = "cast the rays again, and look hits up before the next update()"
+        again = "cast the rays again, and look up hits before the next update()"
         if hits.scene_id != self._scene_id:
             raise ValueError(f"{name}: hits must come from the synced scene, got hits of another scene: {again}")
         is_old = self._generations[meshes] > hits.generation
@@ -192,7 +192,7 @@ class SceneLookup:
             mesh_id = int(np.asarray(hits.mesh_ids)[is_old].flat[0])
             raise ValueError(
                 f"{name}: hits must be from after the last update() that replaced what they hit, got hits of "
-                f"generation {hits.generation} on mesh {mesh_id}, which has had other triangles since: {again}"
+                f"generation {hits.generation} on mesh {mesh_id}, whose triangles were replaced since: {again}"
             )
 
     def _column(self, name: str) -> Int32Array:

@@ -86,7 +86,7 @@ class MotionWords:
             self._rows[self._flat_row(owner, count, is_plain)] = None
 
     def add_remade(self, remade: BoolArray, verdict: int) -> None:
-        """(I,) bool: instances whose mesh is another at one of their moments."""
+        """Adds instances whose mesh changes between their time samples: (I,) bool."""
         instances = self._record.instances
         rows = np.flatnonzero(remade)
         objects, first = np.unique(instances.object_indices[rows], return_index=True)
@@ -105,23 +105,23 @@ class MotionWords:
 
     def add_camera(self, settings: MotionSettings, complaint: str) -> None:
         """The camera's view cannot be followed."""
-        text = f"its motion is not shown, as it cannot be followed through the shutter: {complaint}; {_STILL}"
+        text = f"its motion is unsupported, because it cannot be followed through the shutter: {complaint}; {_STILL}"
         self._rows[NotShown("shape", settings.camera_name, settings.camera_uid, text, _OF_CAMERA)] = None
 
     # The words. owner: whose instances, count of them; is_plain: the object itself is the only one -------------------
 
     def _missing_row(self, owner: ObjectRecord, count: int, is_plain: bool) -> NotShown:
         subject = "it is" if is_plain else _instances(count)
-        text = f"{subject} not there at every moment of the shutter; {_still(count, is_plain)}"
+        text = f"{subject} missing at a moment of the shutter; {_still(count, is_plain)}"
         return row_of(owner, text, _OF_MISSING)
 
     def _new_row(self, owner: ObjectRecord, count: int, is_plain: bool) -> NotShown:
         subject = "it is" if is_plain else _instances(count)
-        text = f"{subject} there only at other moments of the shutter than the frame; not shown"
+        text = f"{subject} missing at the frame, but not at another moment of the shutter; left out"
         return row_of(owner, text, _OF_MISSING)
 
     def _reordered_row(self, owner: ObjectRecord, count: int) -> NotShown:
-        text = f"{count:,} of its instances have no ids and trade places within the shutter, as if sorted anew"
+        text = f"{count:,} of its instances have no ids and change places within the shutter, as if sorted again"
         return row_of(owner, f"{text}; {_still(count, False)}", _OF_ORDER)
 
     def _flat_row(self, owner: ObjectRecord, count: int, is_plain: bool) -> NotShown:
@@ -129,9 +129,9 @@ class MotionWords:
         return row_of(owner, f"{whose} zero at a moment of the shutter; {_still(count, is_plain)}", _OF_FLAT)
 
     def _remade_row(self, owner: ObjectRecord, kind: str, verdict: int) -> NotShown:
-        change = f"has other {kind} at a moment of the shutter"
+        change = f"has different {kind} at a moment of the shutter"
         if verdict == BARE:
-            change = "has points without a radius at one moment of the shutter that have one at another"
+            change = "has points whose radius is zero at one moment of the shutter and not at another"
         return row_of(owner, f"its shape {change}; the one at the frame is shown, moved as a whole", _OF_SHAPES)
 
 
@@ -328,11 +328,11 @@ def _camera_motion(
     at = [moments[time] for time in times_of(settings.camera_steps)]
     cameras = [moment.camera for moment in at if moment.camera is not None]
     if len(cameras) < len(at):
-        complaint = next((moment.complaint for moment in at if moment.complaint), "it is not there at all of them")
+        complaint = next((moment.complaint for moment in at if moment.complaint), "it is missing at one of the moments")
         words.add_camera(settings, complaint)
         return ()
     if any(camera.projection != record.camera.projection for camera in cameras):
-        words.add_camera(settings, "it is of another type at one of them")
+        words.add_camera(settings, "its type changes")
         return ()
     if all(is_same_camera(camera, record.camera) for camera in cameras):
         return ()
@@ -344,35 +344,35 @@ def _camera_motion(
 
 
 _OF_STRETCH_ORDER = "Give the points ids, by Set ID, before nodes change their order"
-_ADVICE = "Raise Steps per Frame: there is less time between two key moments then"
+_ADVICE = "Raise Steps per Frame, for less time between two time samples"
 
 
 class StretchWords(MotionWords):
     """The words for an interval between two time samples. Without numbers, which differ from interval to interval."""
 
     def _missing_row(self, owner: ObjectRecord, count: int, is_plain: bool) -> NotShown:
-        subject = "it goes" if is_plain else "some of its instances go"
+        subject = "it disappears" if is_plain else "some of its instances disappear"
         still = "it stands still, as at the earlier one" if is_plain else "they stand still, as at the earlier one"
-        return row_of(owner, f"{subject} between two key moments of the scan; until the later one {still}", _ADVICE)
+        return row_of(owner, f"{subject} between two time samples of the scan; until the later one {still}", _ADVICE)
 
     def _new_row(self, owner: ObjectRecord, count: int, is_plain: bool) -> NotShown:
-        subject, met = ("it comes", "it is") if is_plain else ("some of its instances come", "they are")
-        text = f"{subject} between two key moments of the scan; until the later one {met} not met"
+        subject, hit = ("it appears", "it is") if is_plain else ("some of its instances appear", "they are")
+        text = f"{subject} between two time samples of the scan; until the later one {hit} not hit"
         return row_of(owner, text, _ADVICE)
 
     def _reordered_row(self, owner: ObjectRecord, count: int) -> NotShown:
-        text = "instances without ids change places between two key moments of the scan, as if by another order"
+        text = "instances without ids change places between two time samples of the scan, as if sorted again"
         return row_of(owner, f"{text}; until the later one they stand still, as at the earlier one", _OF_STRETCH_ORDER)
 
     def _flat_row(self, owner: ObjectRecord, count: int, is_plain: bool) -> NotShown:
         whose, subject = (
             ("its scale", "it stands") if is_plain else ("the scale of some of its instances", "they stand")
         )
-        text = f"{whose} is zero at a key moment of the scan; from and to that {subject} still, as at the earlier one"
-        return row_of(owner, text, _ADVICE)
+        text = f"{whose} is zero at a time sample of the scan; before and after that {subject} still"
+        return row_of(owner, f"{text}, as at the earlier one", _ADVICE)
 
     def _remade_row(self, owner: ObjectRecord, kind: str, verdict: int) -> NotShown:
-        change = f"gets other {kind} between two key moments of the scan"
+        change = f"gets different {kind} between two time samples of the scan"
         if verdict == BARE:
-            change = "has points without a radius at one of two key moments of the scan that have one at the other"
+            change = "has points whose radius is zero at one of two time samples of the scan and not at the other"
         return row_of(owner, f"its shape {change}; until the later one it keeps the earlier one's", _ADVICE)

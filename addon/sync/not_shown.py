@@ -1,4 +1,4 @@
-"""The things of Blender's scene that an image lacks or shows differently: a record each, and a line of counts."""
+"""Parts of Blender's scene that an image lacks or shows differently: a record each, and a line of counts."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Literal
 
 Kind = Literal["library", "dark", "object", "scan", "shape", "material", "image", "light", "world", "setting"]
 
-# In the order in which users want to know of them: one of it and several, and what became of it.
+# In order of importance to users: singular, plural, and what happened to it.
 _COUNTED: dict[Kind, tuple[str, str, str]] = {
     "library": ("library", "libraries", "missing"),
     "material": ("material", "materials", "simplified"),
@@ -27,28 +27,28 @@ _WHAT_TO_DO: dict[Kind, str] = {
     "dark": "Add a light, or give the world a color",
     "object": "Convert it to a mesh to have it shown",
     "scan": "Instance a mesh on its points with Geometry Nodes to have them rendered",
-    "shape": "Give its mesh by other modifiers what it lacks",
-    "material": "Bake what is not shown into an image texture, or leave it as it is",
-    "image": "File > External Data > Find Missing Files looks for it in a folder",
-    "light": "Remove it, or ignore this message",
-    "world": "Bake what is not shown into an environment texture, or leave it as it is",
-    "setting": "Turn it off, or leave it as it is",
+    "shape": "Use other modifiers to make the missing detail",
+    "material": "Bake the unsupported nodes into an image texture, or ignore this message",
+    "image": "Search for it with File > External Data > Find Missing Files",
+    "light": "Remove the setting or node, or ignore this message",
+    "world": "Bake the unsupported nodes into an environment texture, or ignore this message",
+    "setting": "Turn it off, or ignore this message",
 }
 
-# Of what objects can be found by, and what they are to it.
+# The kinds by which objects can be found, and how objects are related to them.
 SELECTABLE: dict[Kind, str] = {
     "object": "is it",
     "scan": "is it",
     "shape": "has this shape",
     "material": "has this material",
     "light": "has this light or is it",
-    "library": "comes out of this library",
+    "library": "comes from this library",
 }
 
 
 @dataclass(frozen=True, slots=True)
 class NotShown:
-    """One thing that is not shown, or shown differently.
+    """A part of the scene that is not shown, or shown differently.
 
     kind: the kind of data that the name belongs to. "dark" is a scene without light, "scan" an object whose points are
     drawn over viewports, "shape" an object's shape, "light" a light or an object that emits light. session_uid: of the
@@ -92,4 +92,4 @@ def summarize(not_shown: Iterable[NotShown]) -> str:
         for kind, (one, many, what) in _COUNTED.items()
         if kind in found
     ]
-    return ", ".join([*(["No light at all"] if "dark" in found else []), *parts])
+    return ", ".join([*(["No light"] if "dark" in found else []), *parts])

@@ -88,7 +88,7 @@ class UsageTracker:
                 return Expectation(mesh.usage, mesh.usage_reason, until)
         if seen == mesh.usage:
             return Expectation(mesh.usage, mesh.usage_reason, until)
-        return Expectation(seen, _OBSERVED.get(seen, f"it did nothing for {MEMORY} updates"), until)
+        return Expectation(seen, _OBSERVED.get(seen, f"it did not change for {MEMORY} updates"), until)
 
     def forget_all_but(self, keys: Iterable[Hashable], limit: int) -> None:
         """Forgets meshes that are gone once there are more than `limit`: nothing may grow with the number of edits."""

@@ -48,7 +48,7 @@ def feature_of(kind: str, text: str, name: str = "") -> str:
 
     name: of a setting, as Blender defines it.
     """
-    what = text.split(" is not shown; ")[0].split("; ")[0]
+    what = text.split(" is unsupported; ")[0].split("; ")[0]
     for pattern, kept in _NAMES:
         what = pattern.sub(kept, what)
     setting = re.sub("^View Layer .*", "View Layer", name) + ": " if kind == "setting" else ""

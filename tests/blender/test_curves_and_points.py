@@ -283,7 +283,7 @@ def test_more_pieces_than_are_asked_are_named(scene: Any, subdivisions: int, pie
     record = sync.record
     assert record.meshes[0].curve_pieces == pieces
     told = [str(row) for row in record.not_shown]
-    text = f"Curves: {subdivisions} subdivisions of ribbons are not asked; 6 are"
+    text = f"Curves: {subdivisions} subdivisions of ribbons exceed the limit; 6 are used"
     assert told == ([text] if subdivisions > 6 else [])
     assert assert_as_fresh(sync) > 10
     sync.close()

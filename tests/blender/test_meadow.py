@@ -54,7 +54,7 @@ def test_what_sways_is_refitted_and_the_rest_kept(meadow: Any) -> None:
     first = sync.update(evaluated(), expected_rays=100_000)
     of_lawn = [mesh for mesh in first.meshes if mesh.name in SWAYING]
     assert {(mesh.usage, mesh.usage_reason) for mesh in of_lawn} == {
-        ("deforming", "its geometry nodes go by the scene's time")
+        ("deforming", "its geometry nodes use the scene's time")
     }
     for frame in (2, 3):
         meadow.frame_set(frame)
@@ -99,7 +99,7 @@ def test_info_plans_it(blend_file: Callable[[str], Path], capsys: Any) -> None:
     lines = capsys.readouterr().out.splitlines()
     (grass,) = [line for line in lines if line.startswith("Fresh grass")]
     assert (
-        " deforming " in grass and " segments " in grass and grass.endswith("its geometry nodes go by the scene's time")
+        " deforming " in grass and " segments " in grass and grass.endswith("its geometry nodes use the scene's time")
     )
     assert any(" segments, " in line and " points; 28 instances show " in line for line in lines)
 

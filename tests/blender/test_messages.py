@@ -184,6 +184,6 @@ def test_messages_go_with_their_file() -> None:
 
 @pytest.mark.parametrize("kind", get_args(Kind))
 def test_each_kind_of_what_is_not_shown_says_what_to_do(kind: Kind) -> None:
-    advice = NotShown(kind, "A", 1, "it is not shown; nothing is").what_to_do
+    advice = NotShown(kind, "A", 1, "it is unsupported; nothing is shown").what_to_do
     assert advice[0].isupper() and not advice.endswith(".") and len(advice) > 20
     assert NotShown(kind, "A", 1, "text", "Do that").what_to_do == "Do that"

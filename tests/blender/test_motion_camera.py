@@ -134,8 +134,8 @@ def test_what_cannot_be_followed_is_named(camera: Any) -> None:
     sync.update(evaluated(), shutter=(0.0, 1.0))
     assert sync.camera_motion == () and sync.camera is not None
     assert sync.warnings == (
-        "camera: its motion is not shown, as it cannot be followed through the shutter: it is of another type at one "
-        "of them; it stands still, as at the frame",
+        "camera: its motion is unsupported, because it cannot be followed through the shutter: its type "
+        "changes; it stands still, as at the frame",
     )
     keyed(camera, "scale", [(1.0, 1.0, 1.0), (0.0, 0.0, 0.0)], (FRAME, FRAME + 1))
     camera.data.animation_data_clear()

@@ -63,9 +63,8 @@ def test_those_that_are_born_and_gone_meanwhile_are_counted(spray: Any) -> None:
     more = max(int((~np.isin(end, here)).sum()) for end in ends)
     assert missing > 1 and more > 1
     assert list(sync.warnings) == [
-        f"spray: {missing} of its instances are not there at every moment of the shutter; they stand still, as at the "
-        "frame",
-        f"spray: {more} of its instances are there only at other moments of the shutter than the frame; not shown",
+        f"spray: {missing} of its instances are missing at a moment of the shutter; they stand still, as at the frame",
+        f"spray: {more} of its instances are missing at the frame, but not at another moment of the shutter; left out",
     ]
     moving = np.concatenate([motions.rows for motions in record.motion.instances])
     assert len(record.instances) == len(here) == len(moving) + missing + 1  # the grid itself

@@ -142,7 +142,7 @@ def other_triangles() -> str:
     cube = bpy.context.object
     keyed(cube.modifiers.new("Array", "ARRAY"), "count", [2, 40], (1, 20))
     keyed(cube, "location", [(-9.0, 0.0, 0.0), (0.0, 0.0, 0.0)])
-    return f"Cube: its shape has other triangles at a moment of the shutter; {AS_AT_THE_FRAME}"
+    return f"Cube: its shape has different triangles at a moment of the shutter; {AS_AT_THE_FRAME}"
 
 
 def hidden_at_the_end() -> str:
@@ -150,13 +150,13 @@ def hidden_at_the_end() -> str:
     cube = bpy.context.object
     keyed(cube, "location", [(-9.0, 0.0, 0.0), (9.0, 0.0, 0.0)])
     keyed(cube, "hide_viewport", [False, True], (FRAME, FRAME + 1))
-    return "Cube: it is not there at every moment of the shutter; it stands still, as at the frame"
+    return "Cube: it is missing at a moment of the shutter; it stands still, as at the frame"
 
 
 def there_at_the_end_alone() -> str:
     bpy.ops.mesh.primitive_cube_add()
     keyed(bpy.context.object, "hide_viewport", [True, False], (FRAME, FRAME + 1))
-    return "Cube: it is there only at other moments of the shutter than the frame; not shown"
+    return "Cube: it is missing at the frame, but not at another moment of the shutter; left out"
 
 
 def grown_from_nothing() -> str:
@@ -176,7 +176,7 @@ def more_instances_of_nodes() -> str:
     obj = mesh_object("line")
     group.show(on_points.outputs[0]).apply_to(obj)
     keyed(obj, "location", [(-9.0, 0.0, 0.0), (0.0, 0.0, 0.0)])
-    return "line: 1 of its instances is there only at other moments of the shutter than the frame; not shown"
+    return "line: 1 of its instances is missing at the frame, but not at another moment of the shutter; left out"
 
 
 def points_without_a_radius() -> str:
@@ -189,7 +189,7 @@ def points_without_a_radius() -> str:
     group.link(group.input.outputs[0], radius.inputs["Points"])
     group.link(less.outputs[0], radius.inputs["Radius"])
     group.show(radius.outputs[0]).apply_to(obj)
-    told_of = "points without a radius at one moment of the shutter that have one at another"
+    told_of = "points whose radius is zero at one moment of the shutter and not at another"
     return f"cloud: its shape has {told_of}; {AS_AT_THE_FRAME}"
 
 

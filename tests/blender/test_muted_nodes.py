@@ -221,7 +221,9 @@ def test_surfaces(setup: Callable[[Any], None], right: tuple[float, float, float
     (record,) = scene.materials
     assert record.emission == pytest.approx(right)
     assert record.base_color == BLACK
-    assert named(scene, "material") == ["a tree without an output for Cycles is not shown; black is"] * (setup in NAMED)
+    assert named(scene, "material") == ["a tree without an output for Cycles is unsupported; black is used"] * (
+        setup in NAMED
+    )
 
 
 @trees
@@ -232,7 +234,7 @@ def test_lights(setup: Callable[[Any], None], right: tuple[float, float, float],
     setup(light.node_tree)
     scene = read()
     assert scene.lights.powers[0].tolist() == pytest.approx(right)
-    text = "a tree without an output for Cycles is not shown; no light is"
+    text = "a tree without an output for Cycles is unsupported; no light is emitted"
     assert named(scene, "light") == [text] * (setup in NAMED)
 
 
@@ -244,7 +246,9 @@ def test_worlds(setup: Callable[[Any], None], right: tuple[float, float, float],
     setup(world.node_tree)
     scene = read()
     assert scene.world.color == pytest.approx(right)
-    assert named(scene, "world") == ["a tree without an output for Cycles is not shown; black is"] * (setup in NAMED)
+    assert named(scene, "world") == ["a tree without an output for Cycles is unsupported; black is used"] * (
+        setup in NAMED
+    )
 
 
 def test_a_muted_surface_over_a_volume_is_none(material: Any) -> None:
@@ -269,4 +273,4 @@ def test_nodes_of_other_engines_do_not_count_and_are_named(
     feed(tree, foreign, output_of(tree).inputs[0] if output else shine(tree).inputs["Color"], output, mute=False)
     scene = read()
     assert scene.materials[0].emission == pytest.approx(right)
-    assert named(scene, "material") == ["Foreign is not shown; what Cycles shows without it is"]
+    assert named(scene, "material") == ["Foreign is unsupported; it is ignored, as in Cycles"]

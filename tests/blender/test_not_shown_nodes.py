@@ -95,7 +95,7 @@ def test_a_material_of_too_many_instructions_has_its_viewport_color(limit: str, 
     monkeypatch.setattr(programs, limit, 3)
     (told,) = sentences()
     assert told.startswith("Red: a node tree of more than 10,000 instructions")
-    assert told.endswith("is not shown; its viewport color is")
+    assert told.endswith("is unsupported; its viewport color is used")
     read = read_scene(evaluated(), SHADING).materials[0]
     assert read.program is None
     assert read.base_color == pytest.approx((0.1, 0.2, 0.7))

@@ -22,8 +22,8 @@ def test_an_object_of_which_nothing_is_shown_is_named(material: Any) -> None:
     tree.links.remove(surface(material).links[0])
     thick(material)
     assert sentences() == [
-        "Cube: its material has a volume and no surface; nothing of it is shown",
-        "Red: Volume Scatter is not shown; nothing is",
+        "Cube: its material has a volume but no surface, so the object is invisible",
+        "Red: Volume Scatter is unsupported; nothing is shown",
     ]
     bpy.data.objects["Cube"].data.materials.append(new_red("Shell"))  # in a slot that no face uses
     assert [row.kind for row in rows()] == ["material"]
@@ -52,7 +52,7 @@ def test_adaptive_subdivision_is_named_in_every_mode(material: Any) -> None:
     for attributes in (None, SHADING):
         (row,) = read_scene(evaluated(), attributes).not_shown
         assert (row.kind, row.session_uid) == ("shape", cube.session_uid)
-        assert str(row) == "Cube: its adaptive subdivision is not shown; the modifier's levels are"
+        assert str(row) == "Cube: its adaptive subdivision is unsupported; the modifier's levels are used"
         assert without_looks([row]) == (row,)
         assert summarize([row]) == "1 object simplified"
     modifier.show_viewport = False
@@ -75,8 +75,8 @@ def test_attributes_and_uv_maps_that_are_not_there_are_named(material: Any) -> N
     link(material, image.outputs[0], "Emission Color")
     shader(material).inputs["Emission Strength"].default_value = 1.0
     assert sentences() == [
-        "Red: the UV map Nowhere is not found on Cube; one pixel of the image is",
-        "Red: the attribute Gone is not found on Cube; black is",
+        "Red: the UV map Nowhere is not found on Cube; one pixel of the image is used",
+        "Red: the attribute Gone is not found on Cube; black is used",
     ]
 
 
@@ -87,7 +87,7 @@ def test_an_image_that_is_not_there_is_named(material: Any) -> None:
     link(material, image.outputs["Color"])
     (row,) = rows()
     assert (row.kind, row.session_uid) == ("image", image.image.session_uid)
-    assert str(row) == "gone: it could not be loaded from '//nowhere.png'; magenta is shown"
+    assert str(row) == "gone: it could not be loaded from '//nowhere.png'; magenta is used"
     assert read_scene(evaluated(), SHADING).warnings == (str(row),)
 
 
@@ -104,8 +104,8 @@ def new_world() -> Any:
 @pytest.mark.parametrize(
     ("kind", "socket", "told"),
     [
-        ("AmbientOcclusion", "Color", "Ambient Occlusion is not shown; its flat colour is"),
-        ("AmbientOcclusion", "Strength", "Ambient Occlusion is not shown; Strength 1 is"),
+        ("AmbientOcclusion", "Color", "Ambient Occlusion is unsupported; its flat colour is used"),
+        ("AmbientOcclusion", "Strength", "Ambient Occlusion is unsupported; Strength 1 is used"),
         ("TexSky", "Color", None),
         ("LightPath", "Strength", None),  # the output Is Camera Ray
     ],
@@ -133,8 +133,8 @@ def test_the_worlds_volume_mapping_and_visibility(material: Any) -> None:
     world.cycles_visibility.glossy = False
     world.update_tag()
     assert sentences()[:2] == [
-        "World: Volume Scatter is not shown; clear air is",
-        "World: its ray visibility is not shown; all rays see it",
+        "World: Volume Scatter is unsupported; clear air is used",
+        "World: its ray visibility is unsupported; all rays see it",
     ]
 
 
@@ -152,37 +152,37 @@ def patterned(obj: Any) -> str:
     tree = obj.data.node_tree
     emission = next(node for node in tree.nodes if node.type == "EMISSION")
     tree.links.new(add(tree, "TexIES").outputs[0], emission.inputs["Strength"])
-    return "IES Texture is not shown; Strength 1 is"
+    return "IES Texture is unsupported; Strength 1 is used"
 
 
 def pictured(obj: Any) -> str:
     tree = obj.data.node_tree
     emission = next(node for node in tree.nodes if node.type == "EMISSION")
     tree.links.new(image_node(tree).outputs[0], emission.inputs["Color"])
-    return "Four as Color is not shown; its mean is"
+    return "Four as Color is unsupported; its mean is used"
 
 
 def linked_to_few(obj: Any) -> str:
     obj.light_linking.receiver_collection = bpy.data.collections.new("Few")
-    return "its light linking is not shown; it lights everything"
+    return "its light linking is unsupported; it lights everything"
 
 
 def unseen_by_mirrors(obj: Any) -> str:
     obj.visible_glossy = False
-    return "its ray visibility is not shown; it lights everything"
+    return "its ray visibility is unsupported; it lights everything"
 
 
 def portal(obj: Any) -> str:
     obj.data.type = "AREA"
     bpy.data.lights["Light"].cycles.is_portal = True
-    return "Portal is not shown; a lamp is"
+    return "Portal is unsupported; a lamp is used"
 
 
 def fading_otherwise(obj: Any) -> str:
     tree = obj.data.node_tree
     emission = next(node for node in tree.nodes if node.type == "EMISSION")
     tree.links.new(add(tree, "LightFalloff", Strength=2.0).outputs["Constant"], emission.inputs["Strength"])
-    return "Light Falloff is not shown; a quadratic one is"
+    return "Light Falloff is unsupported; a quadratic falloff is used"
 
 
 @pytest.mark.parametrize(
@@ -214,7 +214,7 @@ def test_light_linking_of_what_shines_is_named(material: Any) -> None:
         setattr(cube.light_linking, linking, bpy.data.collections["Few"])
         (row,) = rows()
         assert (row.kind, row.session_uid) == ("light", cube.session_uid)
-        assert str(row) == "Cube: its light linking is not shown; it lights everything"
+        assert str(row) == "Cube: its light linking is unsupported; it lights everything"
     assert read_scene(evaluated()).not_shown == (), "nothing shines in this mode"
 
 
@@ -228,7 +228,7 @@ def test_light_linking_of_what_instances_what_shines_is_named(material: Any) -> 
     bpy.context.scene.collection.objects.link(empty)
     assert sentences() == []
     empty.light_linking.receiver_collection = bpy.data.collections.new("Few")
-    assert sentences() == ["Empty: its light linking is not shown; it lights everything"]
+    assert sentences() == ["Empty: its light linking is unsupported; it lights everything"]
 
 
 # Settings ------------------------------------------------------------------------------------------------------------
@@ -239,7 +239,9 @@ def test_settings_that_are_ignored_are_named(material: Any) -> None:
     assert sentences() == []
     scene.render.use_motion_blur = True
     assert sentences() == []  # in viewports
-    assert list(map(str, in_render(read_scene).not_shown)) == ["Motion Blur: it is not shown; one moment is"]
+    assert list(map(str, in_render(read_scene).not_shown)) == [
+        "Motion Blur: it is unsupported here; a single moment is used"
+    ]
     layer.use_motion_blur = False
     assert sentences() == []
     scene.render.use_motion_blur = False
@@ -248,9 +250,9 @@ def test_settings_that_are_ignored_are_named(material: Any) -> None:
     layer.aovs.add().name = "Mask"
     told = sentences()
     assert told == [
-        "View Layer ViewLayer: the filter Environment is not asked; environment stays shown",
-        "Film: the exposure 2 is not asked; 1 is",
-        "Fast GI Approximation: it is not shown; traced light is",
+        "View Layer ViewLayer: the filter Environment is ignored, as if it was on",
+        "Film: the exposure 2 is ignored; 1 is used",
+        "Fast GI Approximation: it is unsupported; traced light is used",
     ]
     assert sentences(for_viewport=False) == [*told, "View Layer ViewLayer: passes are not written: Mist, AOV Mask"]
 

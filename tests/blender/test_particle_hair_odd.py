@@ -216,7 +216,7 @@ def test_places_on_maps_are_numbers(scene: Any) -> None:
         assert (mesh.corner_uvs[:, 0] == 0.0).all() and np.isfinite(mesh.corner_uvs).all()
 
 
-UNFIT = "the attribute Paint of Emitter is no Byte Color of face corners, as particle hair needs"
+UNFIT = "the attribute Paint of Emitter must be a Byte Color of face corners for particle hair"
 
 
 @pytest.mark.parametrize(
@@ -248,7 +248,7 @@ def test_colors_that_hair_cannot_show_are_named(scene: Any, kind: Any, domain: A
     tree.links.new(paint.outputs["Color"], tree.nodes["Principled BSDF"].inputs["Base Color"])
     obj.data.materials.append(material)
     rows = [str(row) for row in read_scene(evaluated(), AttributeRequest(shading=True)).not_shown if row.name == "Hair"]
-    assert rows == ([] if told is None else [f"Hair: {told}; black is"])
+    assert rows == ([] if told is None else [f"Hair: {told}; black is used"])
 
 
 class _OneStrand:

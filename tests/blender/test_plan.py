@@ -90,8 +90,8 @@ def test_what_no_ray_can_meet_is_unseen_and_not_read(scene: Any, monkeypatch: py
     assert read == ["shared"]
     reasons = {mesh.name: mesh.reason for mesh in report.unseen}
     assert reasons == {
-        "eye": "what shows it is hidden",
-        "rays": "what shows it is visible to no kind of ray",
+        "eye": "its instancer is hidden",
+        "rays": "its instancer is visible to no kind of ray",
     }
     updates = find_updates(report, owners_of(sync))
     rows = {row.name: row for row in (*updates.changed, *updates.unchanged)}

@@ -256,7 +256,7 @@ def test_light_linking_of_what_shines_is_read_again(sync: SceneSync, readings: l
     own.data.materials[0] = new_red("shine")
     shader(own.data.materials[0]).inputs["Emission Strength"].default_value = 1.0
     assert sync.update(evaluated()).not_shown == ()
-    for receivers, told in ((few, ["own: its light linking is not shown; it lights everything"]), (None, [])):
+    for receivers, told in ((few, ["own: its light linking is unsupported; it lights everything"]), (None, [])):
         readings.clear()
         own.light_linking.receiver_collection = receivers
         report = sync.update(evaluated(), verify=True)

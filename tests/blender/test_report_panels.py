@@ -124,8 +124,8 @@ def test_what_is_not_shown_is_listed_and_can_be_selected() -> None:
     assert set(rows) == {"material", "object", "light", "setting"}
     texts = drawn(panel)
     assert " ".join(texts).startswith(line)
-    assert "Wall: Ambient Occlusion is not shown; its flat colour is" in texts
-    assert "View Layer ViewLayer: the filter Environment is not asked; environment stays shown" in texts
+    assert "Wall: Ambient Occlusion is unsupported; its flat colour is used" in texts
+    assert "View Layer ViewLayer: the filter Environment is ignored, as if it was on" in texts
     for kind, name in (("material", "Cube"), ("object", "Smoke"), ("light", "Point"), ("setting", None)):
         listed.active = [row.kind for row in listed.rows].index(kind)
         assert (drawn(panel)[-1] == "perfect_bvh.select_not_shown") == (name is not None)
@@ -142,7 +142,7 @@ def test_what_is_not_shown_is_listed_and_can_be_selected() -> None:
 @pytest.mark.parametrize("kind", ["shape", "light"])
 def test_objects_whose_shape_or_light_is_simplified_can_be_selected(kind: Kind) -> None:
     cube = bpy.data.objects["Cube"]
-    row = NotShown(kind, cube.name, cube.session_uid, "something is not shown; something else is")
+    row = NotShown(kind, cube.name, cube.session_uid, "something is unsupported; something else is used")
     not_shown.tell(bpy.context.scene, (row,))
     assert not_shown.list_rows()
     (panel,) = panels.reports.NOT_SHOWN_CLASSES

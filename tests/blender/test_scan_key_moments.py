@@ -249,7 +249,7 @@ def test_more_key_moments_than_columns_leave_stretches_without_rays(head: Any) -
 
 def other_triangles() -> str:
     keyed(bpy.data.objects["Box"].modifiers.new("Array", "ARRAY"), "count", [1, 6], (1, 6))
-    change = "its shape gets other triangles between two key moments of the scan"
+    change = "its shape gets different triangles between two time samples of the scan"
     return f"Box: {change}; until the later one it keeps the earlier one's"
 
 
@@ -257,18 +257,22 @@ def gone() -> str:
     move_the_box()
     keyed(bpy.data.objects["Box"], "hide_render", [False, True], (2, 3))
     return (
-        "Box: it goes between two key moments of the scan; until the later one it stands still, as at the earlier one"
+        "Box: it disappears between two time samples of the scan; until the later one it stands still, as at the "
+        "earlier one"
     )
 
 
 def come() -> str:
     keyed(bpy.data.objects["Box"], "hide_render", [True, False], (2, 3))
-    return "Box: it comes between two key moments of the scan; until the later one it is not met"
+    return "Box: it appears between two time samples of the scan; until the later one it is not hit"
 
 
 def flat() -> str:
     keyed(bpy.data.objects["Box"], "scale", [(1.0, 1.0, 1.0), (0.0, 0.0, 0.0)], (2, 3))
-    return "Box: its scale is zero at a key moment of the scan; from and to that it stands still, as at the earlier one"
+    return (
+        "Box: its scale is zero at a time sample of the scan; before and after that it stands still, as at the "
+        "earlier one"
+    )
 
 
 @pytest.mark.parametrize("change", [other_triangles, gone, come, flat])
@@ -291,9 +295,10 @@ def test_particles_that_come_and_go_are_named_once_however_many(scene: Any, head
         scene.frame_set(frame)
     cloud = scan(LIDAR, head, frames=(5, 10))
     assert cloud.warnings == (
-        "Spray: some of its instances go between two key moments of the scan; until the later one they stand still, as "
-        "at the earlier one",
-        "Spray: some of its instances come between two key moments of the scan; until the later one they are not met",
+        "Spray: some of its instances disappear between two time samples of the scan; until the later one they stand "
+        "still, as at the earlier one",
+        "Spray: some of its instances appear between two time samples of the scan; until the later one they are "
+        "not hit",
     )
 
 

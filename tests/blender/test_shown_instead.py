@@ -126,39 +126,39 @@ def distributed(material: Any) -> None:
     tree.links.new(add(tree, "MixShader", (first.outputs[0], 1), (second.outputs[0], 2)).outputs[0], surface(material))
 
 
-CONDUCTOR = "the Fresnel type Physical Conductor of Metallic BSDF is not shown; its flat colour is"
-NOISE = "Ambient Occlusion is not shown;"
+CONDUCTOR = "the Fresnel type Physical Conductor of Metallic BSDF is unsupported; its flat colour is used"
+NOISE = "Ambient Occlusion is unsupported;"
 INSTEAD: tuple[tuple[Callable[[Any], None], list[str]], ...] = (
-    (into_color, [f"{NOISE} its flat colour is"]),
-    (into_roughness, [f"{NOISE} Roughness 0.5 is"]),
-    (into_alpha, [f"{NOISE} all of the surface is"]),
-    (into_strength, [f"{NOISE} no light of its own is"]),
-    (into_a_mix, [f"{NOISE} half of each is"]),
-    (into_two_inputs, [f"{NOISE} its flat colour is"]),
-    (behind_a_group, [f"{NOISE} its flat colour is"]),
-    (labelled, ["Dirt (Ambient Occlusion) is not shown; its flat colour is"]),
+    (into_color, [f"{NOISE} its flat colour is used"]),
+    (into_roughness, [f"{NOISE} Roughness 0.5 is used"]),
+    (into_alpha, [f"{NOISE} an opaque surface is used"]),
+    (into_strength, [f"{NOISE} no emission is used"]),
+    (into_a_mix, [f"{NOISE} half of each is used"]),
+    (into_two_inputs, [f"{NOISE} its flat colour is used"]),
+    (behind_a_group, [f"{NOISE} its flat colour is used"]),
+    (labelled, ["Dirt (Ambient Occlusion) is unsupported; its flat colour is used"]),
     (on_a_box, []),
-    (bumpy, [f"{NOISE} the mesh's own normals are"]),
+    (bumpy, [f"{NOISE} the mesh's own normals are used"]),
     (
         coated,
         [
-            "Subsurface is not shown; a diffuse surface of its mean colour is",
-            "Thin Film is not shown; what it covers is",
+            "Subsurface is unsupported; a diffuse surface of its mean colour is used",
+            "Thin Film is unsupported; the surface without it is used",
         ],
     ),
-    (coated_by_a_node, [f"{NOISE} Coat Weight 0 is"]),
-    (filmed_by_a_node, ["Thin Film is not shown; what it covers is"]),
+    (coated_by_a_node, [f"{NOISE} Coat Weight 0 is used"]),
+    (filmed_by_a_node, ["Thin Film is unsupported; the surface without it is used"]),
     (not_filmed_by_a_node, []),
-    (thick, ["Volume Scatter is not shown; its surface alone is"]),
+    (thick, ["Volume Scatter is unsupported; only its surface is used"]),
     (never_seen, []),
-    (old_hair, ["Hair BSDF is not shown; a diffuse surface is, or a translucent one"]),
+    (old_hair, ["Hair BSDF is unsupported; a diffuse or translucent surface is used"]),
     (
         distributed,
         [
             *([CONDUCTOR] if "fresnel_type" in bpy.types.ShaderNodeBsdfMetallic.bl_rna.properties else []),
         ],
     ),
-    (tinted_nothing, ["Color of the Transparent BSDF is not shown; white is"]),
+    (tinted_nothing, ["Color of the Transparent BSDF is unsupported; white is used"]),
 )
 
 
@@ -177,7 +177,9 @@ def test_huang_is_shown_as_chiang_of_the_same_inputs(material: Any) -> None:
     for model, is_named in (("HUANG", True), ("CHIANG", False)):
         node.model = model
         shown.append(read_scene(evaluated(), SHADING).materials[0])
-        assert ("Red: the model Huang of Principled Hair BSDF is not shown; Chiang is" in sentences()) == is_named
+        assert (
+            "Red: the model Huang of Principled Hair BSDF is unsupported; Chiang is used" in sentences()
+        ) == is_named
     assert shown[0] == shown[1]
     assert shown[0].hair is not None
     assert (shown[0].hair.fiber, shown[0].hair.roughness) == (1.0, pytest.approx((0.4, 0.4)))

@@ -117,10 +117,12 @@ def test_one_that_is_open_is_not_lost_and_the_reason_is_told(tmp_path: Path) -> 
     write(path, "older")
     with path.open() as opened:
         with pytest.raises(
-            OSError, match=r"a\.txt: another program has it open: close it there, or give another name$"
+            OSError, match=r"a\.txt: it is open in another program: close it there, or use another name$"
         ):
             check_writable(path)
-        with pytest.raises(OSError, match=r"has it open: close it there, .* \(the new one is .*a \(new\)\.txt\)"):
+        with pytest.raises(
+            OSError, match=r"it is open in another program: close it there, .* \(the new one is .*a \(new\)\.txt\)"
+        ):
             write(path, "newer")
         assert opened.read() == "older"
     assert contents(tmp_path) == {"a.txt": "older", "a (new).txt": "newer"}
@@ -134,7 +136,7 @@ def test_a_write_protected_one_is_named(tmp_path: Path) -> None:
     path = tmp_path / "a.txt"
     path.touch()
     path.chmod(stat.S_IREAD)
-    with pytest.raises(OSError, match="it is write-protected: clear that in its properties"):
+    with pytest.raises(OSError, match="it is write-protected: change its properties"):
         check_writable(path)
     path.chmod(stat.S_IREAD | stat.S_IWRITE)
 

@@ -83,7 +83,7 @@ def test_a_cancelled_commit_already_refuses_old_hits() -> None:
             state.update(other_triangles())
     finally:
         Interrupted.fails = False
-    with pytest.raises(ValueError, match="had other triangles since"):
+    with pytest.raises(ValueError, match="triangles were replaced since"):
         lookup_of(state).polygon_ids(found)
     state.update(other_triangles())
     assert lookup_of(state).polygon_ids(cast(state, 10.0)).tolist() == [1]

@@ -172,7 +172,7 @@ def test_hits_on_a_mesh_that_was_replaced_since_are_errors(ids: tuple[np.ndarray
     """Even where the mesh that follows has as many triangles; hits on other meshes are still looked up."""
     lookup = look_up_in(scene_record(), ids, [4, 3])
     found = hits(ids, 50)
-    with pytest.raises(ValueError, match=r"got hits of generation 3 on mesh \d+, which has had other triangles since"):
+    with pytest.raises(ValueError, match=r"got hits of generation 3 on mesh \d+, whose triangles were replaced since"):
         getattr(lookup, f"{what}_ids")(found)
     for name in ("instance_ids", "mesh_ids", "primitive_ids"):
         column = getattr(found, name)

@@ -164,8 +164,8 @@ def test_what_nothing_tells_apart_is_followed_while_there_is_as_much_of_it(count
     result = add_motion(frame, moments, settings(frame, 2))
     rows = [motions.rows.tolist() for motions in result.motion.instances]
     assert rows == ([[0, 1, 2, 3]] if count == 3 else [[0]])
-    still = "3 of its instances are not there at every moment of the shutter; they stand still, as at the frame"
-    more = "1 of its instances is there only at other moments of the shutter than the frame; not shown"
+    still = "3 of its instances are missing at a moment of the shutter; they stand still, as at the frame"
+    more = "1 of its instances is missing at the frame, but not at another moment of the shutter; left out"
     told = {3: [], 4: [still, more]}.get(count, [still])
     assert list(result.warnings) == [f"object 9: {text}" for text in told]
 

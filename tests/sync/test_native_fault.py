@@ -87,12 +87,15 @@ def test_this_platform_is_one_of_them() -> None:
 @pytest.mark.parametrize(
     ("platform", "sentence"),
     [
-        ("win-amd64", "this add-on is for Linux, and this is Windows: install perfect_bvh-0.2.0-windows_x64.zip"),
-        ("win-arm64", "and this is Windows on ARM: install perfect_bvh-0.2.0-windows_arm64.zip"),
-        ("macosx-11.0-arm64", "and this is macOS on Apple silicon: install perfect_bvh-0.2.0-macos_arm64.zip"),
-        ("macosx-10.13-x86_64", "and this is macOS on Intel: install perfect_bvh-0.2.0-macos_x64.zip"),
-        ("linux-aarch64", "and this is Linux on ARM: install perfect_bvh-0.2.0-linux_arm64.zip"),
-        ("freebsd-14.1-amd64", "and this is freebsd-x64: there is none for this system"),
+        (
+            "win-amd64",
+            "this add-on is for Linux, but this system is Windows: install perfect_bvh-0.2.0-windows_x64.zip",
+        ),
+        ("win-arm64", "but this system is Windows on ARM: install perfect_bvh-0.2.0-windows_arm64.zip"),
+        ("macosx-11.0-arm64", "but this system is macOS on Apple silicon: install perfect_bvh-0.2.0-macos_arm64.zip"),
+        ("macosx-10.13-x86_64", "but this system is macOS on Intel: install perfect_bvh-0.2.0-macos_x64.zip"),
+        ("linux-aarch64", "but this system is Linux on ARM: install perfect_bvh-0.2.0-linux_arm64.zip"),
+        ("freebsd-14.1-amd64", "but this system is freebsd-x64: there is none for this system"),
     ],
 )
 def test_a_zip_of_another_platform_names_the_right_one(computer: Computer, platform: str, sentence: str) -> None:
@@ -107,7 +110,7 @@ def test_another_python_names_the_blenders_that_fit(computer: Computer) -> None:
     computer.add_module("linux-x86_64", "311")
     told = explain(ModuleNotFoundError(), manifest_of("linux-x64", "311", "313", "314"), computer.folder)
     assert told == (
-        f"{BEGINNING}this Blender has Python 3.12, and there are engines for Python 3.11, 3.13 and 3.14 alone: use "
+        f"{BEGINNING}this Blender has Python 3.12, but there are engines only for Python 3.11, 3.13 and 3.14: use "
         "one of Blender 4.2 to 5.0 (Python 3.11) and Blender 5.1 and later (Python 3.13)"
     )
 
@@ -129,7 +132,7 @@ def test_a_folder_without_a_module_for_this_python_is_named(computer: Computer, 
     [
         (
             manifest_of("windows-x64", "311"),
-            "Blender has not installed it beside the add-on: restart Blender, then install",
+            "Blender has not installed it with the add-on: restart Blender, then install",
         ),
         ({"version": "0.2.0"}, "it is not part of the add-on's sources: install perfect_bvh-0.2.0-windows_x64.zip"),
     ],

@@ -8,7 +8,7 @@ from perfect_bvh_addon.sync.not_shown import Kind, NotShown, summarize
 _ALL = "2 libraries missing, 1 light simplified, 1 world simplified"
 
 
-def row(kind: Kind, uid: int, text: str = "x is not shown; y is") -> NotShown:
+def row(kind: Kind, uid: int, text: str = "x is unsupported; y is used") -> NotShown:
     return NotShown(kind, f"name {uid}", uid, text)
 
 
@@ -21,7 +21,7 @@ def row(kind: Kind, uid: int, text: str = "x is not shown; y is") -> NotShown:
             [row("object", 9), row("material", 1), row("material", 2), row("material", 3), row("material", 3, "other")],
             "3 materials simplified, 1 object not shown",
         ),
-        ([row("setting", 0, "a"), row("setting", 0, "b"), row("dark", 0)], "No light at all, 2 settings ignored"),
+        ([row("setting", 0, "a"), row("setting", 0, "b"), row("dark", 0)], "No light, 2 settings ignored"),
         ([row("library", 4), row("library", 5), row("world", 1), row("light", 1)], _ALL),
     ],
 )
@@ -30,5 +30,5 @@ def test_each_thing_counts_once(rows: list[NotShown], line: str) -> None:
 
 
 def test_a_row_is_a_sentence_that_begins_with_its_name() -> None:
-    made = NotShown("material", "Wall", 3, "Noise Texture is not shown; its flat colour is")
-    assert str(made) == "Wall: Noise Texture is not shown; its flat colour is"
+    made = NotShown("material", "Wall", 3, "Noise Texture is unsupported; its flat colour is used")
+    assert str(made) == "Wall: Noise Texture is unsupported; its flat colour is used"

@@ -71,7 +71,7 @@ def test_what_is_no_manifest_is_not_trusted(tmp_path: Path, text: str) -> None:
 @pytest.mark.parametrize("frames", [(1,), (2, 3), (1, 2, 3), (0, 2)])
 def test_frames_are_divided_in_one_way(tmp_path: Path, frames: tuple[int, ...]) -> None:
     place = folder_with(tmp_path, piece_of(1, 2))
-    with pytest.raises(OtherInputsError, match="differs in how the frames are divided"):
+    with pytest.raises(OtherInputsError, match="differs in the division of frames into chunks"):
         place.check([piece_of(*frames)])
     place.check([piece_of(1, 2), piece_of(3, 4)])
 

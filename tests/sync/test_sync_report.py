@@ -70,7 +70,7 @@ def test_the_report_gives_reasons_for_meshes() -> None:
     assert reasons["more_triangles"]["a"] == ("replaced", "3 triangles, 2 before")
     assert reasons["other_triangles"]["a"] == ("replaced", "2 triangles, 3 before")
     assert reasons["deformed"]["a"] == ("replaced", "as many triangles, but others")
-    assert reasons["mesh_removed"]["a"] == ("removed", "nothing shows it any more")
+    assert reasons["mesh_removed"]["a"] == ("removed", "no object uses it any more")
     assert reasons["mesh_removed"]["b"] == ("kept", "Blender did not evaluate it again")
     made.update(base())
     equal = replace(base(), meshes=tuple([replace(mesh) for mesh in base().meshes]))

@@ -42,7 +42,7 @@ CHANGES: dict[str, Any] = {
     "unseen": (UnseenMesh("a", "mesh", 2, "hidden", "A", 3),),
     "warnings": ("something",),
     "motion": SceneMotion((InstanceMotions(np.zeros(1, np.int32), np.zeros((2, 1, 3, 4), np.float32)),)),
-    "not_shown": (NotShown("material", "Wall", 7, "Noise Texture is not shown; its flat colour is"),),
+    "not_shown": (NotShown("material", "Wall", 7, "Noise Texture is unsupported; its flat colour is used"),),
 }
 
 

@@ -197,7 +197,7 @@ def _in_order_of_use(references: npt.NDArray[np.int32], count: int) -> Iterator[
 # Everything that the depsgraph shows -> columns of instances.
 
 
-_OF_MATRICES = "Clear or mend the object's transform, or look what drives it or its instances"
+_OF_MATRICES = "Clear or correct the object's transform, or check what drives it or its instances"
 
 
 @dataclass(slots=True)

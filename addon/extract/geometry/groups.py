@@ -32,7 +32,7 @@ _ADVICE = {
 }
 _OF_SCANS = "its points are not rendered; 3D viewports show them"
 _OF_EDITED_HAIR = "its particle hair is not shown in Edit and Particle Edit Mode"
-_OF_VOLUMES = "Give its material a surface shader to have the object shown"
+_OF_VOLUMES = "Add a surface shader to its material to show the object"
 _OF_SUBDIVISION = "Raise the levels of the modifier until the surface is smooth enough"
 
 
@@ -112,10 +112,10 @@ class GroupTable:
         """
         self.instances_lights |= parent is not None and obj.type == "LIGHT"
         if self.visibility.is_hidden(obj, parent):
-            return self._leave_out(obj, data, is_own, "what shows it is hidden")
+            return self._leave_out(obj, data, is_own, "its instancer is hidden")
         mask = self.visibility.mask(obj, parent)
         if mask == 0:
-            return self._leave_out(obj, data, is_own, "what shows it is visible to no kind of ray")
+            return self._leave_out(obj, data, is_own, "its instancer is visible to no kind of ray")
         self._warn_of_unreadable(obj, data)
         if kind_of(data) is None or (not isinstance(data, _Mesh) and has_points(obj.original)):
             return NOT_SHOWN
@@ -145,7 +145,7 @@ class GroupTable:
         if mesh_row == NO_MESH:
             return NOT_SHOWN
         if self.materials.are_volumes(slots):
-            self._note(obj, "its material has a volume and no surface; nothing of it is shown", advice=_OF_VOLUMES)
+            self._note(obj, "its material has a volume but no surface, so the object is invisible", advice=_OF_VOLUMES)
         self._note_simplified(obj, slots, obj if parent is None else parent, is_own)
         self._note_hair_on_surfaces(obj, slots, self.meshes.records[mesh_row])
         if layers is not NO_LAYERS:
@@ -198,10 +198,10 @@ class GroupTable:
     def _note_simplified(self, obj: Any, slots: tuple[int, ...], linked: Any, is_own: bool) -> None:
         """linked: what says whom it lights, if it shines."""
         if self.materials.shine(slots) and lights_few(linked):
-            original, text = linked.original, f"{LIGHT_LINKING} is not shown; {LIGHTS_ALL}"
+            original, text = linked.original, f"{LIGHT_LINKING} is unsupported; {LIGHTS_ALL}"
             self.not_shown[NotShown("light", original.name, original.session_uid, text)] = None
         if is_own and self.subdivision.is_asked_for(obj):
-            text = "its adaptive subdivision is not shown; the modifier's levels are"
+            text = "its adaptive subdivision is unsupported; the modifier's levels are used"
             self._note(obj, text, "shape", _OF_SUBDIVISION)
 
     def _note_hair_on_surfaces(self, obj: Any, slots: tuple[int, ...], mesh: MeshRecord) -> None:
@@ -210,7 +210,7 @@ class GroupTable:
         numbers = [0] if mesh.material_slots is None else np.unique(mesh.material_slots).tolist()
         used = tuple([slots[min(max(number, 0), len(slots) - 1)] for number in numbers])
         if self.materials.are_hair(used):
-            self._note(obj, "its hair shader is shown on curves alone; a diffuse surface is")
+            self._note(obj, "its hair shader works on curves only; a diffuse surface is used")
 
     def _note_missing_layers(self, obj: Any, slots: tuple[int, ...], wanted: LayerRequest, mesh: MeshRecord) -> None:
         """Notes layers that materials use and a mesh lacks. wanted: all that the materials of these slots use."""
@@ -224,15 +224,17 @@ class GroupTable:
             material, layers = self.materials.records[row], self.materials.layers((row,))
             owner = obj.original.name
             told = [
-                f"{f'the UV map {name}'.strip()} is not found on {owner}; one pixel of the image is"
+                f"{f'the UV map {name}'.strip()} is not found on {owner}; one pixel of the image is used"
                 for name in sorted(layers.uvs & uvs)
             ]
             for name in sorted(layers.colors & colors):
                 what = f"the attribute {name}".strip()
                 if self._is_unfit_for_strands(obj, name, mesh):
-                    told.append(f"{what} of {owner} is no Byte Color of face corners, as particle hair needs; black is")
+                    told.append(
+                        f"{what} of {owner} must be a Byte Color of face corners for particle hair; black is used"
+                    )
                 else:
-                    told.append(f"{what} is not found on {owner}; black is")
+                    told.append(f"{what} is not found on {owner}; black is used")
             for text in told:
                 self.not_shown[NotShown("material", material.name, material.session_uid, text)] = None
 

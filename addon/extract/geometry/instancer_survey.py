@@ -296,7 +296,7 @@ def _guess_from_shape(original: Any, timed: dict[int, bool]) -> MeshUsage | None
         if kind in _CHANGING_MODIFIERS:
             return MeshUsage("changing", f"its modifier {name!r} makes other triangles")
     if original.type == "META":
-        return MeshUsage("changing", "metaballs are polygonized again wherever one of them moves")
+        return MeshUsage("changing", "metaballs are polygonized again when any of them moves")
     deforms = _why_deforming(original, modifiers, timed)
     if deforms is None:
         return None
@@ -323,7 +323,7 @@ def _why_deforming(original: Any, modifiers: list[tuple[str, str]], timed: dict[
     if original.type in _GROWN_TYPES and any(
         modifier.type == "NODES" and _goes_by_time(modifier.node_group, timed) for modifier in original.modifiers
     ):
-        return "its geometry nodes go by the scene's time"
+        return "its geometry nodes use the scene's time"
     return None
 
 

@@ -195,7 +195,7 @@ class ListWalk:
         while self._item is not None and (self._item.is_instance or self._item.object != obj):
             self._item = next(self._items, None)
         if self._item is None:
-            raise RuntimeError(f"{obj.name}: not in the depsgraph's list of instances, or in another place than it")
+            raise RuntimeError(f"{obj.name}: not in the depsgraph's list of instances, or at another position there")
         part = ListedPart()
         while self._item is not None and (not part.group_ids or self._belongs_to(obj)):
             self._add(part, self._finder.find(self._item, self._numbering))

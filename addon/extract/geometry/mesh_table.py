@@ -97,7 +97,7 @@ NO_MESH = -1
 _NOTHING = AttributeRequest(material_slots=False)
 STRANDS = "particle hair"  # first in the keys of its records
 _Mesh = bpy.types.Mesh  # looking it up is slow
-_OF_VERTICES = "Delete such vertices in Edit Mode, or look which modifier or driver makes them"
+_OF_VERTICES = "Delete such vertices in Edit Mode, or check which modifier or driver makes them"
 
 
 class MeshTable:

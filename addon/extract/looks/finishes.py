@@ -154,7 +154,7 @@ class FinishReader:
     def of_sheen(self, node: Any, base: Operand, scope: Scope | None) -> Finish:
         """Read a Sheen BSDF of this colour, which covers nothing."""
         if node.distribution != "MICROFIBER":
-            self._values.omissions.note(f"the distribution Ashikhmin of {node.bl_label}", "Microfiber is")
+            self._values.omissions.note(f"the distribution Ashikhmin of {node.bl_label}", "Microfiber is used")
         return Finish(base, self._number(node.inputs["Roughness"], 0.5, scope), sheen_cover=0.0)
 
     def _brushed(
@@ -190,7 +190,7 @@ class FinishReader:
     def _color(self, socket: Any, scope: Scope | None) -> Operand:
         """White where it cannot be known."""
         white = constant(1.0, 1.0, 1.0)
-        return self._values.read_or(white, f"{socket.name} white is", socket, scope).operand
+        return self._values.read_or(white, f"{socket.name} white is used", socket, scope).operand
 
 
 # Of light that walks at random below a surface, in parts of the colour that its nodes ask for: `_WALK[0]` at black,

@@ -123,7 +123,7 @@ def _files_of(image: Any, warn: Callable[[str], None]) -> Iterator[str]:
     with tempfile.TemporaryDirectory() as folder:
         copy = str(Path(folder) / "tile.<UDIM>")
         if not _save_copy(image, copy):
-            warn(f"it has tiles that were not saved; shown are those of {image.filepath!r}")
+            warn(f"it has unsaved tiles; the tiles of {image.filepath!r} are used")
             copy = path
         yield copy
 
@@ -297,7 +297,7 @@ class ImageReader:
     def _number_of(self, image: Any, user: Any) -> int | None:
         """Which file of a sequence is shown; None of other images, and where the image has its pixels itself."""
         if image.source == "MOVIE" and not self._for_preview:
-            self._warn(image, "movie is not shown; its first frame is")
+            self._warn(image, "movies are unsupported; the first frame is used")
         if image.source != "SEQUENCE" or user is None or self._for_preview or image.packed_file is not None:
             return None
         return sequence_number(user, self._frame)
@@ -307,7 +307,7 @@ class ImageReader:
         with temporary_data() as data:
             pixels = _read_tile(data, image, path, _read_pixels)
         if pixels is None:
-            self._warn(image, f"it could not be loaded from {path!r}; magenta is shown")
+            self._warn(image, f"it could not be loaded from {path!r}; magenta is used")
             return _MISSING
         return pixels
 
@@ -318,7 +318,7 @@ class ImageReader:
             return held[1]  # type: ignore[no-any-return]
         pixels = _read_pixels(image)
         if pixels is None:
-            self._warn(image, f"it could not be loaded from {image.filepath!r}; magenta is shown")
+            self._warn(image, f"it could not be loaded from {image.filepath!r}; magenta is used")
             return _MISSING
         if self._for_preview:
             step = -(-max(pixels.shape[:2]) // _MOST_PREVIEWED)

@@ -74,7 +74,7 @@ def read_world(scene: Any, images: ImageReader, not_shown: list[NotShown]) -> Wo
     try:
         record = _read_world(world, images, omissions)
     except ProgramTooLargeError:
-        omissions.note_too_large("its viewport color is")
+        omissions.note_too_large("its viewport color is used")
         red, green, blue = world.color
         record = WorldRecord((red, green, blue))
     not_shown += omissions.rows(world)
@@ -89,7 +89,7 @@ def _read_world(world: Any, images: ImageReader, omissions: Omissions) -> WorldR
         return plain
     found = find_output(tree)
     if found is None:
-        omissions.note_no_output("black is")
+        omissions.note_no_output("black is used")
         return WorldRecord()
     surface, scope = found[0].inputs["Surface"], found[1]
     _note_world(world, *found, omissions)
@@ -110,7 +110,7 @@ def _note_world(world: Any, output: Any, scope: Scope | None, omissions: Omissio
     """output: the node of the world's tree that Cycles looks at."""
     volume, _ = trace_back(output.inputs["Volume"], scope)
     if volume.is_output:
-        omissions.note_node(volume.node, instead="clear air is")
+        omissions.note_node(volume.node, instead="clear air is used")
     visibility = getattr(world, "cycles_visibility", None)
     if visibility is not None and not all(getattr(visibility, name, True) for name in _WORLD_RAYS):
         omissions.note("its ray visibility", "all rays see it")
@@ -156,7 +156,7 @@ def _follow_shader(socket: Any, scope: Scope | None, reader: ValueReader, depth:
     node, scope = output.node, source_scope
     if node.type in {"BACKGROUND", "EMISSION"}:
         color = reader.read(node.inputs["Color"], scope)
-        strength = reader.read_or(constant(1.0), "Strength 1 is", node.inputs["Strength"], scope)
+        strength = reader.read_or(constant(1.0), "Strength 1 is used", node.inputs["Strength"], scope)
         return Value(reader.nodes.times(color.operand, strength.operand))
     if node.type in {"MIX_SHADER", "ADD_SHADER"}:
         shaders = [socket for socket in node.inputs if socket.type == "SHADER"]
@@ -272,7 +272,7 @@ def _note_object(obj: Any, omissions: Omissions) -> None:
         omissions.note("its ray visibility", LIGHTS_ALL)
     settings = getattr(obj.data, "cycles", None)
     if settings is not None and getattr(settings, "is_portal", False) and obj.data.type == "AREA":
-        omissions.note("Portal", "a lamp is")
+        omissions.note("Portal", "a lamp is used")
 
 
 def _read_light(
@@ -311,13 +311,13 @@ def _power_of(light: Any, images: ImageReader, omissions: Omissions) -> Color:
         return color
     found = find_output(light.node_tree)
     if found is None:
-        omissions.note_no_output("no light is")
+        omissions.note_no_output("no light is emitted")
         return BLACK
     reader = ValueReader(images, constant(1.0, 1.0, 1.0), omissions)
     try:
         shade = reader.overall(_follow_shader(found[0].inputs["Surface"], found[1], reader, 0))
     except ProgramTooLargeError:
-        omissions.note_too_large("its color is")
+        omissions.note_too_large("its color is used")
         return color
     return _by(color, shade)
 

@@ -218,13 +218,13 @@ class HairReader:
         roughness = radial = self._number(inputs["Roughness"], 0.3, scope)
         coat = 0.0
         if node.model == "HUANG":
-            self._omissions.note("the model Huang of Principled Hair BSDF", "Chiang is")
+            self._omissions.note("the model Huang of Principled Hair BSDF", "Chiang is used")
         else:
             radial = self._number(inputs["Radial Roughness"], 0.3, scope)
             coat = min(max(self._number(inputs["Coat"], 0.0, scope), 0.0), 1.0)
         base, absorption = self._colors(node, inputs, radial, scope)
         if is_fed(inputs["Random Roughness"], scope) or inputs["Random Roughness"].default_value:
-            self._omissions.note("Random Roughness of hair", "one for all strands is")
+            self._omissions.note("Random Roughness of hair", "one value for all strands is used")
         return base, HairRecord(
             fiber=1.0,
             absorption=_rgb(absorption),
@@ -250,7 +250,7 @@ class HairReader:
             amount, redness = (self._number(inputs[name], 0.5, scope) for name in ("Melanin", "Melanin Redness"))
             pigments = absorption_of_melanin(amount, redness)
             if is_fed(inputs["Random Color"], scope) or inputs["Random Color"].default_value:
-                self._omissions.note("Random Color of hair", "one for all strands is")
+                self._omissions.note("Random Color of hair", "one value for all strands is used")
         if not base.is_even:
             return base, pigments
         absorption = pigments + absorption_of(self._values.overall(base), radial)
@@ -264,7 +264,7 @@ class HairReader:
     def _even(self, socket: Any, scope: Scope | None) -> npt.NDArray[Any]:
         value = self._values.read(socket, scope)
         if not value.is_even:
-            self._omissions.note(f"{socket.name} from place to place", "its mean is")
+            self._omissions.note(f"varying {socket.name}", "its mean is used")
         return np.array(self._values.overall(value))
 
 

@@ -71,7 +71,7 @@ class MaterialReader:
             read = read_surface(material, self._images, omissions, self.sources)
             record = _with_surface(record, read)
         except ProgramTooLargeError:
-            omissions.note_too_large("its viewport color is")
+            omissions.note_too_large("its viewport color is used")
             record = replace(record, base_color=(red, green, blue))
         else:
             self.follow_objects = self.follow_objects or read.values.follows_objects

@@ -91,7 +91,7 @@ def _read(material: Any, plain: Value, values: ValueReader, omissions: Omissions
         return Surface(plain.operand)
     found = find_output(tree)
     if found is None:
-        omissions.note_no_output("black is")
+        omissions.note_no_output("black is used")
         return Surface(BLACK)
     output, scope = found
     inputs = output.inputs
@@ -99,11 +99,11 @@ def _read(material: Any, plain: Value, values: ValueReader, omissions: Omissions
     absorption = NO_ABSORPTION
     if is_fed(inputs["Volume"], scope):
         if not has_surface:
-            _note_source(inputs["Volume"], scope, omissions, "nothing is")
+            _note_source(inputs["Volume"], scope, omissions, "nothing is shown")
             return Surface(BLACK, alpha=0.0, has_volume=True)  # fog has no surface
         absorption = read_absorption(values, inputs["Volume"], scope)
     if is_fed(inputs["Displacement"], scope):
-        _note_source(inputs["Displacement"], scope, omissions, "the mesh without it is")
+        _note_source(inputs["Displacement"], scope, omissions, "the mesh is shown without it")
     return replace(_SurfaceReader(plain.operand, values).follow(inputs["Surface"], scope, 0), absorption=absorption)
 
 
@@ -174,7 +174,7 @@ class _SurfaceReader:
         return Surface(
             below,
             self._emission(inputs["Emission Color"], inputs["Emission Strength"], scope),
-            nodes.clamp(values.read_or(constant(1.0), "all of the surface is", inputs["Alpha"], scope).operand),
+            nodes.clamp(values.read_or(constant(1.0), "an opaque surface is used", inputs["Alpha"], scope).operand),
             Lobes(
                 metallic=self._share(inputs["Metallic"], 0.0, scope),
                 **self._facets(node, 0.5, scope),
@@ -207,7 +207,7 @@ class _SurfaceReader:
         """Read the emission; an unknown strength counts as 0."""
         if not strength.is_linked and not strength.default_value:
             return BLACK
-        bright = self._values.read_or(constant(0.0), "no light of its own is", strength, scope).operand
+        bright = self._values.read_or(constant(0.0), "no emission is used", strength, scope).operand
         if is_number(bright, 0.0):
             return BLACK
         return self._nodes.times(_as_color(self._values.read(color, scope).operand), bright)
@@ -261,7 +261,7 @@ class _SurfaceReader:
     def _tint(self, socket: Any, scope: Scope | None) -> Operand:
         """Read a colour, white where it cannot be known."""
         white = constant(1.0, 1.0, 1.0)
-        return _as_color(self._values.read_or(white, f"{socket.name} white is", socket, scope).operand)
+        return _as_color(self._values.read_or(white, f"{socket.name} white is used", socket, scope).operand)
 
     def _ior(self, socket: Any, scope: Scope | None) -> Operand:
         return self._least(self._values.number(socket, 1.5, scope), LEAST_IOR)
@@ -320,7 +320,7 @@ class _SurfaceReader:
         for surface, weight in parts:
             hair = surface.hair
             if hair is not None and hair.colored and surface.base != base:
-                self._omissions.note("the changing colour of hair that is mixed with other colours", "its mean is")
+                self._omissions.note("the changing colour of hair that is mixed with other colours", "its mean is used")
                 hair = fixed(hair, self._values.overall(Value(surface.base)))
             rows.append((hair, weight))
         return sum_hair(rows)

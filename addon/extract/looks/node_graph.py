@@ -137,8 +137,8 @@ def _find(sockets: Any, wanted: Any) -> Any:
 # A node type that is missing here is not shown at all. The list in docs/preview.md is compared with this one.
 
 
-FLAT = "its flat colour is"
-DIFFUSE = "a diffuse surface is"
+FLAT = "its flat colour is used"
+DIFFUSE = "a diffuse surface is used"
 
 # By `bpy.types.Node.type`.
 SHADERS = ("BSDF_PRINCIPLED", "BSDF_DIFFUSE", "BSDF_GLOSSY", "BSDF_METALLIC", "BSDF_GLASS", "BSDF_REFRACTION")
@@ -167,10 +167,10 @@ SHOWN_NODES = frozenset({*SHADERS, *TEXTURES, *VALUES, *TREES})
 
 # Replacements of parts of nodes that are simplified.
 SIMPLIFIED_NODES: dict[str, str] = {
-    "LIGHT_PATH": "what the camera sees is, for all rays",
-    "BSDF_HAIR": "a diffuse surface is, or a translucent one",
+    "LIGHT_PATH": "its values for camera rays are used for all rays",
+    "BSDF_HAIR": "a diffuse or translucent surface is used",
     "BSDF_TOON": DIFFUSE,
-    "SUBSURFACE_SCATTERING": "a diffuse surface of its mean colour is",
+    "SUBSURFACE_SCATTERING": "a diffuse surface of its mean colour is used",
     "EEVEE_SPECULAR": DIFFUSE,
     "BSDF_RAY_PORTAL": DIFFUSE,
 }
@@ -192,12 +192,12 @@ class IgnoredInput(NamedTuple):
 
 IGNORED_INPUTS: dict[str, tuple[IgnoredInput, ...]] = {
     "BSDF_PRINCIPLED": (
-        IgnoredInput("Subsurface Weight", 0.0, "Subsurface", "a diffuse surface of its mean colour is"),
-        IgnoredInput("Thin Film Thickness", 0.0, "Thin Film", "what it covers is"),
+        IgnoredInput("Subsurface Weight", 0.0, "Subsurface", "a diffuse surface of its mean colour is used"),
+        IgnoredInput("Thin Film Thickness", 0.0, "Thin Film", "the surface without it is used"),
     ),
-    "BSDF_METALLIC": (IgnoredInput("Thin Film Thickness", 0.0, "Thin Film", "what it covers is"),),
-    "BSDF_GLASS": (IgnoredInput("Thin Film Thickness", 0.0, "Thin Film", "what it covers is"),),
-    "BSDF_TRANSPARENT": (IgnoredInput("Color", 1.0, "Color of the Transparent BSDF", "white is"),),
+    "BSDF_METALLIC": (IgnoredInput("Thin Film Thickness", 0.0, "Thin Film", "the surface without it is used"),),
+    "BSDF_GLASS": (IgnoredInput("Thin Film Thickness", 0.0, "Thin Film", "the surface without it is used"),),
+    "BSDF_TRANSPARENT": (IgnoredInput("Color", 1.0, "Color of the Transparent BSDF", "white is used"),),
 }
 
 
@@ -232,7 +232,7 @@ class Omissions:
 
     def note_foreign(self, node: Any) -> None:
         """Note a node of another render engine, which Cycles does not show either."""
-        self.note_node(node, instead="what Cycles shows without it is")
+        self.note_node(node, instead="it is ignored, as in Cycles")
 
     def note_no_output(self, instead: str) -> None:
         """Note that Cycles looks at no output node of a tree."""
@@ -280,7 +280,7 @@ class Omissions:
         """One for each thing. block: the evaluated material, light or world that it is of."""
         uid = block.original.session_uid
         rows = self._instead.items()
-        return [NotShown(self.kind, block.name, uid, f"{what} is not shown; {instead}") for what, instead in rows]
+        return [NotShown(self.kind, block.name, uid, f"{what} is unsupported; {instead}") for what, instead in rows]
 
 
 def _is_neutral(socket: Any, wanted: IgnoredInput) -> bool:

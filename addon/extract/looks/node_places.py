@@ -127,7 +127,7 @@ def _image(reader: ValueReader, node: Any, output: Any, scope: Scope | None) -> 
     if node.image is None:
         return constant(0.0) if output.identifier == "Alpha" else constant(0.0, 0.0, 0.0)
     if reader.omissions.kind == "light":
-        reader.omissions.note(f"{node.image.name} as Color", "its mean is")
+        reader.omissions.note(f"{node.image.name} as Color", "its mean is used")
     is_around = node.type == "TEX_ENVIRONMENT"
     vector = reader.vector(node, scope, "UV")
     if is_around and reader.omissions.kind != "world" and not is_fed(node.inputs["Vector"], scope):
@@ -136,7 +136,7 @@ def _image(reader: ValueReader, node: Any, output: Any, scope: Scope | None) -> 
     interpolation = "closest" if node.interpolation == "Closest" else "linear"
     row = reader.images.row(node.image, "repeat" if is_around else extension, interpolation, node.image_user)
     if node.projection == "MIRROR_BALL":
-        reader.omissions.note(f"the projection Mirror Ball of {node.image.name}", "Equirectangular is")
+        reader.omissions.note(f"the projection Mirror Ball of {node.image.name}", "Equirectangular is used")
     if node.projection == "BOX" and reader.omissions.kind != "light":
         is_surface = reader.omissions.kind == "material"
         normal = reader.input("NORMAL").operand if is_surface else reader.nodes.times(reader.way().operand, -1.0)
@@ -166,7 +166,7 @@ def _is_multiplied(node: Any) -> bool:
 @reads("TEX_SKY")
 def _sky(reader: ValueReader, node: Any, output: Any, scope: Scope | None) -> Value:
     """Read its mean above the horizon, unless it surrounds the scene unchanged."""
-    reader.omissions.note_node(node, instead="its mean is")
+    reader.omissions.note_node(node, instead="its mean is used")
     pixels = read_sky(node)[0].pixels
     return constant(*pixels[len(pixels) // 2 :].mean(axis=(0, 1)).tolist())
 
@@ -197,7 +197,7 @@ def _attribute(reader: ValueReader, node: Any, output: Any, scope: Scope | None)
     if kind != "GEOMETRY" or reader.omissions.kind != "material":
         return reader.fallback
     if output.identifier == "Alpha":
-        reader.omissions.note(f"Alpha of {node.bl_label}", "1 is")
+        reader.omissions.note(f"Alpha of {node.bl_label}", "1 is used")
         return constant(1.0)
     if not name and node.type == "ATTRIBUTE":
         return constant(0.0, 0.0, 0.0)
@@ -258,7 +258,7 @@ def _bump(reader: ValueReader, node: Any, output: Any, scope: Scope | None) -> V
     shifted = [reader.nodes.shifted(height.operand, side) for side in (1, 2)]
     width = reader.even_number(node.inputs["Filter Width"], 0.1, scope) if "Filter Width" in node.inputs else 1.0
     if reader.bump_width not in {None, width}:
-        reader.omissions.note(f"the Filter Width of several nodes {node.bl_label}", "the largest is")
+        reader.omissions.note(f"the Filter Width of several nodes {node.bl_label}", "the largest is used")
     reader.bump_width = width
     sides = [reader.nodes.add("input", mode="SIDE", numbers=(side, width)) for side in (1.0, 2.0)]
     ways = [channels_of(side, 0, 3) for side in sides]
@@ -270,5 +270,5 @@ def _bump(reader: ValueReader, node: Any, output: Any, scope: Scope | None) -> V
 def _falloff(reader: ValueReader, node: Any, output: Any, scope: Scope | None) -> Value:
     """Light fades with the square of the distance."""
     if output.identifier != "Quadratic" or is_fed(node.inputs["Smooth"], scope) or node.inputs["Smooth"].default_value:
-        reader.omissions.note_node(node, instead="a quadratic one is")
+        reader.omissions.note_node(node, instead="a quadratic falloff is used")
     return reader.read(node.inputs["Strength"], scope)

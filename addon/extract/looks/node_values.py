@@ -19,7 +19,7 @@ from .values import (
     constant,
 )
 
-HALF = "half of each is"
+HALF = "half of each is used"
 _DEEPEST = 150
 _RENAMED = {"Fac": "Factor", "Bright": "Brightness", "Color1": "Color 1", "Color2": "Color 2"}
 
@@ -76,14 +76,14 @@ class ValueReader:
         """Read a number, `unknown` for a guess."""
         if not socket.is_linked and socket.type == "VALUE":
             return float(socket.default_value)
-        return self.read_or(constant(unknown), f"{socket.name} {unknown:.3g} is", socket, scope).operand
+        return self.read_or(constant(unknown), f"{socket.name} {unknown:.3g} is used", socket, scope).operand
 
     def even_number(self, socket: Any, unknown: float, scope: Scope | None = None) -> float:
         """Read a number for the whole surface: the mean of a value that varies over it."""
         operand = self.number(socket, unknown, scope)
         if isinstance(operand, Output):
             operand = self.images.mean(self.nodes, Value(operand))[0]
-            self.omissions.note(f"{socket.name} from place to place", f"{operand:.3g} is")
+            self.omissions.note(f"varying {socket.name}", f"{operand:.3g} is used")
         return float(operand if isinstance(operand, float) else operand[0])
 
     def overall(self, value: Value) -> tuple[float, float, float]:
@@ -110,7 +110,7 @@ class ValueReader:
             value = self.read(socket, scope)
             if not value.is_guess:
                 return value.operand
-            self.omissions.since(mark, "the mesh's own normals are")
+            self.omissions.since(mark, "the mesh's own normals are used")
         return self.input("NORMAL").operand
 
     def ask(self, source: Source) -> Value:

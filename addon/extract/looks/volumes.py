@@ -11,7 +11,7 @@ from .values import Value, constant
 Absorption = tuple[float, float, float]
 
 NO_ABSORPTION: Absorption = (0.0, 0.0, 0.0)
-ALONE = "what it absorbs is"
+ALONE = "only its absorption is used"
 _DEEPEST = 64
 
 
@@ -30,7 +30,7 @@ def read_absorption(values: ValueReader, socket: Any, scope: Scope | None, depth
         return _weighted(parts, (1.0 - share, share))
     read = _READERS.get(node.type)
     if read is None:
-        values.omissions.note_node(node, output, "its surface alone is")
+        values.omissions.note_node(node, output, "only its surface is used")
         return NO_ABSORPTION
     return read(values, node, scope)
 
@@ -45,9 +45,9 @@ def _weighted(parts: list[Absorption], weights: tuple[float, float]) -> Absorpti
 
 def _even_color(values: ValueReader, socket: Any, scope: Scope | None) -> Absorption:
     """Read a colour, at least 0; the mean of one that varies."""
-    color = values.read_or(constant(0.5, 0.5, 0.5), "grey is", socket, scope)
+    color = values.read_or(constant(0.5, 0.5, 0.5), "grey is used", socket, scope)
     if not color.is_even:
-        values.omissions.note(f"{socket.name} of a volume from place to place", "its mean is")
+        values.omissions.note(f"varying {socket.name} of a volume", "its mean is used")
     red, green, blue = (max(channel, 0.0) for channel in values.overall(Value(color.operand)))
     return red, green, blue
 
