@@ -40,7 +40,7 @@ def test_tables_have_each_setting_in_plain_words() -> None:
     pytest.importorskip("bpy")
     pages = site_tables.pages()
     in_blender, sensor_files = pages["in_blender.md"], pages["sensor_files.md"]
-    assert "| `noise_threshold` | Noise Threshold | 0.01 | 0 to 1 | How much noise may stay" in in_blender
+    assert "| `noise_threshold` | Noise Threshold | 0.01 | 0 to 1 | Noise that may remain" in in_blender
     assert "| `formats` | Formats | `npz` | any of `npz` NumPy, " in in_blender
     assert "\n### `space.shading.perfect_bvh.overlay`\n" in in_blender
     assert "| `level` | Level | 2 | 0 to 64 | " in in_blender

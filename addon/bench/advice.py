@@ -26,7 +26,7 @@ LABELS = {
 }
 POLICY_LABELS = {"refit": "Always Refit", "rebuild": "Always Rebuild", "governed": "Automatic"}
 FEWEST_ROUNDS = 3  # that tell a difference from the machine's whims
-TOO_LITTLE = "Too few rounds to tell builders apart: let it run longer."
+TOO_LITTLE = "Too few rounds to compare builders: let it run longer."
 
 
 def advice(figures: Figures) -> dict[str, str]:
@@ -82,7 +82,7 @@ def _builder_advice(figures: Figures) -> str:
         return TOO_LITTLE
     best = better_builder(figures)
     if best is None:
-        return "Keep the builder Automatic: no other makes this scene's rays reliably faster."
+        return "Keep the builder Automatic: no other builder makes this scene's rays reliably faster."
     faster = rays_per_second(figures, rows[best]) / rays_per_second(figures, rows["auto"])
     dearer = rows[best]["build_ms"]["typical"] / rows["auto"]["build_ms"]["typical"]
     return (
@@ -121,13 +121,13 @@ def _reliably_best(figures: Figures, rows: dict[str, Figures], rays: float) -> s
 def _answer_advice(figures: Figures) -> str:
     answers = figures["answers"]
     if not answers["checked"] and answers["not_judged"]:
-        return "No answer is checked: all rays come near curves or points, which are not judged."
+        return "No results were checked: all rays pass close to curves or points, which cannot be judged."
     if not answers["checked"]:
-        return "The scene is too large to check an answer in this time. On the command line, raise --seconds."
+        return "The scene is too large to check a result in this time. On the command line, raise --seconds."
     if answers["wrong"]:
-        return f"{answers['wrong']} of {answers['checked']:,} checked answers are wrong: please report this scene."
+        return f"{answers['wrong']} of {answers['checked']:,} checked results are wrong: please report this scene."
     return (
-        f"None of {answers['checked']:,} answers checked again is wrong: fewer than "
+        f"None of {answers['checked']:,} checked results is wrong: fewer than "
         f"{answers['interval'][1]:,.0f} per million are, at 95 % confidence."
     )
 
@@ -157,7 +157,7 @@ def _decay_advice(figures: Figures) -> str:
         decay = "Refitted trees stay as good as new ones."
     else:
         decay = (
-            f"Refitted trees are worst in frame {rows[worst]['frame']}: {shares[worst]:.2f} times what new ones cost."
+            f"Refitted trees are slowest in frame {rows[worst]['frame']}: {shares[worst]:.2f} times what new ones cost."
         )
     frames = [row["frame"] for row in rows[1:] if set(RESTRUCTURED) & set(row["policies"]["governed"]["actions"])]
     if frames:

@@ -101,7 +101,7 @@ def _total_time(axes: Axes, figures: Figures) -> None:
     rings = [(rays, name) for rays, name in told if name in rows and rays in least]
     heights = [total_ms(figures, rows[name], rays) / least[rays] for rays, name in rings]
     if rings:
-        label = "what most triangles get when the number is told"
+        label = "the builder of most triangles if the number of rays is known"
         ring = {
             "color": INK,
             "markerfacecolor": "white",
@@ -113,7 +113,9 @@ def _total_time(axes: Axes, figures: Figures) -> None:
         axes.plot([rays for rays, _ in rings], heights, "o", label=label, **ring)
         axes.legend(loc="upper right", frameon=False, fontsize=8, labelcolor=DIM)
     axes.set_xscale("log")
-    axes.set(xlabel="rays cast", ylabel="build + rays, times the least", ylim=(0.9, MOST), xlim=(counts[0], counts[-1]))
+    axes.set(
+        xlabel="rays cast", ylabel="build + rays, relative to the best", ylim=(0.9, MOST), xlim=(counts[0], counts[-1])
+    )
     _say_plainly(axes.xaxis)
     _name_ends(axes, ends)
 
@@ -123,7 +125,7 @@ def _frames(axes: Axes, figures: Figures) -> None:
 
 
 def _decay(axes: Axes, figures: Figures) -> None:
-    _by_frame(axes, figures["frames"], frame_visits, "nodes and primitives that a ray visits")
+    _by_frame(axes, figures["frames"], frame_visits, "nodes and primitives visited per ray")
 
 
 def _by_frame(axes: Axes, rows: list[Figures], cost: Callable[[Figures, str], float], words: str) -> None:
@@ -151,9 +153,9 @@ def _by_frame(axes: Axes, rows: list[Figures], cost: Callable[[Figures, str], fl
 BETTER = "Up and to the left is better. Bars: quartiles."
 PARTS: dict[str, tuple[Callable[[Axes, Figures], None], str]] = {
     "builders": (_builders, BETTER),
-    "total_time": (_total_time, "1 is the least time for so many rays."),
+    "total_time": (_total_time, "1 is the shortest time for this number of rays."),
     "frames": (_frames, "In the first frame all trees are built."),
-    "decay": (_decay, "What trees cost that are only refitted, rebuilt or governed; counted, not timed."),
+    "decay": (_decay, "Costs of trees that are only refitted, always rebuilt, or governed: counted, not timed."),
 }
 
 

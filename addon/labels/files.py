@@ -166,18 +166,18 @@ def grey_depth(depth: npt.NDArray[np.float32], depth_scale: float) -> tuple[Uint
 
 def too_far_warning(name: str, depth_scale: float) -> str:
     """Returns the sentence for a file's depths that are too far."""
-    return f"{name}: depth beyond {MOST * depth_scale:g} is 0 there; a larger depth scale reaches it"
+    return f"{name}: depth beyond {MOST * depth_scale:g} is written as 0; use a larger depth scale"
 
 
 def _png_label(name: str, label: LabelColumn) -> Uint16Array:
     if not label.table.is_whole:
         raise ValueError(
-            f"png: label {name!r} has fractions, or -1 as a value: choose exr, npy or npz, or leave it out"
+            f"png: label {name!r} has fractions, or -1 as a value: choose exr, npy or npz, or omit the label"
         )
     is_there = label.values != label.table.missing
     lowest = int(label.values.min(where=is_there, initial=0))
     if lowest < 0:
-        raise ValueError(f"png: label {name!r} has the value {lowest}, and 0 is nothing: choose exr, npy or npz")
+        raise ValueError(f"png: label {name!r} has the value {lowest}, and 0 means no hit: choose exr, npy or npz")
     return _png_ids(f"label {name!r}", np.where(is_there, label.values, -1))
 
 
@@ -366,8 +366,8 @@ def _save_png(images: dict[str, Uint16Array], folder: Path, stem: str, made: lis
     return {
         "files": files,
         "ids": "a pixel is 1 + a row of things, categories, material_names or a label's names, or 1 + its number; "
-        "0 is nothing",
-        "depth": "a pixel times depth_scale is the depth in world units; 0 is nothing, or farther than 65535 of them",
+        "0 means no hit",
+        "depth": "a pixel times depth_scale is the depth in world units; 0 means no hit or one beyond 65535 steps",
     }
 
 
@@ -378,7 +378,7 @@ def _save_exr(channels: Channels, file: Path, made: list[Path]) -> dict[str, Any
     return {
         "file": file.name,
         "channels": {name: str(image.dtype) for name, image in channels.items()},
-        "ids": "whole numbers: 1 + a row of things, categories, material_names or a label's names; 0 is nothing. "
+        "ids": "whole numbers: 1 + a row of things, categories, material_names or a label's names; 0 means no hit. "
         "Labels that are numbers are floats, NaN where there is none",
-        "depth": "world units, 1e10 where there is nothing",
+        "depth": "world units, 1e10 without a hit",
     }

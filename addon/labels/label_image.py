@@ -213,7 +213,7 @@ def _view_of(
 
 
 def _no_camera(scene: bpy.types.Scene, reason: str) -> str:
-    return f"label_image: scene {scene.name!r} has no camera that can be used: {reason}"
+    return f"label_image: scene {scene.name!r} has no usable camera: {reason}"
 
 
 class _Asked:

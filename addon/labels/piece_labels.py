@@ -177,7 +177,7 @@ class LabelWork(PieceWork):
             return None
         camera = scene.objects.get(self._camera)
         if camera is None:
-            raise ValueError(f"the camera {self._camera!r} is not in the scene any more")
+            raise ValueError(f"the camera {self._camera!r} is no longer in the scene")
         return camera
 
 

@@ -74,7 +74,7 @@ class BVHTree:
         """
         if not deform or cage:
             raise ValueError(
-                "BVHTree.FromObject: deform must be True and cage False; use mathutils.bvhtree.BVHTree for the others"
+                "BVHTree.FromObject: deform must be True and cage False; use mathutils.bvhtree.BVHTree otherwise"
             )
         evaluated = object.evaluated_get(depsgraph)
         try:

@@ -193,7 +193,7 @@ class SceneSync(SyncedScene):
                 itself.
         """
         if self._watch is not None:
-            raise RuntimeError("begin_update: the sync watches Blender; make it with watch=False")
+            raise RuntimeError("begin_update: the sync watches Blender; create it with watch=False")
         span = as_shutter("begin_update", shutter, steps, frame_set)
         view = {"camera": camera, "size": size, "space": space}
         return self._begin(lambda: self._read_any(depsgraph, view, span), expected_rays)

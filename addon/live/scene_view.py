@@ -22,7 +22,7 @@ from ..settings.scene_settings import ENGINE_NAME
 T = TypeVar("T")
 
 SLOT = "Perfect BVH"  # of Blender's Render Result: renders without an image leave the user's one alone
-BUSY = "it renders something else: wait until that has ended"
+BUSY = "it is rendering something else: wait until that ends"
 # Settings that turn off a render's side effects. The user's settings are restored afterwards.
 SETTINGS: dict[str, Any] = {
     "use_compositing": False,

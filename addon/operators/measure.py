@@ -33,23 +33,23 @@ class PERFECT_BVH_OT_bench(Ticking, bpy.types.Operator):
     bl_idname = "perfect_bvh.bench"
     bl_label = "Benchmark This Scene"
     bl_description = (
-        "Measure what builders and policies cost and gain on this scene, and show it as a table with bars. "
-        "Where matplotlib is installed, the Image Editor shows charts of it too"
+        "Measure what builders and update policies cost and gain in this scene, and show a table with bars. "
+        "If matplotlib is installed, the Image Editor also shows charts"
     )
     bl_options: ClassVar = {"REGISTER"}
 
     seconds: bpy.props.FloatProperty(
-        name="Seconds", description="How long to measure at most, about", default=60.0, min=1.0, max=3600.0
+        name="Seconds", description="Approximate time limit", default=60.0, min=1.0, max=3600.0
     )
     folder: bpy.props.StringProperty(
         name="Folder",
-        description="Where the figures and the charts go; empty: Blender's temporary folder",
+        description="Folder of the results and charts; empty: Blender's temporary folder",
         subtype="DIR_PATH",
     )
 
     for_viewport: bpy.props.BoolProperty(
         name="As in Viewports",
-        description="Measure the objects and modifier levels that viewports show, instead of a render's",
+        description="Measure the objects and modifier levels of viewports instead of those of a render",
         default=False,
     )
 
@@ -108,7 +108,7 @@ class PERFECT_BVH_OT_bench(Ticking, bpy.types.Operator):
         step = self._step()
         if step is not None:
             context.window_manager.progress_update(100 * step[0])
-            self._tell(context, f"Measuring: {step[1]}. Esc ends it and shows what there is")
+            self._tell(context, f"Measuring: {step[1]}. Esc stops and shows the results so far")
             return None
         return self._finish(context)
 
@@ -151,7 +151,7 @@ class PERFECT_BVH_OT_compare_advised(bpy.types.Operator):
 
     bl_idname = "perfect_bvh.compare_advised"
     bl_label = "Set Compare to These Two"
-    bl_description = "Set the panel Compare to the builder Automatic and the one that is advised instead"
+    bl_description = "Set the panel Compare to the builder Automatic and the advised one"
     bl_options: ClassVar = {"REGISTER", "UNDO"}
 
     def execute(self, context: bpy.types.Context) -> set[str]:
@@ -192,7 +192,7 @@ class PERFECT_BVH_OT_compare(Ticking, bpy.types.Operator):
 
     bl_idname = "perfect_bvh.compare"
     bl_label = "Compare"
-    bl_description = "Build two trees of the active object, and show them side by side with what they cost"
+    bl_description = "Build two trees of the active object, and show them side by side with their costs"
     bl_options: ClassVar = {"REGISTER"}
 
     # Blender evaluates these annotations, and what they are of needs the native engine.
@@ -291,7 +291,7 @@ def find_complaint(context: bpy.types.Context) -> str | None:
     if context.object is None:
         return "There is no active object"
     if context.object.type not in SHAPES and context.object.instance_type == "NONE":
-        return "The active object has no triangles that rays could meet"
+        return "The active object has no triangles that rays can hit"
     if context.mode != "OBJECT":
         return "Leave the mode of the active object first: its triangles are those of Object Mode"
     return None

@@ -139,7 +139,7 @@ _folders_in_use: set[Path] = set()
 def prepare_free_folder(folder: Path) -> None:
     """Makes a folder. Raises ValueError if another job writes there, OSError if it cannot be made."""
     if folder in _folders_in_use:
-        raise ValueError(f"Files are being written into {folder}: wait for the end, or cancel that with Esc")
+        raise ValueError(f"Files are still being written into {folder}: wait, or cancel with Esc")
     prepare_folder(folder)
 
 

@@ -122,7 +122,7 @@ class PERFECT_BVH_OT_preview(Ticking, bpy.types.Operator):
         except perfect_bvh.Cancelled:
             # A viewport, which shares the trees, has found the scene changed and has others built: wait for those.
             if context.scene.session_uid != self._scene_uid:
-                raise ValueError("the scene is no longer shown: there is no image of it") from None
+                raise ValueError("the scene is no longer shown in a window") from None
             self._read(context)
             return
         assert self._refinement is not None

@@ -123,7 +123,7 @@ class PERFECT_BVH_OT_scan(JobOperator, bpy.types.Operator):
         if not self._kept:
             return {"CANCELLED"}
         made = self._add(context, self._kept)
-        self._complain(f"The points of what could not be written are in the scene: {', '.join(made)}", "WARNING")
+        self._complain(f"The points that could not be written are in the scene: {', '.join(made)}", "WARNING")
         return {"FINISHED"}
 
     def _add(self, context: bpy.types.Context, clouds: list[tuple[str, PointCloud]]) -> list[str]:
@@ -201,7 +201,7 @@ class PointsJob:
         cloud = self._scanner.result()
         warnings = list(cloud.warnings)
         if self._file is not None and self._file.was_edited:
-            warnings.append("The scene was edited during the scan: points of later frames show the edit")
+            warnings.append("The scene was edited during the scan: points of later frames include the edit")
         if not len(cloud):
             return [], [*warnings, "No points were made"]
         return [("Scan", cloud)], warnings
@@ -243,7 +243,7 @@ class FilesJob(PiecesJob):
         """Points to be added, with the names of their objects, and warnings."""
         warnings, kept = list(self._outcome.warnings), self._outcome.kept
         if self._keeps and kept:
-            warnings.append(f"The points of {kept} pieces that were there are not added; without Resume all are")
+            warnings.append(f"The points of {kept} existing chunks are not added; turn off Resume to add all")
         return [(name, cloud) for name, cloud in self._clouds if len(cloud)], warnings
 
     def ray_outcomes(self) -> RayCounts:
@@ -255,7 +255,7 @@ class FilesJob(PiecesJob):
     def summary(self, names: list[str], seconds: float) -> str:
         """Returns a sentence about the result. names: of the new objects."""
         added = f", {len(names)} objects" if self._keeps else ""
-        count = self._outcome.words(len(self._work.pieces), "pieces written")
+        count = self._outcome.words(len(self._work.pieces), "chunks written")
         points = self._work.summary(self._outcome)[0]
         return f"{self._folder}: {count}; {points}{added}, {duration(1e3 * seconds)}"
 

@@ -61,12 +61,12 @@ class PERFECT_BVH_OT_select_not_shown(bpy.types.Operator):
 
     bl_idname = "perfect_bvh.select_not_shown"
     bl_label = "Select Objects"
-    bl_description = "Select the objects that this is about"
+    bl_description = "Select the objects of this row"
     bl_options: ClassVar = {"REGISTER", "UNDO"}
 
     kind: bpy.props.EnumProperty(
         name="Kind",
-        description="What the number is of",
+        description="Kind of data of the number",
         items=[(kind, kind.title(), f"Every object that {what}") for kind, what in SELECTABLE.items()],
         options={"HIDDEN"},
     )

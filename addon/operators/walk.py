@@ -22,21 +22,21 @@ class PERFECT_BVH_OT_walk_step(Checked, bpy.types.Operator):
 
     bl_idname = "perfect_bvh.walk_step"
     bl_label = "Step"
-    bl_description = "Go to another step of the ray that is walked"
+    bl_description = "Go to another step of the ray"
     bl_options: ClassVar = {"INTERNAL"}
 
     to: bpy.props.EnumProperty(
         name="To",
-        description="Which step of the ray is shown next, or whether the steps play",
+        description="The step of the ray to show next, or whether to play the steps",
         items=[
             ("FIRST", "First", "Go to the first step of the ray"),
-            ("PREVIOUS", "Previous", "Go back to the step before"),
-            ("PREVIOUS_BOX", "Previous Box", "Go back to the box or triangle before"),
+            ("PREVIOUS", "Previous", "Go back to the previous step"),
+            ("PREVIOUS_BOX", "Previous Box", "Go back to the previous box or triangle"),
             ("PLAY", "Play", "Play the steps one after the other, or pause"),
             ("NEXT_BOX", "Next Box", "Go on to the next box or triangle, and see what happens to it"),
             ("NEXT", "Next", "Go on to the next step: a node with its boxes, or a leaf with its triangles"),
             ("LAST", "Last", "Go to the last step, with the hit"),
-            ("OFF", "End", "Show the scene again without the ray"),
+            ("OFF", "End", "Stop showing the ray"),
         ],
         options={"SKIP_SAVE"},
     )
@@ -49,7 +49,7 @@ class PERFECT_BVH_OT_walk_step(Checked, bpy.types.Operator):
     def _find_complaint(cls, context: bpy.types.Context) -> str | None:
         from ..view3d.walk import walk_view
 
-        return "No ray is walked" if walk_view.shown() is None else None
+        return "No ray is shown" if walk_view.shown() is None else None
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         go(self.to)
@@ -111,7 +111,7 @@ class PERFECT_BVH_OT_walk_ray(Checked, bpy.types.Operator):
 
     bl_idname = "perfect_bvh.walk_ray"
     bl_label = "Walk a Ray"
-    bl_description = "Click a pixel, and step through what its ray does: which boxes and triangles it meets, and why"
+    bl_description = "Click a pixel and step through its ray: the boxes and triangles it tests and hits, and why"
     bl_options: ClassVar = {"REGISTER"}
 
     _newest: ClassVar[int] = 0  # of all that were started: it alone goes on
@@ -149,7 +149,7 @@ class PERFECT_BVH_OT_walk_ray(Checked, bpy.types.Operator):
         return {"RUNNING_MODAL"}
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        self.report({"ERROR"}, "Walk a Ray needs a click into a 3D viewport: a script has to invoke it")
+        self.report({"ERROR"}, "Walk a Ray needs a click in a 3D viewport: scripts must call it with 'INVOKE_DEFAULT'")
         return {"CANCELLED"}
 
     def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:

@@ -22,7 +22,7 @@ class PERFECT_BVH_PT_scan(SidebarPanel, bpy.types.Panel):
 
     def draw(self, context: bpy.types.Context) -> None:
         layout = settings_layout(self)
-        draw_purpose(context, layout, "Cast the rays of a camera or a LiDAR, and keep their hits as points or files")
+        draw_purpose(context, layout, "Cast the rays of a camera or a LiDAR, and save their hits as points or files")
         settings = context.scene.perfect_bvh.scan
         _draw_sensor(layout, settings)
         _draw_frames(layout, settings)
@@ -103,7 +103,7 @@ class PERFECT_BVH_PT_label_images(SidebarPanel, bpy.types.Panel):
 
     def draw(self, context: bpy.types.Context) -> None:
         layout = settings_layout(self)
-        draw_purpose(context, layout, "Images of which object, category and depth each pixel shows, as training data")
+        draw_purpose(context, layout, "Images of the object, category and depth of each pixel, as training data")
         settings = context.scene.perfect_bvh.label_images
         layout.prop(settings, "camera")
         layout.prop(settings, "frames")

@@ -162,7 +162,7 @@ class PERFECT_BVH_PT_updates(StudyPanel, bpy.types.Panel):
 
     def draw(self, context: bpy.types.Context) -> None:
         layout, scene = self.layout, context.scene
-        draw_purpose(context, layout, "What the last image had to read and build, and what share of rays each takes")
+        draw_purpose(context, layout, "What was read and built for the last image, and its share of the rays' cost")
         statistics, rows = last_statistics(scene), rows_of(scene)
         if statistics is None:
             draw_lines(
@@ -206,7 +206,7 @@ def _draw_heading(context: bpy.types.Context, layout: bpy.types.UILayout) -> Non
     scene = context.scene
     statistics, updates = last_statistics(scene), updates_of(scene.session_uid)
     count = updates.changed_count
-    what = f"{count_of(count, 'object')} updated in" if count else "Nothing to update, which took"
+    what = f"{count_of(count, 'object')} updated in" if count else "No updates, checked in"
     text = f"{statistics.source}, frame {statistics.frame:g}: {what} {duration(statistics.report.milliseconds)}"
     draw_lines(context, layout, text, inset=TABS)
     if is_outdated(scene) and statistics.source != "Viewport":
@@ -342,7 +342,7 @@ class PERFECT_BVH_PT_bench(StudyPanel, bpy.types.Panel):
     bl_label = "Benchmark"
 
     def draw(self, context: bpy.types.Context) -> None:
-        text = "Measures for about a minute which BVH builder and which kind of update suit this scene"
+        text = "Find out in about a minute which BVH builder and update policy suit this scene"
         draw_purpose(context, self.layout, text)
         self.layout.operator("perfect_bvh.bench", icon="TIME")
         draw_messages_of(context, self.layout, "Benchmark This Scene")

@@ -142,7 +142,7 @@ class PERFECT_BVH_PT_render_view(SidebarPanel, bpy.types.Panel):
     bl_options: ClassVar = {"DEFAULT_CLOSED"}
 
     def draw(self, context: bpy.types.Context) -> None:
-        draw_purpose(context, self.layout, "What this viewport shows, rendered into the Image Editor")
+        draw_purpose(context, self.layout, "Renders this viewport into the Image Editor")
         self.layout.operator("perfect_bvh.preview", text="Render View", icon="RENDER_STILL")
         draw_messages_of(context, self.layout, "Render View to Image")
 

@@ -131,7 +131,7 @@ def find_difference(inputs: dict[str, Any], others: dict[str, Any]) -> str | Non
 
 
 class OtherInputsError(ValueError):
-    """A folder holds pieces of other work."""
+    """A folder has chunks of other work."""
 
 
 class PieceFolder:
@@ -164,10 +164,10 @@ class PieceFolder:
             frames = tuple(found["frames"])
             other = find_difference(self.inputs, found["inputs"])
             if any(wanted.get(frame, frames) != frames for frame in frames):
-                other = "how the frames are divided"
+                other = "the division of frames into chunks"
             if other is not None:
                 raise OtherInputsError(
-                    f"{self.folder} holds pieces of another {self._what}: {path.name} differs in {other}; "
+                    f"{self.folder} has chunks of another {self._what}: {path.name} differs in {other}; "
                     "choose another folder, or empty this one"
                 )
 

@@ -59,9 +59,9 @@ class Outcome:
         for name, count in done.counts.items():
             self.counts[name] = self.counts.get(name, 0) + count
 
-    def words(self, total: int, what: str = "pieces") -> str:
+    def words(self, total: int, what: str = "chunks") -> str:
         """Returns how many of `total` were done, and how many existed before."""
-        recognised = f", {self.kept} were there" if self.kept else ""
+        recognised = f", {self.kept} existed" if self.kept else ""
         return f"{self.written} of {total} {what}{recognised}"
 
 

@@ -37,11 +37,11 @@ class Outcome(IntEnum):
 
 WORDS = (
     "hit objects",
-    "hit the mount alone",
+    "hit only the mount",
     "hit objects through glass or by mirrors",
-    "came back too dark",
+    "returned too little light",
     "were lost to dropout",
-    "hit what the second eye does not see",
+    "hit surfaces hidden from the second eye",
     "were out of range",
     "hit nothing",
 )
@@ -155,12 +155,12 @@ class MissJudge:
 ALMOST_ALL = 0.99
 # Why rays that hit something gave no point, and what to do then. Rays that hit nothing are usual: the sky is free.
 _REASONS = {
-    "out_of_range": "what they hit is mostly nearer or farther than the sensor measures{range}. Move the sensor, or "
+    "out_of_range": "most hits are nearer or farther than the sensor's range{range}. Move the sensor, or "
     "choose another",
-    "too_dark": "what they hit mostly returned too little light to be detected. Move the sensor nearer, check the "
+    "too_dark": "most hits returned too little light to be detected. Move the sensor nearer, check the "
     "colors of materials, or leave out [detection] in the sensor's file",
-    "dropped_out": "what they hit was mostly lost to the sensor's dropout. Lower dropout in [noise] of its file",
-    "hidden": "what they hit is mostly hidden from the second eye. Move the sensor away from what is near",
+    "dropped_out": "most hits were lost to the sensor's dropout. Lower dropout in [noise] of its file",
+    "hidden": "most hits are hidden from the second eye. Move the sensor away from near objects",
 }
 _NOTHING = "they hit nothing. Check where the sensor points, and that objects around it are visible to cameras"
 

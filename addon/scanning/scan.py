@@ -222,7 +222,7 @@ class Scanner:
         count = self._pattern.count(stretch.start, stretch.end)
         most = 1 if self._light is None else self._light.beam.returns
         check_fits(
-            f"scan: a stretch of {count:,} rays", count * most * BYTES_A_RAY, "cast fewer, or more steps per frame"
+            f"scan: an interval of {count:,} rays", count * most * BYTES_A_RAY, "cast fewer, or more steps per frame"
         )
         rays = self._pattern.cast(stretch.start, stretch.end, view)
         shares = (rays.times - stretch.start) / max(stretch.end - stretch.start, MOST_SHORT)
@@ -263,7 +263,7 @@ class Scanner:
         if self._light is not None:
             left_out = [str(row) for row in sync.record.not_shown if row.kind in ("material", "image")]
             with_finish = [material.name for material in sync.record.materials if material.finish is not None]
-            left_out += [f"{name}: scans leave out its sheen, coat, anisotropy and absorption" for name in with_finish]
+            left_out += [f"{name}: scans ignore its sheen, coat, anisotropy and absorption" for name in with_finish]
             self._warnings |= dict.fromkeys(left_out)
         self._scene_error = sync.scene_error
         return view, Path(poses[0], poses[-1]), building, reading

@@ -31,7 +31,7 @@ class PERFECT_BVH_PG_label_images(bpy.types.PropertyGroup):
     )
     frames: bpy.props.EnumProperty(
         name="Frames",
-        description="Which frames are labelled",
+        description="The frames to label",
         items=[
             ("CURRENT", "Current Frame", "The frame that is shown", 0),
             ("SCENE", "Scene Range", "From the scene's first frame to its last one", 1),
@@ -46,7 +46,7 @@ class PERFECT_BVH_PG_label_images(bpy.types.PropertyGroup):
         name="End", description="The last frame that is labelled", default=5, min=-MOST, max=MOST
     )
     use_render_size: bpy.props.BoolProperty(
-        name="Render Size", description="Label images of the size of a render", default=True
+        name="Render Size", description="Label images have the size of a render", default=True
     )
     width: bpy.props.IntProperty(
         name="Resolution X", description="Width of the images", default=640, min=4, max=65536, subtype="PIXEL"
@@ -64,7 +64,7 @@ class PERFECT_BVH_PG_label_images(bpy.types.PropertyGroup):
     )
     layers: bpy.props.IntProperty(
         name="Layers",
-        description="How many of the nearest surfaces behind each pixel have their depth and object stored",
+        description="Number of the nearest surfaces behind each pixel whose depth and object are stored",
         default=1,
         min=1,
         max=1000,
@@ -72,7 +72,7 @@ class PERFECT_BVH_PG_label_images(bpy.types.PropertyGroup):
     )
     formats: bpy.props.EnumProperty(
         name="Formats",
-        description="The formats of the files. Several may be chosen",
+        description="File formats; several can be chosen",
         items=[(*one, "NONE", 1 << number) for number, one in enumerate(FORMATS)],
         default={"npz"},
         options={"ENUM_FLAG"},
@@ -83,10 +83,10 @@ class PERFECT_BVH_PG_label_images(bpy.types.PropertyGroup):
         default=False,
     )
     folder: bpy.props.StringProperty(
-        name="Folder", description="The folder of the files", subtype="DIR_PATH", options=PATH_OPTIONS
+        name="Folder", description="Folder of the files", subtype="DIR_PATH", options=PATH_OPTIONS
     )
     use_resume: bpy.props.BoolProperty(
         name="Resume",
-        description="Keep the files that are complete and were made with these settings, and write the others",
+        description="Keep complete files that were made with the same settings, and write only the others",
         default=False,
     )

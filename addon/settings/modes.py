@@ -54,7 +54,7 @@ MODES: tuple[Mode, ...] = (
         "preview",
         0,
         "Lit",
-        "The scene under its own lights and world, with all the bounces of light that its Light Paths allow",
+        "The scene with its lights and world, with as many light bounces as its Light Paths allow",
         has_bounces=True,
         is_noisy=True,
         normals=True,
@@ -75,7 +75,7 @@ MODES: tuple[Mode, ...] = (
         "matcap",
         9,
         "MatCap",
-        "Form at a glance: shading that follows from the normals as the viewer sees them",
+        "Shape at a glance: shading by the normals relative to the viewer",
         normals=True,
         offers_grey=True,
     ),
@@ -92,7 +92,7 @@ MODES: tuple[Mode, ...] = (
         "uv",
         10,
         "UV",
-        "Where each point lies in the UV map of its mesh, as red and green; black without one",
+        "UV coordinates of the mesh as red and green; black without a UV map",
         "Raw",
         uvs=True,
     ),
@@ -100,7 +100,7 @@ MODES: tuple[Mode, ...] = (
     Mode("distance", 5, "Distance", "Distance along the ray in world units", "Raw", has_range=True),
     Mode("instance", 6, "Instance", "One color for each instance", "Standard"),
     Mode("material", 7, "Material", "One color for each material", "Standard", materials=True),
-    Mode("cost", 8, "Cost", "Nodes and triangles visited for each pixel, on one fixed color scale", "Standard"),
+    Mode("cost", 8, "Cost", "Nodes and triangles visited per pixel, on a fixed color scale", "Standard"),
 )
 MODE_NAMES: tuple[str, ...] = tuple(mode.name for mode in MODES)
 DEFAULT_MODE = "preview"

@@ -74,7 +74,7 @@ def _of_another_platform(manifest: dict[str, Any]) -> str | None:
     if platforms is None or this_platform() in platforms:
         return None
     theirs, ours = _listed(map(_name, platforms)), _name(this_platform())
-    return f"this add-on is for {theirs}, and this is {ours}: {_way_out(manifest)}"
+    return f"this add-on is for {theirs}, but this system is {ours}: {_way_out(manifest)}"
 
 
 def _of_another_python(manifest: dict[str, Any]) -> str | None:
@@ -83,7 +83,7 @@ def _of_another_python(manifest: dict[str, Any]) -> str | None:
     if not pythons or _python() in pythons:
         return None
     return (
-        f"this Blender has Python {_python()}, and there are engines for Python {_listed(sorted(set(pythons)))} alone: "
+        f"this Blender has Python {_python()}, but there are engines only for Python {_listed(sorted(set(pythons)))}: "
         f"use one of {_listed(f'{name} (Python {python})' for python, name in _BLENDERS.items())}"
     )
 
@@ -97,7 +97,7 @@ def _other_module(folder: Path, manifest: dict[str, Any]) -> str | None:
 
 def _missing(manifest: dict[str, Any]) -> str:
     if manifest.get("wheels") or manifest.get("build", {}).get("generated"):
-        return f"Blender has not installed it beside the add-on: restart Blender, then {_way_out(manifest)}"
+        return f"Blender has not installed it with the add-on: restart Blender, then {_way_out(manifest)}"
     return f"it is not part of the add-on's sources: {_way_out(manifest)}"
 
 

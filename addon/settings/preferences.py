@@ -20,7 +20,7 @@ from .native_fault import explain, read_manifest
 ADDON = __package__.rpartition(".")[0]  # as Blender knows it
 DEFAULT_CACHE_SIZE = 8192  # megabytes
 _INSTRUCTIONS = {"avx2": "AVX2", "avx512": "AVX-512", "neon": "NEON"}
-_SLOW = "This processor has no AVX2: rays take several times as long. The answers are the same"
+_SLOW = "This processor has no AVX2: rays take several times as long. Results are the same"
 _LINE = 90  # characters of a label, which does not wrap
 
 
@@ -79,7 +79,7 @@ class PERFECT_BVH_AP_preferences(bpy.types.AddonPreferences):
 
     threads: bpy.props.IntProperty(
         name="Threads",
-        description="How many threads build trees and cast rays; 0 for every core. No result depends on it",
+        description="Number of threads that build trees and cast rays; 0 for all cores. Results do not depend on it",
         default=0,
         min=0,
         max=1024,
@@ -89,7 +89,7 @@ class PERFECT_BVH_AP_preferences(bpy.types.AddonPreferences):
     cache_size: bpy.props.IntProperty(
         name="Cache (MB)",
         description=(
-            "Megabytes for the trees and images of all scenes and view layers together; 0 for no limit. Beyond that "
+            "Memory in megabytes for the trees and images of all scenes and view layers; 0 for no limit. Beyond that "
             "the least recently used data is dropped and read again when it is shown"
         ),
         default=DEFAULT_CACHE_SIZE,

@@ -61,13 +61,13 @@ class PointColor(NamedTuple):
 
 
 POINT_COLORS = (
-    PointColor("DISTANCE", "Distance", "How far away the sensor was: yellow near, violet far", 0, "distance", "near"),
-    PointColor("HEIGHT", "Height", "How high the point lies: yellow low, violet high", 3, "position", "height"),
-    PointColor("OBJECT", "Object", "Which object was met", 1, "object_id", "ids"),
+    PointColor("DISTANCE", "Distance", "Distance from the sensor: yellow near, violet far", 0, "distance", "near"),
+    PointColor("HEIGHT", "Height", "Height of the point: yellow low, violet high", 3, "position", "height"),
+    PointColor("OBJECT", "Object", "The object that was hit", 1, "object_id", "ids"),
     PointColor(
-        "INSTANCE", "Instance", "Which instance was met, of what is shown several times", 4, "instance_id", "ids"
+        "INSTANCE", "Instance", "The instance that was hit, where an object has several", 4, "instance_id", "ids"
     ),
-    PointColor("MATERIAL", "Material", "Which material was met; grey where there is none", 5, "material_id", "ids"),
+    PointColor("MATERIAL", "Material", "The material that was hit; grey without a material", 5, "material_id", "ids"),
     PointColor(
         "INTENSITY",
         "Intensity",
@@ -77,13 +77,20 @@ POINT_COLORS = (
         "grey",
     ),
     PointColor(
-        "INCIDENCE", "Incidence", "How rays met surfaces: yellow grazing, violet head on", 6, "incidence", "ramp"
+        "INCIDENCE",
+        "Incidence",
+        "Angle between ray and surface: yellow grazing, violet head on",
+        6,
+        "incidence",
+        "ramp",
     ),
-    PointColor("NORMAL", "Normal", "Where the surface faces: X as red, Y as green, Z as blue", 7, "normal", "normal"),
-    PointColor("TIME", "Time", "When the ray was cast: yellow first, violet last", 8, "time", "ramp"),
-    PointColor("RING", "Ring", "Which line of a LiDAR, or row of a picture: yellow the first", 9, "ring", "ramp"),
-    PointColor("RETURN", "Return", "Which echo of its beam the point is, by a color for each", 11, "return_id", "ids"),
-    PointColor("RETURNS", "Returns", "How many echoes of its beam were kept", 12, "return_count", "ids"),
+    PointColor(
+        "NORMAL", "Normal", "Direction of the surface normal: X as red, Y as green, Z as blue", 7, "normal", "normal"
+    ),
+    PointColor("TIME", "Time", "Time of the ray: yellow first, violet last", 8, "time", "ramp"),
+    PointColor("RING", "Ring", "Line of a LiDAR, or row of a picture: yellow the first", 9, "ring", "ramp"),
+    PointColor("RETURN", "Return", "Number of the echo within its beam, one color each", 11, "return_id", "ids"),
+    PointColor("RETURNS", "Returns", "Number of echoes of the beam that were kept", 12, "return_count", "ids"),
 )
 
 

@@ -40,50 +40,50 @@ class PERFECT_BVH_PG_scan(bpy.types.PropertyGroup):
 
     pattern: bpy.props.EnumProperty(
         name="Sensor",
-        description="Which rays are cast: those of a camera, of a LiDAR with numbers of your own, or of a known sensor",
+        description="The rays to cast: those of a camera, of a LiDAR with your own numbers, or of a known sensor",
         items=[
-            ("CAMERA", "Camera Grid", "One ray through the center of each pixel of the camera's picture", 0),
+            ("CAMERA", "Camera Grid", "One ray through the center of each pixel of the camera's image", 0),
             (
                 "LIDAR",
                 "Custom Spinning LiDAR",
-                "A column of beams that turns about the sensor's axis, with your own numbers",
+                "A column of beams that rotates about the sensor's axis, with your own numbers",
                 1,
             ),
             *sensor_items(),
-            ("FILE", "From File...", "A sensor of your own, as a TOML file describes it", 2),
+            ("FILE", "From File...", "Your own sensor, described by a TOML file", 2),
         ],
         default="CAMERA",
     )
     sensor_file: bpy.props.StringProperty(
         name="Sensor File",
-        description="The TOML file that describes the sensor, as those that come with the add-on do",
+        description="The TOML file that describes the sensor, in the format of the included sensors",
         subtype="FILE_PATH",
         options=PATH_OPTIONS,
     )
     sensor: bpy.props.PointerProperty(
         name="Sensor Object",
         description=(
-            "Object that carries the sensor; the camera of each frame if empty. A camera looks along its own -Z with "
-            "+Y up, anything else along +Y with +Z up"
+            "Object on which the sensor is mounted; the camera of each frame if empty. A camera looks along its own -Z "
+            "with +Y up, anything else along +Y with +Z up"
         ),
         type=bpy.types.Object,
     )
     mount: bpy.props.EnumProperty(
         name="Mount",
-        description="Whether the rays meet the object that carries the sensor, its children and their instances",
+        description="Whether the rays can hit the mount: the sensor's object, its children and their instances",
         items=[
-            ("AUTO", "Automatic", "Excluded where the sensor is inside of its object's mesh: within the mesh's bounds"),
-            ("EXCLUDE", "Exclude", "The rays go through the object and its children"),
-            ("SCAN", "Scan", "The rays meet the object and its children as they meet all others"),
+            ("AUTO", "Automatic", "Exclude the mount if the sensor is within the bounds of its object's mesh"),
+            ("EXCLUDE", "Exclude", "The rays pass through the object and its children"),
+            ("SCAN", "Scan", "The rays hit the object and its children like all other objects"),
         ],
         default="AUTO",
     )
     width: bpy.props.IntProperty(
-        name="Resolution X", description="How many rays are in a row", default=640, min=1, max=65536, subtype="PIXEL"
+        name="Resolution X", description="Number of rays in a row", default=640, min=1, max=65536, subtype="PIXEL"
     )
     height: bpy.props.IntProperty(
         name="Resolution Y",
-        description="How many rows of rays there are",
+        description="Number of rows of rays",
         default=360,
         min=1,
         max=65536,
@@ -91,33 +91,33 @@ class PERFECT_BVH_PG_scan(bpy.types.PropertyGroup):
     )
     elevations: bpy.props.StringProperty(
         name="Elevations",
-        description="Degrees above the horizon of each line, with commas between; lowest:highest:count for even steps",
+        description="Elevation of each line in degrees, separated by commas; lowest:highest:count for even steps",
         default="-15:15:16",
     )
     columns: bpy.props.IntProperty(
-        name="Columns", description="How often all lines are measured in one turn", default=1800, min=1, max=1 << 20
+        name="Columns", description="Number of measurements of all lines per turn", default=1800, min=1, max=1 << 20
     )
     rate: bpy.props.FloatProperty(
         name="Rate",
-        description="How often the sensor turns in a second",
+        description="Turns of the sensor per second",
         default=10.0,
         min=0.01,
         soft_max=100.0,
         max=10000.0,
     )
     max_distance: bpy.props.FloatProperty(
-        name="Range", description="How far the sensor can measure", default=100.0, min=0.001, subtype="DISTANCE"
+        name="Range", description="Range of the sensor", default=100.0, min=0.001, subtype="DISTANCE"
     )
     seed: bpy.props.IntProperty(
         name="Noise Seed",
-        description="Of the sensor's noise and of the points that it drops: the same one gives the same points",
+        description="Seed of the sensor's noise and dropout: the same seed gives the same points",
         default=0,
         min=0,
     )
     labels: bpy.props.StringProperty(
         name="Labels",
         description=(
-            "Further attributes of the points, with commas between: custom properties by name, of objects, instancers, "
+            "Further attributes of the points, separated by commas: custom properties by name, of objects, instancers, "
             "data or materials; or object, instancer, material, collection"
         ),
         default="",
@@ -126,13 +126,13 @@ class PERFECT_BVH_PG_scan(bpy.types.PropertyGroup):
         name="Frame Range", description="Scan a range of frames instead of the current one", default=False
     )
     use_own_range: bpy.props.BoolProperty(
-        name="Own Range", description="Scan frames of your choice instead of the scene's range", default=False
+        name="Own Range", description="Scan your own range instead of the scene's range", default=False
     )
     frames: bpy.props.EnumProperty(
         name="Frames",
-        description="Which frames are scanned",
+        description="The frames to scan",
         items=[
-            ("CURRENT", "Current Frame", "One whole pass of the sensor, of the scene as it stands", 0),
+            ("CURRENT", "Current Frame", "One whole sweep of the sensor, with the scene at the current frame", 0),
             ("SCENE", "Scene Range", "From the scene's first frame to its last one", 1),
             ("RANGE", "Custom Range", "From a frame of your choice to another", 2),
         ],
@@ -158,7 +158,7 @@ class PERFECT_BVH_PG_scan(bpy.types.PropertyGroup):
         description=(
             "Time samples of each frame, at which the scene is evaluated. Between two of them a LiDAR and all objects "
             "move in straight lines and turn evenly, so that each ray sees them at its own time. A camera makes a "
-            "picture at each"
+            "separate image at each"
         ),
         default=1,
         min=1,
@@ -166,18 +166,18 @@ class PERFECT_BVH_PG_scan(bpy.types.PropertyGroup):
     )
     use_points: bpy.props.BoolProperty(
         name="Add Point Cloud",
-        description="Add the points to the scene, as an object. Those of many frames take much memory",
+        description="Add the points to the scene as an object. The points of many frames need much memory",
         default=True,
     )
     point_color: bpy.props.EnumProperty(
         name="Color",
-        description="What the colors of the points mean",
+        description="Meaning of the points' colors",
         items=items(),
         default="DISTANCE",
     )
     point_column: bpy.props.StringProperty(
         name="Column",
-        description="Which attribute of the points is shown: a label, or any other",
+        description="The attribute of the points to show: a label, or any other",
         search=suggest_columns,
         search_options={"SUGGESTION"},
     )
@@ -186,25 +186,25 @@ class PERFECT_BVH_PG_scan(bpy.types.PropertyGroup):
     )
     folder: bpy.props.StringProperty(
         name="Folder",
-        description="Folder of the files: one with points and one that describes them for each chunk of frames",
+        description="Folder of the files: for each chunk of frames one with points and one that describes them",
         subtype="DIR_PATH",
         options=PATH_OPTIONS,
     )
     file_format: bpy.props.EnumProperty(
         name="Format",
-        description="How points are written",
+        description="File format of the points",
         items=[(one.name, one.label, one.description, number) for number, one in enumerate(CLOUD_FORMATS)],
         default="npz",
     )
     frames_per_file: bpy.props.IntProperty(
         name="Frames per File",
-        description="How many frames go into a file at most; what is stopped loses no more than that",
+        description="Maximum number of frames in a file. A scan that is stopped loses no more than one file",
         default=10,
         min=1,
         max=1_000_000,
     )
     use_resume: bpy.props.BoolProperty(
         name="Resume",
-        description="Keep the files that are there and whole, and scan only what is missing or damaged",
+        description="Keep complete files, and scan only missing or damaged ones",
         default=True,
     )

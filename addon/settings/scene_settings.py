@@ -93,14 +93,12 @@ def _take_render_samples(settings: bpy.types.PropertyGroup, value: bool) -> None
 class PERFECT_BVH_PG_settings(bpy.types.PropertyGroup):
     """Saved in the .blend file, animatable like any other setting."""
 
-    scan: bpy.props.PointerProperty(
-        name="Scan", description="What the Scan button casts, and what it makes of it", type=PERFECT_BVH_PG_scan
-    )
+    scan: bpy.props.PointerProperty(name="Scan", description="Settings of the Scan button", type=PERFECT_BVH_PG_scan)
     label_images: bpy.props.PointerProperty(
-        name="Label Images", description="What the Label Images button writes", type=PERFECT_BVH_PG_label_images
+        name="Label Images", description="Settings of the Label Images button", type=PERFECT_BVH_PG_label_images
     )
     compare: bpy.props.PointerProperty(
-        name="Compare", description="Which two trees of the active object are compared", type=PERFECT_BVH_PG_compare
+        name="Compare", description="The two trees of the active object to compare", type=PERFECT_BVH_PG_compare
     )
 
     mode: bpy.props.EnumProperty(
@@ -108,7 +106,7 @@ class PERFECT_BVH_PG_settings(bpy.types.PropertyGroup):
     )
     samples: bpy.props.IntProperty(
         name="Samples",
-        description="Camera rays for each pixel of a render, and of a view that is rendered to an image",
+        description="Camera rays per pixel of a render, and of a view that is rendered to an image",
         default=16,
         min=1,
         soft_max=256,
@@ -116,7 +114,7 @@ class PERFECT_BVH_PG_settings(bpy.types.PropertyGroup):
     )
     viewport_samples: bpy.props.IntProperty(
         name="Viewport Samples",
-        description="Camera rays for each pixel of a Rendered viewport in the end; 0 for as many as a render takes",
+        description="Final number of camera rays per pixel of a Rendered viewport; 0 for the number of a render",
         default=0,
         min=0,
         soft_max=256,
@@ -125,19 +123,19 @@ class PERFECT_BVH_PG_settings(bpy.types.PropertyGroup):
     # Separate from the number, which earlier files have, and which scripts set.
     use_render_samples: bpy.props.BoolProperty(
         name="Samples as Render",
-        description="Take as many samples in Rendered viewports as in a render",
+        description="Use the number of samples of a render in Rendered viewports",
         get=lambda settings: settings.viewport_samples == 0,
         set=_take_render_samples,
         options=set(),
     )
     use_noise_threshold: bpy.props.BoolProperty(
         name="Noise Threshold",
-        description="End the sampling of a render where there is little noise left",
+        description="Stop sampling a render where little noise is left",
         default=True,
     )
     noise_threshold: bpy.props.FloatProperty(
         name="Noise Threshold",
-        description="How much noise may stay; the lower, the more samples; 0 for all of them",
+        description="Noise that may remain. Lower values take more samples; 0 takes all",
         default=0.01,
         min=0.0,
         soft_min=0.001,
@@ -147,7 +145,7 @@ class PERFECT_BVH_PG_settings(bpy.types.PropertyGroup):
     )
     min_samples: bpy.props.IntProperty(
         name="Min Samples",
-        description="Samples that every pixel of a render gets, however little noise there is; 0 for 16",
+        description="Minimum number of samples per pixel of a render; 0 for 16",
         default=0,
         min=0,
         soft_max=256,
@@ -155,12 +153,12 @@ class PERFECT_BVH_PG_settings(bpy.types.PropertyGroup):
     )
     use_viewport_noise_threshold: bpy.props.BoolProperty(
         name="Viewport Noise Threshold",
-        description="End the sampling of a Rendered viewport where there is little noise left",
+        description="Stop sampling a Rendered viewport where little noise is left",
         default=True,
     )
     viewport_noise_threshold: bpy.props.FloatProperty(
         name="Viewport Noise Threshold",
-        description="How much noise may stay in a Rendered viewport; the lower, the more samples; 0 for all of them",
+        description="Noise that may remain in a Rendered viewport. Lower values take more samples; 0 takes all",
         default=0.1,
         min=0.0,
         soft_min=0.001,
@@ -170,7 +168,7 @@ class PERFECT_BVH_PG_settings(bpy.types.PropertyGroup):
     )
     viewport_min_samples: bpy.props.IntProperty(
         name="Viewport Min Samples",
-        description="Samples that every pixel of a Rendered viewport gets, however little noise there is; 0 for 16",
+        description="Minimum number of samples per pixel of a Rendered viewport; 0 for 16",
         default=0,
         min=0,
         soft_max=256,
@@ -178,17 +176,17 @@ class PERFECT_BVH_PG_settings(bpy.types.PropertyGroup):
     )
     use_denoising: bpy.props.BoolProperty(
         name="Denoise",
-        description="Take the noise out of renders, guided by what colors and normals surfaces have",
+        description="Denoise renders, guided by the colors and normals of surfaces",
         default=True,
     )
     use_viewport_denoising: bpy.props.BoolProperty(
         name="Denoise Viewport",
-        description="Take the noise out of Rendered viewports, guided by what colors and normals surfaces have",
+        description="Denoise Rendered viewports, guided by the colors and normals of surfaces",
         default=True,
     )
     time_limit: bpy.props.FloatProperty(
         name="Time Limit",
-        description="Seconds for tracing a frame: fewer samples if they would take longer; 0 for no limit",
+        description="Seconds for tracing a frame, with fewer samples if necessary; 0 for no limit",
         default=0.0,
         min=0.0,
         soft_max=3600.0,
@@ -199,14 +197,14 @@ class PERFECT_BVH_PG_settings(bpy.types.PropertyGroup):
     seed: bpy.props.IntProperty(name="Seed", description="Seed of the noise pattern", default=0, min=0)
     ao_distance: bpy.props.FloatProperty(
         name="AO Distance",
-        description="How far away a surface still darkens another in clay; 0 is as far as the scene reaches",
+        description="Largest distance at which surfaces darken each other in Clay; 0 for the size of the scene",
         default=0.0,
         min=0.0,
         soft_max=100.0,
         subtype="DISTANCE",
     )
     use_material_colors: bpy.props.BoolProperty(
-        name="Material Colors", description="The viewport colors of the materials instead of grey", default=True
+        name="Material Colors", description="Use the viewport colors of the materials instead of grey", default=True
     )
     preview_percentage: bpy.props.IntProperty(
         name="Image Size",
@@ -220,8 +218,8 @@ class PERFECT_BVH_PG_settings(bpy.types.PropertyGroup):
     # switch and a share for it do not have their renders checked without a visible setting.
     audit: bpy.props.FloatProperty(
         name="Audit",
-        description="Share of a render's camera rays that are checked again, in double precision and without a tree; "
-        "those near hair and points are not judged",
+        description="Share of a render's camera rays that is checked again, in double precision and without a tree; "
+        "those near hair and points cannot be judged",
         default=0.0,
         min=0.0,
         max=1.0,

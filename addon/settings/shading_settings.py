@@ -13,7 +13,7 @@ from .view_settings import PERFECT_BVH_PG_overlay
 AS_RENDER = "RENDER"
 # Its number must be no mode's, of which there may be more one day.
 _MODE_ITEMS = [
-    (AS_RENDER, "Same as Render", "What a render shows: the mode in the Render properties", 1000),
+    (AS_RENDER, "Same as Render", "The mode in the Render properties", 1000),
     *MODE_ITEMS,
 ]
 
@@ -29,7 +29,7 @@ class PERFECT_BVH_PG_shading(bpy.types.PropertyGroup):
         update=redraw_for_setting,
     )
     overlay: bpy.props.PointerProperty(
-        name="Overlay", description="Which boxes of the trees this viewport shows", type=PERFECT_BVH_PG_overlay
+        name="Overlay", description="The boxes of the trees that this viewport shows", type=PERFECT_BVH_PG_overlay
     )
 
 

@@ -26,7 +26,7 @@ class PERFECT_BVH_PG_overlay(bpy.types.PropertyGroup):
     level: bpy.props.IntProperty(
         name="Level",
         description=(
-            "Depth in the tree; 0 is the box around everything, and each box holds up to eight others. "
+            "Depth in the tree: 0 is the box around everything, and each box contains up to eight others. "
             "Leaves that end above are drawn as well"
         ),
         default=2,
@@ -43,11 +43,11 @@ class PERFECT_BVH_PG_overlay(bpy.types.PropertyGroup):
     )
     color_by: bpy.props.EnumProperty(
         name="Color",
-        description="What the colors of the boxes mean",
+        description="Meaning of the boxes' colors",
         items=[
-            ("LEVEL", "Level", "How deep in the tree a box is", 0),
+            ("LEVEL", "Level", "Depth of a box in the tree", 0),
             ("OVERLAP", "Overlap", "Overlap with sibling boxes: blue none, red all of the box", 1),
-            ("COST", "Cost", "What a random ray spends on a box: blue least, red most", 2),
+            ("COST", "Cost", "Expected cost of a box for a random ray: blue least, red most", 2),
         ],
         default="LEVEL",
         update=redraw_for_setting,
@@ -80,13 +80,13 @@ class TreeChoice:
 
 
 CHOICES = (
-    TreeChoice("AUTO", "Automatic", "What the engine chooses by itself", "auto", 0),
-    TreeChoice("MEDIAN", "Median Split", "Halves of equal number, whatever they cost rays", "median", 1),
-    TreeChoice("SWEEP", "Full Sweep", "The surface area heuristic at each possible plane of each node", "sweep", 2),
+    TreeChoice("AUTO", "Automatic", "The engine's choice", "auto", 0),
+    TreeChoice("MEDIAN", "Median Split", "Two halves of equal count, regardless of the cost for rays", "median", 1),
+    TreeChoice("SWEEP", "Full Sweep", "The surface area heuristic at every possible plane of each node", "sweep", 2),
     TreeChoice("BINNED", "Binned", "The surface area heuristic at a fixed number of planes", "binned", 3),
     TreeChoice("SPATIAL", "Spatial Splits", "Cuts long triangles where that is cheaper", "spatial", 4),
-    TreeChoice("FAST", "Fast", "The least time to build, over clusters along a curve", "fast", 5),
-    TreeChoice("OPTIMIZED", "Optimized", "Binned, then improved by moving nodes to better places", "binned", 6, 100),
+    TreeChoice("FAST", "Fast", "The shortest build time, by clustering along a space-filling curve", "fast", 5),
+    TreeChoice("OPTIMIZED", "Optimized", "Binned, then improved by moving nodes to better positions", "binned", 6, 100),
     TreeChoice(
         REFITTED, "Refitted", "Built in the first frame of the scene, and refitted to the current one", "auto", 7
     ),
@@ -108,10 +108,10 @@ class PERFECT_BVH_PG_compare(bpy.types.PropertyGroup):
     """Which two trees of the active object are compared."""
 
     left: bpy.props.EnumProperty(
-        name="Left", description="How the tree on the left is made", items=_ITEMS, default="MEDIAN"
+        name="Left", description="Builder of the tree on the left", items=_ITEMS, default="MEDIAN"
     )
     right: bpy.props.EnumProperty(
-        name="Right", description="How the tree on the right is made", items=_ITEMS, default="BINNED"
+        name="Right", description="Builder of the tree on the right", items=_ITEMS, default="BINNED"
     )
 
 

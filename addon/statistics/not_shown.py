@@ -40,11 +40,11 @@ _listed: dict[int, Rows] | None = None  # as the collection has them; None if it
 class PERFECT_BVH_PG_not_shown(bpy.types.PropertyGroup):
     """A row of the list."""
 
-    kind: bpy.props.StringProperty(name="Kind", description="What it is that is not shown")
+    kind: bpy.props.StringProperty(name="Kind", description="The kind of data")
     text: bpy.props.StringProperty(name="Text", description="What is not shown, and what is shown instead")
-    advice: bpy.props.StringProperty(name="Advice", description="What can be done to have it shown")
-    session_uid: bpy.props.IntProperty(name="Session UID", description="Number that Blender gave it, 0 for none")
-    scene_uid: bpy.props.IntProperty(name="Scene UID", description="Number that Blender gave the scene")
+    advice: bpy.props.StringProperty(name="Advice", description="What can be done about it")
+    session_uid: bpy.props.IntProperty(name="Session UID", description="Blender's number of the data-block, 0 for none")
+    scene_uid: bpy.props.IntProperty(name="Scene UID", description="Blender's number of the scene")
 
 
 class PERFECT_BVH_PG_not_shown_list(bpy.types.PropertyGroup):
@@ -52,11 +52,11 @@ class PERFECT_BVH_PG_not_shown_list(bpy.types.PropertyGroup):
 
     rows: bpy.props.CollectionProperty(
         name="Not Shown",
-        description="What the last image lacks or shows otherwise than Cycles",
+        description="What the last image lacks, or shows differently from Cycles",
         type=PERFECT_BVH_PG_not_shown,
         options={"SKIP_SAVE"},
     )
-    active: bpy.props.IntProperty(name="Active", description="The row that is chosen", options={"SKIP_SAVE"})
+    active: bpy.props.IntProperty(name="Active", description="The selected row", options={"SKIP_SAVE"})
 
 
 def tell(scene: bpy.types.Scene, rows: Rows, *, goes_on: bool = False) -> None:
@@ -162,7 +162,10 @@ def register() -> None:
     for group in CLASSES:
         bpy.utils.register_class(group)
     bpy.types.WindowManager.perfect_bvh_not_shown = bpy.props.PointerProperty(
-        name="Not Shown", description="What images lack", type=PERFECT_BVH_PG_not_shown_list, options={"SKIP_SAVE"}
+        name="Not Shown",
+        description="What images lack, or show differently",
+        type=PERFECT_BVH_PG_not_shown_list,
+        options={"SKIP_SAVE"},
     )
     listen(_watcher)
     if not bpy.app.background:

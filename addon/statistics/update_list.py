@@ -34,12 +34,12 @@ def _on_active(rows: Any, _: bpy.types.Context) -> None:
 class PERFECT_BVH_PG_update(bpy.types.PropertyGroup):
     """A row of the list."""
 
-    state: bpy.props.StringProperty(name="State", description="What happened to the objects")
-    short_name: bpy.props.StringProperty(name="Short Name", description="The name where there is little room")
-    time: bpy.props.StringProperty(name="Time", description="What the tree of the mesh took")
-    share: bpy.props.StringProperty(name="Share", description="Part of the camera rays' work")
-    is_changed: bpy.props.BoolProperty(name="Changed", description="Whether anything was done")
-    number: bpy.props.IntProperty(name="Number", description="Which of the updates it is")
+    state: bpy.props.StringProperty(name="State", description="The action on the objects")
+    short_name: bpy.props.StringProperty(name="Short Name", description="The name in narrow panels")
+    time: bpy.props.StringProperty(name="Time", description="Time for the tree of the mesh")
+    share: bpy.props.StringProperty(name="Share", description="Share of the camera rays' work")
+    is_changed: bpy.props.BoolProperty(name="Changed", description="Whether anything was updated")
+    number: bpy.props.IntProperty(name="Number", description="Number of the update")
 
 
 class PERFECT_BVH_PG_updates(bpy.types.PropertyGroup):
@@ -47,7 +47,7 @@ class PERFECT_BVH_PG_updates(bpy.types.PropertyGroup):
 
     rows: bpy.props.CollectionProperty(
         name="Updates",
-        description="Objects, and what was done to them for the last image",
+        description="Objects, and their updates for the last image",
         type=PERFECT_BVH_PG_update,
         options={"SKIP_SAVE"},
     )
@@ -59,12 +59,12 @@ class PERFECT_BVH_PG_updates(bpy.types.PropertyGroup):
         options={"SKIP_SAVE"},
     )
     is_unfolded: bpy.props.BoolProperty(
-        name="Show Unchanged", description="List objects to which nothing was done, too", options={"SKIP_SAVE"}
+        name="Show Unchanged", description="Also list objects without updates", options={"SKIP_SAVE"}
     )
-    scene_uid: bpy.props.IntProperty(name="Scene UID", description="Number of the scene that the list is of")
-    done: bpy.props.StringProperty(name="Done", description="What was done to the objects of the row, and why")
+    scene_uid: bpy.props.IntProperty(name="Scene UID", description="Number of the scene")
+    done: bpy.props.StringProperty(name="Done", description="The action on the row's objects, and its reason")
     advice: bpy.props.StringProperty(name="Advice", description="What can be done about it")
-    facts: bpy.props.StringProperty(name="Facts", description="How large the mesh is, and what it costs rays")
+    facts: bpy.props.StringProperty(name="Facts", description="Size of the mesh, and its cost for rays")
     note: bpy.props.StringProperty(name="Note", description="Why the objects could not be selected")
 
 
@@ -241,7 +241,7 @@ def register() -> None:
         bpy.utils.register_class(group)
     bpy.types.WindowManager.perfect_bvh_updates = bpy.props.CollectionProperty(
         name="Updates",
-        description="What was updated for the last image of each scene",
+        description="Updates for the last image of each scene",
         type=PERFECT_BVH_PG_updates,
         options={"SKIP_SAVE"},
     )

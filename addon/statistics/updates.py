@@ -250,14 +250,14 @@ def _row_of_unseen(mesh: UnseenMesh) -> UpdateRow:
 # The text of a row of the list of updates: the action, its reason, and advice for users.
 
 
-NOTHING = "nothing is to be done"
+NOTHING = "no action is needed"
 # The action on a mesh's tree, or on the objects.
 DONE: dict[State, str] = {
-    "kept": "Nothing was done",
+    "kept": "Unchanged",
     "unseen": "Left out",
     "masked": "The Ray Visibility was updated",
-    "moved": "Placed anew",
-    "recounted": "Instances came or went",
+    "moved": "Moved",
+    "recounted": "Instances were added or removed",
     "replaced": "Shows another mesh",
     "added": "Added",
     "removed": "Removed",
@@ -268,23 +268,23 @@ DONE: dict[State, str] = {
     "built": "A tree was built",
 }
 _WHY: dict[State, str] = {
-    "kept": "nothing of it has changed",
-    "masked": "other kinds of rays see it than before",
+    "kept": "nothing has changed",
+    "masked": "it is visible to other kinds of rays than before",
     "moved": "its transform changed; the tree of its mesh is kept",
     "recounted": "there are more or fewer of them than before; the tree of the mesh is kept",
-    "replaced": "the tree of that mesh was there already",
-    "added": "the tree of its mesh was there already",
+    "replaced": "the tree of that mesh existed already",
+    "added": "the tree of its mesh existed already",
     "removed": "deleted, unlinked or hidden",
 }
 _ADVICE: dict[State, str] = {
     "kept": sentence(NOTHING),
-    "masked": f"{sentence(NOTHING)}: that costs next to no time",
-    "moved": f"{sentence(NOTHING)}: what moves as a whole costs next to no time",
+    "masked": f"{sentence(NOTHING)}: this takes hardly any time",
+    "moved": f"{sentence(NOTHING)}: moving whole objects takes hardly any time",
     "recounted": f"{sentence(NOTHING)}: instances share one tree",
     "replaced": f"{sentence(NOTHING)}: objects share the tree of one mesh",
     "added": f"{sentence(NOTHING)}: objects share the tree of one mesh",
     "removed": sentence(NOTHING),
-    "unseen": "To have it in the image, show it and let its Ray Visibility have some kind of ray see it",
+    "unseen": "To see it in the image, show it, and enable a kind of ray in its Ray Visibility",
 }
 
 
@@ -308,20 +308,20 @@ def what_to_do(row: UpdateRow) -> str:
         return f"{sentence(NOTHING)}: the tree is kept until the mesh changes"
     if mesh.action == "replaced":
         culprit = mesh.remade_by or "An edit or a script"
-        return f"{culprit} has changed the mesh: {NOTHING}, unless that happens in every frame"
+        return f"{culprit} changed the mesh: {NOTHING}, unless this happens in every frame"
     if row.state == "rebuilt":
-        return f"{sentence(NOTHING)}: a new tree pays for itself here"
-    return f"{sentence(mesh.usage_reason)}: refitting follows that quickly, {NOTHING}"
+        return f"{sentence(NOTHING)}: a new tree pays off here"
+    return f"{sentence(mesh.usage_reason)}: refitting is fast here, {NOTHING}"
 
 
 def _about_changing(remade_by: str, reason: str) -> str:
     if remade_by:
-        return f"{remade_by} changes the mesh in every frame: apply or bake it to get quick updates"
+        return f"{remade_by} changes the mesh in every frame: apply or bake it for faster updates"
     if reason.startswith("metaballs"):
-        return f"{sentence(reason)}: convert them to a mesh to get quick updates"
+        return f"{sentence(reason)}: convert them to a mesh for faster updates"
     return (
-        f"{sentence(reason)}, and no modifier does that: if a script or handler makes the mesh anew, let it move "
-        "vertices instead to get quick updates"
+        f"{sentence(reason)}, but not by a modifier: if a script or handler replaces the mesh, let it move "
+        "vertices instead for faster updates"
     )
 
 

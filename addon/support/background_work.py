@@ -148,7 +148,7 @@ def _lose_all() -> None:
         work._has_ended.set()
         if not work._made and work._problem is None:
             work.is_lost = True
-            work._problem = EngineError("the process was forked meanwhile: its parent goes on with this, it does not")
+            work._problem = EngineError("the process was forked during the work: only its parent process continues")
     _running.clear()
 
 

@@ -116,7 +116,7 @@ def find_fault(path: PurePath, system: str = sys.platform) -> str | None:
     """Why `system` could hold no file of this name, with the way out; None if it could."""
     text = str(path)
     if "\0" in text:
-        return f"a name cannot hold a zero byte, got {text!r}; leave it out"
+        return f"a name cannot hold a zero byte, got {text!r}; remove it"
     path_limit, name_limit = _LIMITS.get(system, _LIMITS["linux"])
     units = "characters" if system == "win32" else "bytes"
     length = _length(text, system)
@@ -134,11 +134,11 @@ def find_windows_fault(path: PurePath) -> str | None:
     for name in _names(path):
         if not _FORBIDDEN.isdisjoint(name):
             character = next(each for each in name if each in _FORBIDDEN)
-            return f"a name cannot hold {character!r} on Windows, got {name!r}; leave it out"
+            return f"a name cannot hold {character!r} on Windows, got {name!r}; remove it"
         if name.partition(".")[0].rstrip(" ").upper() in _DEVICES:
             return f"{name!r} is a device on Windows; give another name"
         if name.endswith((".", " ")) and name.strip("."):
-            return f"a name cannot end with {name[-1]!r} on Windows, got {name!r}; leave it out"
+            return f"a name cannot end with {name[-1]!r} on Windows, got {name!r}; remove it"
     return None
 
 
@@ -258,12 +258,12 @@ def find_obstacle(path: Path) -> str | None:
     if not IS_WINDOWS or not target.exists():
         return None
     if not target.stat().st_mode & stat.S_IWRITE:
-        return "it is write-protected: clear that in its properties, or give another name"
+        return "it is write-protected: change its properties, or use another name"
     try:
         os.rename(target, target)  # does nothing, but fails if another program has it open
     except PermissionError as error:
         if getattr(error, "winerror", None) == _SHARING_VIOLATION:
-            return "another program has it open: close it there, or give another name"
+            return "it is open in another program: close it there, or use another name"
     return None
 
 

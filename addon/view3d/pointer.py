@@ -123,7 +123,7 @@ class PERFECT_BVH_OT_find_pointer(bpy.types.Operator):
 
     bl_idname = "perfect_bvh.find_pointer"
     bl_label = "Find Pointer"
-    bl_description = "Look where the mouse is in a window"
+    bl_description = "Find the mouse's position in a window"
     bl_options: ClassVar = {"INTERNAL"}
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:

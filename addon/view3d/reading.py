@@ -35,5 +35,5 @@ def find_in(record: SceneRecord, name: str, session_uid: int) -> OneObject:
     """Raises ValueError if rays cannot meet the object."""
     shown = find_object(record, session_uid)
     if shown is None or not len(shown.mesh.triangles):
-        raise ValueError(f"{name} has no triangles that rays could meet in frame {record.frame:g}")
+        raise ValueError(f"{name} has no triangles that rays can hit in frame {record.frame:g}")
     return shown

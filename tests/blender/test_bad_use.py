@@ -257,7 +257,7 @@ def test_an_image_that_does_not_fit_is_refused(scene, tmp_path: Path, capsys, mo
     monkeypatch.setattr(memory, "free_bytes", lambda: 64 << 20)
     assert render(save(tmp_path), tmp_path / "a.png", "--size", "1280x720") == 2
     printed = capsys.readouterr().err
-    assert printed.count("An image of 1,280 x 720 pixels needs about 0.2 GiB of memory, and 0.1 GiB are free") == 1
+    assert printed.count("An image of 1,280 x 720 pixels needs about 0.2 GiB of memory, but only 0.1 GiB are free") == 1
     assert not (tmp_path / "a.png").exists()
     scene = bpy.context.scene
     scene.render.resolution_x, scene.render.resolution_y = 1280, 720
@@ -286,7 +286,7 @@ def test_a_render_that_does_not_fit_leaves_the_older_file(scene, tmp_path: Path,
 def test_a_scan_that_does_not_fit_is_refused(scene, monkeypatch):
     monkeypatch.setattr(memory, "free_bytes", lambda: 64 << 20)
     count = len(bpy.data.objects)
-    with pytest.raises(RuntimeError, match=r"A stretch of 230,400 rays needs about 0\.1 GiB"):
+    with pytest.raises(RuntimeError, match=r"An interval of 230,400 rays needs about 0\.1 GiB"):
         bpy.ops.perfect_bvh.scan()
     assert len(bpy.data.objects) == count
     scene.perfect_bvh.scan.width = 64

@@ -162,7 +162,7 @@ def test_advice_tells_of_trees_that_decay() -> None:
     worse = advice({"frames": [first, frame_of(3, "refitted", 60.0), frame_of(5, "rebuilt", 41.25)]})["decay"]
     assert worse == (
         "In frame 5 a ray visits 41.2 nodes and primitives in trees that are only refitted, 20.0 in governed ones, "
-        "20.0 in new ones. Refitted trees are worst in frame 3: 3.00 times what new ones cost. "
+        "20.0 in new ones. Refitted trees are slowest in frame 3: 3.00 times what new ones cost. "
         "The governor improved or rebuilt trees in 1 of 2 frames, first in 5."
     )
     same = advice({"frames": [first, frame_of(2, "refitted", 20.5)]})["decay"]

@@ -167,7 +167,7 @@ def test_a_forked_process_starts_over_where_a_build_was_under_way(box, sync: Sce
     def go_on() -> bool:
         assert not background_work._running
         assert building.wait(0.0) and building.is_lost
-        with pytest.raises(perfect_bvh.EngineError, match="the process was forked meanwhile"):
+        with pytest.raises(perfect_bvh.EngineError, match="the process was forked during the work"):
             building.result()
         opened.set()
         assert sync.begin_update(graph).result().added_count == 2

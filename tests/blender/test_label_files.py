@@ -147,7 +147,7 @@ def test_png_is_16_bits_of_grey_and_the_same_bytes_again(tmp_path: Path, size: t
 def test_png_says_what_it_cannot_hold(labels: Labels, tmp_path: Path) -> None:
     plain = replace(labels, labels={})
     saved = save_labels(plain, tmp_path, "near", ("png",), depth_scale=0.0001)
-    assert saved.warnings == ("PNG: depth beyond 6.5535 is 0 there; a larger depth scale reaches it",)
+    assert saved.warnings == ("PNG: depth beyond 6.5535 is written as 0; use a larger depth scale",)
     meaning = json.loads((tmp_path / "near.json").read_text())
     assert meaning["png"]["too_far"] == 2 * (labels.depth < 1e9).sum() + (labels.layer_depths[1] < 1e9).sum()
     assert not read_png(tmp_path / "near_depth.png").any()
@@ -317,7 +317,7 @@ def test_the_command_writes_all_formats(labels: Labels, tmp_path: Path, capfd: A
     assert run(*asked, "-o", out, *formats, "--resume") == 0
     assert damaged.read_bytes() == content and (out / stem / "uvs.npy").is_file()
     assert run(*asked, "-o", out, "--format", "exr") == 2
-    assert "holds pieces of another set of labels" in capfd.readouterr().err
+    assert "has chunks of another set of labels" in capfd.readouterr().err
     for more, said in (
         (("--format", "pgn"), "--format: formats must be some of npz, npy, png, exr, got 'pgn' .is it 'png'"),
         (("--format", "png", "--labels", "a.b", "a_b"), "labels 'a.b' and 'a_b' would both be files"),

@@ -298,7 +298,7 @@ def test_bad_arguments_are_named(scene: Any) -> None:
         with pytest.raises(ValueError, match="label_image: layers must be an integer from 1 to 1000"):
             label_image(layers=layers)
     scene.camera = None
-    with pytest.raises(ValueError, match="has no camera that can be used"):
+    with pytest.raises(ValueError, match="has no usable camera"):
         label_image(size=SIZE)
 
 

@@ -80,7 +80,7 @@ def test_tables_of_ones_own(tmp_path: Path) -> None:
         ("[light]\nspectrum = [0, 0, 0]", "spectrum must have a number above 0"),
         ("[light]\nspectrum = [1, 2, true]", "spectrum must be a list of numbers"),
         ("[light]\nreference = 0", "reference must be a finite number above 0"),
-        ("[detection]\ndistances = [1]", "as many of each, got 1 and 0"),
+        ("[detection]\ndistances = [1]", "the same length, got 1 and 0"),
         ("[detection]\ndistances = [2, 2]\nreflectivities = [0, 1]", r"distances must increase, got \[2.0, 2.0\]"),
         ("[detection]\ndistances = [1, 2]\nreflectivities = [0, -1]", "numbers of at least 0"),
         (f"[detection]\ndistances = [{'9' * 400}]\nreflectivities = [1]", "number of usual size"),

@@ -47,7 +47,9 @@ def test_the_preferences_say_what_the_engine_runs_on(monkeypatch, isas: tuple[st
 
 
 def test_the_preferences_say_all_of_why_the_engine_cannot_run(monkeypatch) -> None:
-    reason = "The native engine could not be loaded: this add-on is for Linux, and this is Windows: install the other"
+    reason = (
+        "The native engine could not be loaded: this add-on is for Linux, but this system is Windows: install the other"
+    )
     monkeypatch.setattr(preferences, "native_error", lambda: reason)
     texts = drawn_preferences()
     assert " ".join(texts) == reason and len(texts) == 2

@@ -242,7 +242,7 @@ def test_another_file_or_scene_ends_it_with_a_reason(gate: Gate, cube) -> None:
     bpy.ops.wm.read_factory_settings(use_empty=True)
     assert not building_threads()
     assert operator.modal(window, TIMER) == {"CANCELLED"}
-    assert operator.reports == [("ERROR", "The scene is no longer shown: there is no image of it")]
+    assert operator.reports == [("ERROR", "The scene is no longer shown in a window")]
     assert (window.status, window.timers) == (None, 0)
 
 

@@ -173,7 +173,7 @@ def test_a_scene_in_millimetres_is_named(head) -> None:
     assert len(cloud) == 0 and counted(cloud)["out_of_range"] > 1000
     unit, useless = cloud.warnings
     assert "Unit Scale is 0.001" in unit and "up to 100 units, which are 0.1 m" in unit
-    assert "No ray of the scan" in useless and "nearer or farther than the sensor measures" in useless
+    assert "No ray of the scan" in useless and "nearer or farther than the sensor's range" in useless
     own = Sensor("own", "", "", SpinningLidar(elevations=(0.0,), columns=36, max_distance=math.inf))
     assert len(scan(own, head)) > 0 and scan(own, head).warnings == ()
 
@@ -184,7 +184,7 @@ def test_a_scene_in_millimetres_is_named(head) -> None:
         (lambda: add_plate(80.0, diffuse(0.0), size=40.0), "too little light to be detected"),
         (
             lambda: add_plate(1e4, diffuse(0.8), size=1e4),
-            r"nearer or farther than the sensor measures \(.* to 100 scene",
+            r"nearer or farther than the sensor's range \(.* to 100 scene",
         ),
         (lambda: None, "they hit nothing"),
     ],
@@ -202,15 +202,15 @@ def test_the_command_counts_and_the_manifest_keeps_it(tmp_path: Path, capfd: Any
     path = tmp_path / "car.blend"
     bpy.ops.wm.save_as_mainfile(filepath=str(path))
     out = tmp_path / "out"
-    assert run("scan", path, "-o", out, "--on", "Car", "--frames", "1-2", "--piece", 1) == 0
+    assert run("scan", path, "-o", out, "--on", "Car", "--frames", "1-2", "--chunk", 1) == 0
     told = capfd.readouterr()
     assert "'Car' and its children are invisible to the sensor" in told.err
     found = [json.loads(name.read_text()) for name in sorted(out.glob("*.json"))]
     sums = RayCounts(**found[0]["ray_outcomes"]) + RayCounts(**found[1]["ray_outcomes"])
     assert str(sums) in told.out and sums.cast == found[0]["rays"] + found[1]["rays"]
     assert sums.on_objects == found[0]["points"] + found[1]["points"] > 0
-    assert run("scan", path, "-o", out, "--on", "Car", "--frames", "1-2", "--piece", 1, "--no-exclude-mount") == 2
+    assert run("scan", path, "-o", out, "--on", "Car", "--frames", "1-2", "--chunk", 1, "--no-exclude-mount") == 2
     assert "differs in 'exclude_mount'" in capfd.readouterr().err
     assert run("scan", path, "-o", tmp_path / "all", "--on", "Car", "--no-exclude-mount") == 0
     told = capfd.readouterr()
-    assert "28,800 hit the mount alone" in told.out and "--exclude-mount" in told.err
+    assert "28,800 hit only the mount" in told.out and "--exclude-mount" in told.err

@@ -52,7 +52,7 @@ def scan_settings() -> Any:
 def scanned_by_command(path: Path, *more: object) -> dict[str, bytes]:
     """Return the files that the command line writes for the same scan."""
     out = path.parent / "command"
-    asked = ("--sensor", path.parent / "sensor.toml", "--on", "Head", "--piece", 2, "-q")
+    asked = ("--sensor", path.parent / "sensor.toml", "--on", "Head", "--chunk", 2, "-q")
     assert run("scan", path, "-o", out, *asked, *(more or ("--frames", "1-6"))) == 0
     open_again(path)
     return contents(out)
@@ -154,10 +154,10 @@ def test_whole_files_are_kept_and_others_written_again(small_file: Path) -> None
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"steps_per_frame": 3}, "holds pieces of another scan: points_0001-0002.json differs in 'steps'"),
-        ({"frames_per_file": 3}, "differs in how the frames are divided"),
+        ({"steps_per_frame": 3}, "has chunks of another scan: points_0001-0002.json differs in 'steps'"),
+        ({"frames_per_file": 3}, "differs in the division of frames into chunks"),
         ({"pattern": "spinning-16"}, "differs in 'sensor'; choose another folder, or empty this one"),
-        ({"frames": "CURRENT"}, "differs in how the frames are divided"),
+        ({"frames": "CURRENT"}, "differs in the division of frames into chunks"),
     ],
 )
 def test_a_folder_of_another_scan_is_refused(small_file: Path, change: dict[str, Any], message: str) -> None:
@@ -188,7 +188,7 @@ def test_esc_leaves_whole_pieces_and_start_goes_on(small_file: Path) -> None:
             break
     assert contents(folder) == expected and window.progress[-1] == 100.0
     ((kind, report),) = operator.reports
-    assert kind == "INFO" and report.startswith(f"{folder}: 1 of 3 pieces written, 2 were there; ")
+    assert kind == "INFO" and report.startswith(f"{folder}: 1 of 3 chunks written, 2 existed;  ")
 
 
 def test_the_status_bar_tells_which_piece_is_worked_on(small_file: Path) -> None:
@@ -219,7 +219,7 @@ def test_a_file_that_is_saved_meanwhile_stores_the_users_frame(small_file: Path,
 
 def test_two_scans_do_not_write_into_one_folder(small_file: Path) -> None:
     operator, window = started()
-    with pytest.raises(RuntimeError, match=r"Files are being written into .*panel: wait for the end"):
+    with pytest.raises(RuntimeError, match=r"Files are still being written into .*panel: wait"):
         bpy.ops.perfect_bvh.scan()
     operator.modal(window, ESCAPE)
     assert bpy.ops.perfect_bvh.scan() == {"FINISHED"}
@@ -251,7 +251,7 @@ def test_points_are_added_as_well_if_that_is_chosen_an_object_a_piece(small_file
         if operator.modal(window, TIMER) != {"RUNNING_MODAL"}:
             break
     assert [kind for kind, _ in operator.reports] == ["WARNING", "INFO"]
-    assert operator.reports[0][1].startswith("The points of 3 pieces that were there are not added")
+    assert operator.reports[0][1].startswith("The points of 3 existing chunks are not added")
 
 
 def test_a_scene_that_is_not_saved_is_recognised_until_it_is_edited(small_file: Path, monkeypatch: Any) -> None:
@@ -282,7 +282,7 @@ def test_an_edit_during_the_scan_ends_it_with_the_pieces_before(small_file: Path
         if operator.modal(window, TIMER) != {"RUNNING_MODAL"}:
             break
     ((kind, report),) = operator.reports
-    assert kind == "ERROR" and "edited during the scan: the pieces from frame" in report
+    assert kind == "ERROR" and "edited during the scan: the chunks from frame" in report
     assert "points_0005-0006.npz" not in contents(folder)
 
 

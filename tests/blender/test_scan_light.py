@@ -56,7 +56,7 @@ def test_what_scans_leave_out_of_a_surface_is_named(head) -> None:
     node = next(node for node in material.node_tree.nodes if node.type == "BSDF_PRINCIPLED")
     node.inputs["Coat Weight"].default_value = 1.0
     (told,) = [warning for warning in scan(ONE_RAY, head, light=Light(ALL)).warnings if "leave out" in warning]
-    assert told == f"{material.name}: scans leave out its sheen, coat, anisotropy and absorption"
+    assert told == f"{material.name}: scans ignore its sheen, coat, anisotropy and absorption"
 
 
 # Glass and alpha -----------------------------------------------------------------------------------------------------

@@ -115,7 +115,7 @@ def test_a_movie_is_named(scene: Any, sync: SceneSync, tmp_path: Path) -> None: 
     image.source, image.filepath = "MOVIE", str(tmp_path / "clip.avi")
     shown(scene, image)
     sync.update(bpy.context.evaluated_depsgraph_get())
-    assert any("movie is not shown" in str(row) for row in sync.record.not_shown)
+    assert any("movies are unsupported" in str(row) for row in sync.record.not_shown)
 
 
 @pytest.mark.parametrize("kind", ["sequence", "tiles"])

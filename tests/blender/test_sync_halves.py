@@ -34,7 +34,7 @@ def test_what_was_read_is_there_at_once_and_answers_come_with_the_trees(box, syn
 
 def test_a_sync_that_watches_is_updated_in_one_go_only(box) -> None:
     made = SceneSync()
-    with pytest.raises(RuntimeError, match="begin_update: the sync watches Blender; make it with watch=False"):
+    with pytest.raises(RuntimeError, match="begin_update: the sync watches Blender; create it with watch=False"):
         made.begin_update(depsgraph())
     made.close()
 

@@ -268,7 +268,7 @@ def test_a_viewport_tells_in_one_line_what_it_does_not_show(cube, gate: Gate) ->
     bpy.ops.object.volume_add()
     assert redraw() == "1 object not shown, 1 setting ignored"
     bpy.context.scene.world = None
-    assert redraw() == "No light at all, 1 object not shown, 1 setting ignored"
+    assert redraw() == "No light, 1 object not shown, 1 setting ignored"
     bpy.context.scene.perfect_bvh.mode = "CLAY"
     assert redraw() == "1 object not shown, 1 setting ignored"
     shown.viewport.complaint = None

@@ -41,7 +41,7 @@ def test_a_click_walks_the_pixels_ray(viewport: Viewport) -> None:
     assert walk.ray.at(walk.ray.end(-1))[2] == pytest.approx(1.0, abs=1e-5)  # t is a float, and the ray begins far away
     viewport.click(101, 51)  # next to the cube
     other = walk_view.shown()
-    assert other is not None and other is not walk and other.steps[-1].sentence == "Nothing is hit"
+    assert other is not None and other is not walk and other.steps[-1].sentence == "The ray hits nothing"
     assert viewport.send("ESC") == {"FINISHED"}
     assert walk_view.shown() is None and viewport.is_idle
 

@@ -156,7 +156,7 @@ def test_boxes_are_stepped_through_one_by_one(crowd: perfect_bvh.Snapshot) -> No
     assert (walk.index, walk.part) == (0, None), "the whole that it is of"
     for told in (
         ": missed",
-        ", waits for its turn",
+        ", visited later",
         "inside, tested at once",
         ", the nearest so far",
         ", behind the nearer hit at ",
@@ -184,7 +184,7 @@ def test_without_distances_sentences_have_none(crowd: perfect_bvh.Snapshot) -> N
 
 def test_a_ray_without_a_hit_and_one_without_anything(crowd: perfect_bvh.Snapshot) -> None:
     ray, steps = walk_down(crowd, 2.9, 2.9)
-    assert ray.walk.hit_row is None and steps[-1].sentence == "Nothing is hit"
+    assert ray.walk.hit_row is None and steps[-1].sentence == "The ray hits nothing"
     assert ray.exit > 9.0 - 3.0
     empty = perfect_bvh.Scene()
     empty.commit()

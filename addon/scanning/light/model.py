@@ -47,7 +47,9 @@ class Beam:
             raise ValueError(f"beam: keep must be some of {', '.join(RULES)}, each once, got {list(self.keep)}")
         check_number("beam", "resolution", self.resolution, 0.0)
         if self.rays > 1 and not self.resolution > 0.0:
-            raise ValueError("beam: several rays need a resolution above 0, within which their echoes are one")
+            raise ValueError(
+                "beam: several rays need a resolution above 0, the distance within which echoes are merged"
+            )
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,7 +101,7 @@ class Detection:
     def __post_init__(self) -> None:
         if len(self.distances) != len(self.reflectivities):
             counts = f"{len(self.distances)} and {len(self.reflectivities)}"
-            raise ValueError(f"detection: distances and reflectivities must be as many of each, got {counts}")
+            raise ValueError(f"detection: distances and reflectivities must have the same length, got {counts}")
         if not all(0.0 <= each < math.inf for each in (*self.distances, *self.reflectivities)):
             raise ValueError("detection: distances and reflectivities must be finite numbers of at least 0")
         if not all(first < second for first, second in pairwise(self.distances)):

@@ -26,4 +26,4 @@ def check_fits(what: str, byte_count: int, remedy: str) -> None:
     free = free_bytes()
     if free is not None and byte_count > free:
         needed, left = (f"{size / 2**30:,.1f} GiB" for size in (byte_count, free))
-        raise ValueError(f"{what} needs about {needed} of memory, and {left} are free: {remedy}")
+        raise ValueError(f"{what} needs about {needed} of memory, but only {left} are free: {remedy}")

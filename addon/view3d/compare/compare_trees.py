@@ -213,7 +213,7 @@ def compare(
     diffuse = diffuse_rays(built[0][1].snapshot(), primary)
     left, right = (_measure(*one, primary=primary, diffuse=diffuse) for one in built)
     if progress(0.95) is False:
-        raise perfect_bvh.Cancelled("comparing was stopped")
+        raise perfect_bvh.Cancelled("the comparison was stopped")
     return Comparison(shown, frame, left, right, shade(shown.mesh))
 
 
@@ -228,7 +228,9 @@ def _build(
         scene.add_instance(mesh)
         return scene, mesh, scene.commit(progress=progress).meshes[0]
     if first is None or not are_refittable(first, shown):
-        raise ValueError(f"{shown.name} has other triangles in the first frame: no tree of them can be refitted")
+        raise ValueError(
+            f"{shown.name} has different triangles in the first frame, whose tree cannot be refitted to these"
+        )
     scene = with_policy(perfect_bvh.Scene(), "refit")
     mesh = scene.add_mesh(first.mesh.positions, first.mesh.triangles, build=config, usage="deforming")
     scene.add_instance(mesh)

@@ -124,7 +124,7 @@ def draw_comparison(context: bpy.types.Context, found: Shown) -> None:
     left = drawing.Rect(free.left + gap, bottom + gap, middle - gap / 2, top - gap)
     right = replace(left, left=middle + gap / 2, right=free.right - gap)
     if min(left.right - left.left, left.top - left.bottom) < drawing.pixels(LEAST_HALF):
-        _draw_centered(middle, free.bottom + gap, "There is too little room here", HEADING_SIZE, text_color)
+        _draw_centered(middle, free.bottom + gap, "This region is too small", HEADING_SIZE, text_color)
         return
     pictures = _pictures_of(context, found, left)
     settings = overlay_settings(context.space_data)

@@ -48,7 +48,7 @@ def camera_of(
     record, complaint = read_camera(camera.evaluated_get(depsgraph), read_frame(scene))
     if record is None:
         # As Blender itself draws panoramas.
-        return read_region_view(view, border), f"{complaint}. It is shown in perspective"
+        return read_region_view(view, border), f"{complaint}. The view is shown in perspective"
     return spread_over_region(record, _camera_frame(view, camera, scene), border), None
 
 

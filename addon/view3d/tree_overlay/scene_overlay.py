@@ -184,7 +184,7 @@ class SceneOverlay:
             if tree is not None and tree.shown is not None:
                 sections.append(section_of(name, tree))
         if settings.show_active and self.active is None and not self.message:
-            text = "The active object has nothing that rays could meet" if self._name else "No active object"
+            text = "The active object has nothing that rays can hit" if self._name else "No active object"
             sections.append(Section((text,)))
         if self.message:
             sections.append(Section((self.message,)))

@@ -162,7 +162,7 @@ class WalkWords:
         """Names the hit."""
         row = self.walk.hit_row
         if row is None:
-            return "Nothing is hit"
+            return "The ray hits nothing"
         return f"The nearest hit is {self.names[int(self.walk.instance_ids[row])]}{self._at(self.walk.t[row])}"
 
     def _outcome(self, rows: range) -> str:
@@ -195,14 +195,14 @@ class WalkWords:
         if event in (WalkEvent.BOX_MISSED, WalkEvent.TRIANGLE_MISSED):
             return "missed"
         if event is WalkEvent.BOX_HIT:
-            return f"entered{at}, waits for its turn"
+            return f"entered{at}, visited later"
         if event is WalkEvent.BOX_PRUNED:
             return f"{self._behind(row, 'begins')}, pruned"
         if event is WalkEvent.TRIANGLE_HIT:
             return f"hit{at}, the nearest so far"
         if self.walk.t[row] < self.walk.nearest_t[row]:
-            return f"met{at}, where the ray does not look"
-        return self._behind(row, "met")
+            return f"hit{at}, outside the ray's range or on a culled side"
+        return self._behind(row, "hit")
 
     def _behind(self, row: int, what: str) -> str:
         """Describes a box or a triangle behind a hit."""
@@ -231,7 +231,7 @@ class WalkWords:
 
     def _instance(self, row: int) -> str:
         if self.walk.events[row] == WalkEvent.SKIP_INSTANCE:
-            return f"Passes by {self._tree(row)}, which it does not see"
+            return f"Passes {self._tree(row)}, which is not visible to it"
         return f"Enters the tree of {self._tree(row)}, with the ray in its space"
 
     def _at(self, t: float) -> str:

@@ -268,7 +268,7 @@ def read_pixel(context: bpy.types.Context, area: bpy.types.Area, region: bpy.typ
     place = (x + 0.5 - region.x) / region.width, (y + 0.5 - region.y) / region.height
     ray = None if camera is None else pixel_ray(camera, *place)
     if ray is None:
-        raise ValueError("Nothing is seen through this pixel")
+        raise ValueError("No ray is cast through this pixel")
     is_filtered = any(filter_of(space))
     sync = SceneSync(watch=False) if is_filtered else sync_of(depsgraph)
     address, view = space.as_pointer(), region.data.as_pointer()
