@@ -6,12 +6,12 @@ arguments        types of arguments: frames, sizes, seeds, file names. The optio
 render           `render`: frames, one after the other, into images
 labels           `labels`
 commands         `scan`, `info`, `bench` and `calibrate`
-frames           images of an animation in pieces, which a second run recognises
+frames           images of an animation in chunks, which a second run recognises
 blender          Blender in this process: opens the file, renders, hears Ctrl-C
 blender_command  the same commands in a Blender with the extension: `blender --command perfect_bvh`
 report           what frames did to the trees and what they cost, as text
-farm             pieces by workers of Dask
-piece_child      a process with a Blender that does a worker's pieces
+farm             chunks on workers of Dask
+piece_child      a process with a Blender that makes a worker's chunks
 """
 
 from __future__ import annotations

@@ -24,7 +24,7 @@ IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".webp", ".tif", ".tiff", ".exr")
 MIN_SIZE, MAX_SIZE = 4, 65536  # of an image's side, as Blender's properties have them
 MAX_SEED = 2**31 - 1  # as the add-on's settings hold seeds
 MAX_FRAMES = 1_000_000
-MAX_PIECE = 10  # frames, unless --piece says otherwise
+MAX_PIECE = 10  # frames, unless --chunk says otherwise
 # How a .blend file begins: plain, or compressed by Zstandard (Blender 3 and later) or gzip (before).
 BLEND_MAGICS = (b"BLENDER", b"\x28\xb5\x2f\xfd", b"\x1f\x8b")
 EXIT_ERROR = 2
@@ -141,7 +141,7 @@ def parse_folder(text: str) -> Path:
 
 
 def check_pieces(arguments: argparse.Namespace) -> None:
-    """Sets how many frames a piece has. A CommandError for options that do not go together, or that lack a library."""
+    """Sets the number of frames of a chunk. Raises CommandError for conflicting options, or a missing library."""
     if arguments.piece is None:
         arguments.piece = MAX_PIECE
     if arguments.workers is None and arguments.scheduler is None:

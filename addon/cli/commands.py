@@ -259,7 +259,7 @@ def run_scan(arguments: argparse.Namespace) -> int:
 
 
 def scan_work(scene: bpy.types.Scene, _stop: StopRequest, arguments: argparse.Namespace) -> PieceWork:
-    """The pieces of a scan."""
+    """The chunks of a scan."""
     from ..scanning.piece_scan import ScanPlan, ScanWork
 
     plan = ScanPlan(

@@ -1,4 +1,4 @@
-"""Frames of a file, rendered and written as images, on one scale of greys where there is one; maybe in pieces."""
+"""Frames of a file, rendered and written as images, on one scale of greys where there is one; also in chunks."""
 
 from __future__ import annotations
 
@@ -104,7 +104,7 @@ class ImageWriter:
 
 
 def warnings_of(frame: Frame) -> tuple[str, ...]:
-    """Returns the things that a frame lacks, and its errors, as sentences."""
+    """Returns what a frame lacks, and its errors, as sentences."""
     report = frame.statistics.report
     return (*report.warnings, *map(str, report.not_shown), *frame.statistics.complaints)
 
@@ -184,7 +184,7 @@ class RenderWork(PieceWork):
 
 
 # Piece work ----------------------------------------------------------------------------------------------------------
-# What `scan`, `labels` and `render` have in common: pieces of a scene's frames, done here or by workers.
+# What `scan`, `labels` and `render` have in common: chunks of a scene's frames, made here or by workers.
 
 
 Job = Callable[["bpy.types.Scene", StopRequest, argparse.Namespace], PieceWork]
@@ -264,7 +264,7 @@ def _do_here(work: PieceWork, stop: StopRequest, arguments: argparse.Namespace) 
 
 
 def _end(work: PieceWork, outcome: Outcome) -> int:
-    """Says what failed, and joins the pieces if they are there; the exit status."""
+    """Prints what failed, or joins the chunks; returns the exit status."""
     total = len(work.pieces)
     if outcome.failed:
         for piece, reason in outcome.failed:

@@ -33,7 +33,7 @@ Request = dict[str, Any]
 
 
 class Workbench:
-    """The scene of a job, and the pieces of it."""
+    """The scene of a job, and its chunks."""
 
     def __init__(self, stop: StopRequest) -> None:
         self._stop = stop

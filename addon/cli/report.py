@@ -192,7 +192,7 @@ def format_header() -> str:
 
 
 def format_frame(number: int, statistics: FrameStatistics, times: FrameTimes) -> str:
-    """One frame: a line of numbers, and a line for each kind of thing that changed."""
+    """One frame: a line of numbers, and a line for each kind of change."""
     report = statistics.report
     commit = report.commit
     counts = (

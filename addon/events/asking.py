@@ -50,7 +50,7 @@ def may_ask() -> bool:
 
 
 def is_render_job_running() -> bool:
-    """Whether a window's render is under way, on whichever thread this is asked."""
+    """Whether a window's render is under way; for any thread."""
     return bool(bpy.app.is_job_running("RENDER"))
 
 

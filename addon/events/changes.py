@@ -249,7 +249,7 @@ _PLACES = tuple((getattr(bpy.app.handlers, name), handler) for name, handler in 
 
 
 def _install() -> None:
-    """Adds missing handlers; the log then knows nothing of earlier events."""
+    """Adds missing handlers; the log then lacks earlier events."""
     for entry in _HANDLERS:
         name, handler = entry
         handlers = getattr(bpy.app.handlers, name)

@@ -221,7 +221,7 @@ Pixels = npt.NDArray[np.bool_]
 # Full rows are read in bands of this number of tiles; the reader keeps unchanged bands.
 STRIP_TILES = 4
 
-# Of changes, whichever canvas they belong to: no two have the same.
+# Numbers of changes, unique over all canvases.
 _numbers = itertools.count(1)
 
 

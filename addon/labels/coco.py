@@ -27,7 +27,7 @@ def check_coco() -> None:
 
 
 def image_row(labels: Labels, file_name: str) -> Row:
-    """An image with its things, which are numbered once all images are together.
+    """An image with its object instances, which are numbered once all images are together.
 
     Args:
         file_name: Of the picture that belongs to it.

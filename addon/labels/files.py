@@ -114,7 +114,7 @@ def write_exr(path: Path, channels: Channels) -> None:
 
 Uint16Array = npt.NDArray[np.uint16]
 MOST = 65535
-NOTHING_IN_SIGHT = 1e9  # depths beyond are of rays that met nothing
+NOTHING_IN_SIGHT = 1e9  # depths beyond are of rays that hit nothing
 
 
 def check_png() -> None:
@@ -312,7 +312,7 @@ def save_labels(
 
 
 def _json(facts: dict[str, Any]) -> str:
-    """A line for each fact: Python indents many things slowly."""
+    """A line for each fact: Python's own indentation is slow."""
     lines = [f"{json.dumps(name)}: {json.dumps(fact, allow_nan=False)}" for name, fact in facts.items()]
     return "{\n" + ",\n".join(lines) + "\n}\n"
 

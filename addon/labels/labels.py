@@ -55,7 +55,7 @@ class Thing:
 def find_things(
     sync: SceneSync, instance_ids: npt.NDArray[np.int32], category: SceneLabel, labels: Mapping[str, SceneLabel]
 ) -> tuple[tuple[Thing, ...], tuple[str, ...]]:
-    """A thing for each of (N,) instances, and the categories' names.
+    """Returns a `Thing` for each of (N,) instances, and the categories' names.
 
     Args:
         category: The label that says them, of names.
@@ -251,7 +251,7 @@ class Labels:
 
     @property
     def visible_shares(self) -> Floats:
-        """(N,) float32: of each thing's pixels those where it is seen, 0 to 1."""
+        """(N,) float32: the visible share of each `Thing`'s pixels, 0 to 1."""
         return (self.visible.areas / np.maximum(self.amodal.areas, 1)).astype(np.float32)
 
     def arrays(self) -> dict[str, npt.NDArray[Any]]:
@@ -264,7 +264,7 @@ class Labels:
         return arrays | {f"label_{name}": label.values for name, label in self.labels.items()}
 
     def described_things(self) -> list[dict[str, Any]]:
-        """The things, as JSON has them."""
+        """Returns the `things` as JSON."""
         names = [each.name for each in fields(Thing)]  # asdict copies all that is in them, which takes long
         return [{name: getattr(thing, name) for name in names} for thing in self.things]
 

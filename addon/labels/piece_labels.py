@@ -1,4 +1,4 @@
-"""Labels of frames into a folder, piece by piece: the plan and the work, for the command line and the button."""
+"""Labels of frames into a folder, chunk by chunk: the plan and the work, for the command line and the button."""
 
 from __future__ import annotations
 
@@ -69,18 +69,18 @@ class LabelPlan:
 
     @property
     def joined(self) -> tuple[str, ...]:
-        """Names of files that are made of all pieces in the end."""
+        """Names of files that are made of all chunks in the end."""
         coco = (f"coco_{min(self.frames):04d}-{max(self.frames):04d}.json",) if self.has_coco else ()
         return (*coco, *(bop.JOINED if self.has_bop else ()))
 
 
 class LabelWork(PieceWork):
-    """The pieces of a plan.
+    """The chunks of a plan.
 
     Args:
         view: The scene.
         camera: An object by its name; "" for the camera of each frame.
-        place: Where pieces go.
+        place: The folder of the chunks.
         on_labels: Called with each frame and its labels before they are written.
     """
 
@@ -187,7 +187,7 @@ def stem_of(frame: int) -> str:
 
 
 def _scaled(steps: Generator[float, None, Labels], number: int, count: int) -> Generator[float, None, Labels]:
-    """The steps of a frame as shares of a piece of `count` frames, of which `number` are done."""
+    """The steps of a frame as shares of a chunk of `count` frames, of which `number` are done."""
     while True:
         try:
             share = next(steps)

@@ -114,7 +114,7 @@ class LabelsJob(PiecesJob):
         return list(self._outcome.warnings)
 
     def steps(self) -> Any:
-        """Yields the share done, 0 to 1; joins the pieces in the end."""
+        """Yields the share done, 0 to 1; joins the chunks in the end."""
         yield from super().steps()
         self._work.join()
 

@@ -151,7 +151,7 @@ CLASSES = (PERFECT_BVH_OT_scan,)
 
 
 # Scan jobs -----------------------------------------------------------------------------------------------------------
-# The work of the Scan button, in steps: points of all frames at once, or pieces of the frames into files.
+# The work of the Scan button, in steps: points of all frames at once, or chunks of the frames into files.
 
 
 class PointsJob:
@@ -218,7 +218,7 @@ class PointsJob:
 
 
 class FilesJob(PiecesJob):
-    """Pieces of the frames, as files, and as objects as well if that is asked for: one a piece.
+    """Chunks of the frames, as files, and on request also as objects, one per chunk.
 
     Raises ValueError for what cannot be scanned and for a folder of another scan, OSError for one that takes no files.
     """

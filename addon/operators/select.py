@@ -53,11 +53,11 @@ def select_visible(layer: bpy.types.ViewLayer, objects: Sequence[bpy.types.Objec
 
 
 # Select not shown ----------------------------------------------------------------------------------------------------
-# Selects the objects of a chosen row of the list of things that are not shown.
+# Selects the objects of the chosen row of the list Not Shown.
 
 
 class PERFECT_BVH_OT_select_not_shown(bpy.types.Operator):
-    """Selects the objects of a row of the list of things that are not shown."""
+    """Selects the objects of a row of the list Not Shown."""
 
     bl_idname = "perfect_bvh.select_not_shown"
     bl_label = "Select Objects"

@@ -4,7 +4,7 @@ render     render properties: mode, sampling, light paths, curves, motion blur
 objects    cameras, lights, materials, worlds, objects
 output     passes of a view layer, scans
 viewports  overlays, shading, rendering a view, the walk of a ray
-reports    statistics, updates, comparison, things that are not shown, the bench
+reports    statistics, updates, comparison, parts of the scene that are not shown, the bench
 common     their common parts
 """
 

@@ -19,7 +19,7 @@ TABS = 20  # of a sidebar's width
 
 
 class RenderPanel:
-    """A panel that is shown with this engine, in the Render properties unless it says otherwise."""
+    """A panel for this engine, in the Render properties by default."""
 
     bl_space_type = "PROPERTIES"
     bl_region_type = "WINDOW"
@@ -32,7 +32,7 @@ class RenderPanel:
 
 
 class EnginePanel(RenderPanel):
-    """A panel of the engine's settings: not where the first one says that the engine cannot run."""
+    """A panel of the engine's settings; hidden if the engine cannot run, which the first panel says."""
 
     bl_options: ClassVar = {"DEFAULT_CLOSED"}
 
@@ -42,7 +42,7 @@ class EnginePanel(RenderPanel):
 
 
 class SidebarPanel:
-    """A panel of what users make, in a tab of the sidebar of 3D viewports, whatever the render engine is."""
+    """A panel of outputs, in a tab of the sidebar of 3D viewports, with any render engine."""
 
     bl_space_type = "VIEW_3D"
     bl_region_type = "UI"
@@ -54,7 +54,7 @@ class SidebarPanel:
 
 
 class StudyPanel(SidebarPanel):
-    """A panel of what can be learned about the trees and their rays, in a tab of its own."""
+    """A panel that explains the trees and their rays, in a separate tab."""
 
     bl_category = "BVH"
     bl_options: ClassVar = {"DEFAULT_CLOSED"}

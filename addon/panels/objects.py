@@ -130,7 +130,7 @@ def draw_surface(layout: bpy.types.UILayout, owner: bpy.types.ID, plain: str) ->
 
 
 class LightPanel(RenderPanel):
-    """In the properties of a light."""
+    """A panel in the properties of a light."""
 
     bl_context = "data"
 
@@ -140,7 +140,7 @@ class LightPanel(RenderPanel):
 
 
 class PERFECT_BVH_PT_light_beam(LightPanel, bpy.types.Panel):
-    """Of an area. That of a spot is Blender's own."""
+    """The beam of an area light. Blender has a panel for that of a spot."""
 
     bl_label = "Beam Shape"
     bl_parent_id = "DATA_PT_EEVEE_light"
@@ -155,7 +155,7 @@ class PERFECT_BVH_PT_light_beam(LightPanel, bpy.types.Panel):
 
 
 class PERFECT_BVH_PT_light_settings(LightPanel, bpy.types.Panel):
-    """Under the name that it has with Cycles."""
+    """The settings of a light, under the same name as with Cycles."""
 
     bl_label = "Settings"
 
@@ -181,7 +181,7 @@ LIGHT_CLASSES = (PERFECT_BVH_PT_light_beam, PERFECT_BVH_PT_light_settings, PERFE
 
 
 class MaterialPanel(RenderPanel):
-    """In the properties of a material of anything but Grease Pencil."""
+    """A panel in the properties of a material, except of Grease Pencil."""
 
     bl_context = "material"
 
@@ -192,7 +192,7 @@ class MaterialPanel(RenderPanel):
 
 
 class PERFECT_BVH_PT_material_surface(MaterialPanel, bpy.types.Panel):
-    """The nodes."""
+    """The nodes of a material's surface."""
 
     bl_label = "Surface"
 
@@ -201,7 +201,7 @@ class PERFECT_BVH_PT_material_surface(MaterialPanel, bpy.types.Panel):
 
 
 class PERFECT_BVH_PT_material_settings(MaterialPanel, bpy.types.Panel):
-    """What is beside the nodes."""
+    """The settings of a material in addition to its nodes."""
 
     bl_label = "Settings"
     bl_options: ClassVar = {"DEFAULT_CLOSED"}
@@ -218,7 +218,7 @@ MATERIAL_CLASSES = (PERFECT_BVH_PT_material_surface, PERFECT_BVH_PT_material_set
 
 
 class WorldPanel(RenderPanel):
-    """In the properties of the world."""
+    """A panel in the properties of the world."""
 
     bl_context = "world"
 
@@ -228,7 +228,7 @@ class WorldPanel(RenderPanel):
 
 
 class PERFECT_BVH_PT_world_preview(WorldPanel, bpy.types.Panel):
-    """Blender has panels of its own for those of materials and lights alone."""
+    """The preview of the world. Blender itself has such panels only for materials and lights."""
 
     bl_label = "Preview"
     bl_options: ClassVar = {"DEFAULT_CLOSED"}
@@ -238,7 +238,7 @@ class PERFECT_BVH_PT_world_preview(WorldPanel, bpy.types.Panel):
 
 
 class PERFECT_BVH_PT_world_surface(WorldPanel, bpy.types.Panel):
-    """What shines from all around."""
+    """The nodes of the world's light."""
 
     bl_label = "Surface"
 
@@ -262,7 +262,7 @@ def has_rays(obj: bpy.types.Object | None) -> bool:
 
 
 class PERFECT_BVH_PT_ray_visibility(RenderPanel, bpy.types.Panel):
-    """Which rays meet an object."""
+    """The kinds of rays that can hit an object."""
 
     bl_label = "Ray Visibility"
     bl_context = "object"
@@ -308,7 +308,7 @@ DEFORMED_TYPES = MOVING_TYPES - {"CAMERA", "EMPTY"}
 
 
 class PERFECT_BVH_PT_object_motion_blur(EnginePanel, bpy.types.Panel):
-    """What of an object's motion is shown, and how closely."""
+    """The parts of an object's motion that are shown, and the number of time samples."""
 
     bl_label = "Motion Blur"
     bl_context = "object"

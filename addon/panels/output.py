@@ -16,7 +16,7 @@ from .common import TABS, RenderPanel, SidebarPanel, draw_lines, draw_messages_o
 
 
 class PERFECT_BVH_PT_scan(SidebarPanel, bpy.types.Panel):
-    """From where which rays are cast, and what becomes of the points."""
+    """The sensor, its object, and the output of the points."""
 
     bl_label = "Scan"
 
@@ -96,7 +96,7 @@ def _draw_files(context: bpy.types.Context, layout: bpy.types.UILayout, settings
 
 
 class PERFECT_BVH_PT_label_images(SidebarPanel, bpy.types.Panel):
-    """What is labelled, as which files, and the button."""
+    """The settings and the button of label images."""
 
     bl_label = "Label Images"
     bl_options: ClassVar = {"DEFAULT_CLOSED"}
@@ -135,7 +135,7 @@ LABEL_CLASSES = (PERFECT_BVH_PT_label_images,)
 
 
 class PERFECT_BVH_PT_passes(RenderPanel, bpy.types.Panel):
-    """The passes that the engine writes beside Combined."""
+    """The passes that the engine writes in addition to Combined."""
 
     bl_label = "Data"
     bl_context = "view_layer"
@@ -162,7 +162,7 @@ class PERFECT_BVH_PT_passes(RenderPanel, bpy.types.Panel):
 
 
 class PERFECT_BVH_PT_filter(RenderPanel, bpy.types.Panel):
-    """What a view layer may be without."""
+    """The parts of the scene that a view layer can leave out."""
 
     bl_label = "Filter"
     bl_context = "view_layer"
@@ -175,7 +175,7 @@ class PERFECT_BVH_PT_filter(RenderPanel, bpy.types.Panel):
 
 
 class PERFECT_BVH_PT_override(RenderPanel, bpy.types.Panel):
-    """Blender before 5.0 has it with its own engines only."""
+    """The view layer's overrides, which Blender before 5.0 shows with its own engines only."""
 
     bl_label = "Override"
     bl_context = "view_layer"

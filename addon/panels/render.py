@@ -16,7 +16,7 @@ from .common import EnginePanel, RenderPanel, draw_lines, settings_layout
 
 
 class PERFECT_BVH_PT_render(RenderPanel, bpy.types.Panel):
-    """What the image shows: the first thing below the choice of the engine, like Cycles' device."""
+    """The mode of the image, directly below the choice of the engine, like Cycles' device."""
 
     bl_label = "Perfect BVH"
     bl_options: ClassVar = {"HIDE_HEADER"}
@@ -68,7 +68,7 @@ class PERFECT_BVH_PT_performance(EnginePanel, bpy.types.Panel):
 
 
 class PERFECT_BVH_PT_performance_viewport(EnginePanel, bpy.types.Panel):
-    """What opening the file begins with."""
+    """The shading of viewports when the file is opened."""
 
     bl_label = "Viewport"
     bl_parent_id = "PERFECT_BVH_PT_performance"
@@ -79,7 +79,7 @@ class PERFECT_BVH_PT_performance_viewport(EnginePanel, bpy.types.Panel):
 
 
 class PERFECT_BVH_PT_simplify(RenderPanel, bpy.types.Panel):
-    """Blender's own Simplify settings. Its panel would stand above this engine's, which come first everywhere else."""
+    """Blender's own Simplify settings. Blender's panel would come before this engine's panels."""
 
     bl_label = "Simplify"
     bl_options: ClassVar = {"DEFAULT_CLOSED"}
@@ -143,7 +143,7 @@ class PERFECT_BVH_PT_sampling(EnginePanel, bpy.types.Panel):
 
 
 class PERFECT_BVH_PT_sampling_viewport(EnginePanel, bpy.types.Panel):
-    """Of Rendered viewports."""
+    """The sampling of Rendered viewports."""
 
     bl_label = "Viewport"
     bl_parent_id = "PERFECT_BVH_PT_sampling"
@@ -157,7 +157,7 @@ class PERFECT_BVH_PT_sampling_viewport(EnginePanel, bpy.types.Panel):
 
 
 class PERFECT_BVH_PT_sampling_render(EnginePanel, bpy.types.Panel):
-    """Of renders, and of views that are rendered to an image."""
+    """The sampling of renders, and of views that are rendered to an image."""
 
     bl_label = "Render"
     bl_parent_id = "PERFECT_BVH_PT_sampling"
@@ -172,7 +172,7 @@ class PERFECT_BVH_PT_sampling_render(EnginePanel, bpy.types.Panel):
 
 
 class PERFECT_BVH_PT_sampling_advanced(EnginePanel, bpy.types.Panel):
-    """What few want to change."""
+    """Rarely changed settings of the sampling."""
 
     bl_label = "Advanced"
     bl_parent_id = "PERFECT_BVH_PT_sampling"
@@ -239,7 +239,7 @@ CYCLES_IS_OFF = "Enable the add-on Cycles Render Engine: it keeps these settings
 
 
 class LightPathsPanel(EnginePanel):
-    """One of those below Light Paths: not where there is nothing to set."""
+    """A panel below Light Paths; hidden if there is nothing to set."""
 
     bl_parent_id = "PERFECT_BVH_PT_light_paths"
 
@@ -249,7 +249,7 @@ class LightPathsPanel(EnginePanel):
 
 
 class PERFECT_BVH_PT_light_paths(EnginePanel, bpy.types.Panel):
-    """Holds the others, and says where there is nothing to set."""
+    """The parent of these panels; says if there is nothing to set."""
 
     bl_label = "Light Paths"
 
@@ -259,7 +259,7 @@ class PERFECT_BVH_PT_light_paths(EnginePanel, bpy.types.Panel):
 
 
 class PERFECT_BVH_PT_light_paths_bounces(LightPathsPanel, bpy.types.Panel):
-    """How often light turns at surfaces of each kind."""
+    """The limits of light bounces for each kind of surface."""
 
     bl_label = "Max Bounces"
     bl_options: ClassVar = set()
@@ -275,7 +275,7 @@ class PERFECT_BVH_PT_light_paths_bounces(LightPathsPanel, bpy.types.Panel):
 
 
 class PERFECT_BVH_PT_light_paths_clamping(LightPathsPanel, bpy.types.Panel):
-    """How bright a single sample may be."""
+    """The limits of the brightness of a sample."""
 
     bl_label = "Clamping"
 
@@ -287,7 +287,7 @@ class PERFECT_BVH_PT_light_paths_clamping(LightPathsPanel, bpy.types.Panel):
 
 
 class PERFECT_BVH_PT_light_paths_caustics(LightPathsPanel, bpy.types.Panel):
-    """Light that mirrors and glass throw on matt surfaces."""
+    """Light on matt surfaces that comes from mirrors and glass."""
 
     bl_label = "Caustics"
 
@@ -319,7 +319,7 @@ LIGHT_PATHS_CLASSES = (
 
 
 class PERFECT_BVH_PT_hair(EnginePanel, bpy.types.Panel):
-    """As Cycles names and lays it out."""
+    """The settings of curves, in Cycles' layout."""
 
     bl_label = "Curves"
     bl_options: ClassVar = {"DEFAULT_CLOSED"}
@@ -352,7 +352,7 @@ def motion_blur_layout(panel: bpy.types.Panel, context: bpy.types.Context) -> bp
 
 
 class PERFECT_BVH_PT_motion_blur(EnginePanel, bpy.types.Panel):
-    """When the shutter is open."""
+    """The position and duration of the shutter."""
 
     bl_label = "Motion Blur"
 
@@ -373,7 +373,7 @@ class PERFECT_BVH_PT_motion_blur(EnginePanel, bpy.types.Panel):
 
 
 class PERFECT_BVH_PT_motion_blur_curve(EnginePanel, bpy.types.Panel):
-    """How far it is open when."""
+    """The opening of the shutter over time."""
 
     bl_label = "Shutter Curve"
     bl_parent_id = "PERFECT_BVH_PT_motion_blur"

@@ -1,4 +1,4 @@
-"""The panels that report: statistics, updates, trees, things that are not shown, and the bench."""
+"""The panels of reports: statistics, updates, trees, unsupported parts of the scene, and the bench."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ LEAST_PART, MOST_PART = 0.4, 0.5
 
 
 class PERFECT_BVH_PT_statistics(RenderPanel, bpy.types.Panel):
-    """How long each step of the last render or view of this scene took, what it was done to, and messages."""
+    """The time and data of each step of the last render or view of this scene, and messages."""
 
     bl_label = "Statistics"
 
@@ -119,7 +119,7 @@ LIST_BORDERS, ICON = 66, 34
 
 
 class PERFECT_BVH_UL_updates(bpy.types.UIList):
-    """A row: what happened to which objects, how long it took, which share of the render they are."""
+    """A row: an update and its objects, its time, and its share of the render."""
 
     def draw_item(
         self,
@@ -236,7 +236,7 @@ UPDATES_LISTS = (PERFECT_BVH_UL_updates,)
 
 
 class PERFECT_BVH_PT_compare(StudyPanel, bpy.types.Panel):
-    """Which two trees are compared, and the button."""
+    """The two trees to compare, and the button."""
 
     bl_label = "Compare"
 
@@ -260,7 +260,7 @@ COMPARE_CLASSES = (PERFECT_BVH_PT_compare,)
 
 
 # Not shown -----------------------------------------------------------------------------------------------------------
-# A list of things that the last image lacks or shows differently from Blender's nodes and settings.
+# A list of what the last image lacks or shows differently from Blender's nodes and settings.
 
 
 NOT_SHOWN_ICONS = {
@@ -278,7 +278,7 @@ NOT_SHOWN_ICONS = {
 
 
 class PERFECT_BVH_UL_not_shown(bpy.types.UIList):
-    """A row: what it is of, and what is not shown of it. Rows of other scenes are left out."""
+    """A row: the data-block, and what is not shown. Rows of other scenes are left out."""
 
     def draw_item(
         self,
@@ -302,7 +302,7 @@ class PERFECT_BVH_UL_not_shown(bpy.types.UIList):
 
 
 class PERFECT_BVH_PT_not_shown(EnginePanel, bpy.types.Panel):
-    """The list, and a button that selects what the chosen row is about."""
+    """The list, and a button that selects the objects of the chosen row."""
 
     bl_label = "Not Shown"
     bl_options: ClassVar = set()
@@ -337,7 +337,7 @@ NOT_SHOWN_LISTS = (PERFECT_BVH_UL_not_shown,)
 
 
 class PERFECT_BVH_PT_bench(StudyPanel, bpy.types.Panel):
-    """Measures the scene and shows what that has found."""
+    """The button of the benchmark, and its results."""
 
     bl_label = "Benchmark"
 

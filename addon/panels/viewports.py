@@ -80,7 +80,7 @@ DISPLAY_CLASSES = (PERFECT_BVH_PT_display,)
 
 
 class ShadingPanel:
-    """In the popover of a viewport that this engine renders."""
+    """A panel in the shading popover of a viewport that this engine renders."""
 
     bl_space_type = "VIEW_3D"
     bl_region_type = "HEADER"
@@ -136,7 +136,7 @@ SHADING_CLASSES = (PERFECT_BVH_PT_shading_lighting, PERFECT_BVH_PT_shading_rende
 
 
 class PERFECT_BVH_PT_render_view(SidebarPanel, bpy.types.Panel):
-    """The button, and how large the image gets."""
+    """The button, and the size of the image."""
 
     bl_label = "Render View to Image"
     bl_options: ClassVar = {"DEFAULT_CLOSED"}
@@ -184,7 +184,7 @@ BUTTONS = (
 
 
 class PERFECT_BVH_PT_walk_ray(StudyPanel, bpy.types.Panel):
-    """Which step is shown is told in the viewport."""
+    """The controls of the walk. The viewport shows the current step."""
 
     bl_label = "Walk a Ray"
 

@@ -160,7 +160,7 @@ class PieceFolder:
         for path in sorted(self.folder.glob(f"{glob.escape(self._before)}*.json")):
             found = _read(path)
             if found is None:
-                continue  # no manifest, or a damaged one: its piece counts as not done
+                continue  # no manifest, or a damaged one: its chunk counts as missing
             frames = tuple(found["frames"])
             other = find_difference(self.inputs, found["inputs"])
             if any(wanted.get(frame, frames) != frames for frame in frames):
@@ -190,7 +190,7 @@ class PieceFolder:
         return self.folder / name
 
     def finish(self, piece: Piece, **facts: Any) -> None:
-        """Writes the manifest of a piece whose files are there. Raises OSError."""
+        """Writes the manifest of a chunk whose files exist. Raises OSError."""
         manifest = {
             "frames": list(piece.frames),
             "files": {name: checksum(reachable(self.path_of(name))) for name in piece.files},
@@ -234,11 +234,11 @@ def _read(path: Path) -> dict[str, Any] | None:
 
 
 # Scene inputs --------------------------------------------------------------------------------------------------------
-# What pieces of an open scene depend on: its file and all that it reads, and whose work they are.
+# What chunks of an open scene depend on: its file and all that it reads, and whose work they are.
 
 
 def scene_inputs(arguments: Any, *names: str, **options: Any) -> dict[str, Any]:
-    """Returns what pieces of the open scene depend on.
+    """Returns what chunks of the open scene depend on.
 
     Args:
         arguments: a command's; their `file` is the open one.

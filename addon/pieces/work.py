@@ -49,11 +49,11 @@ class Outcome:
 
     @property
     def there(self) -> int:
-        """How many pieces are there now."""
+        """Returns the number of complete chunks."""
         return self.written + self.kept
 
     def add(self, done: Done) -> None:
-        """Counts a piece more."""
+        """Counts one more chunk."""
         self.written += 1
         self.warnings |= dict.fromkeys(done.warnings)
         for name, count in done.counts.items():
@@ -66,14 +66,14 @@ class Outcome:
 
 
 class PieceWork(ABC):
-    """Some frames of a scene, in pieces; `pieces` and `place` are there once it is made.
+    """Some frames of a scene, in chunks; the constructor sets `pieces` and `place`.
 
     view: the scene, and how it is read. frames: in any order.
     """
 
     pieces: list[Piece]
     place: PieceFolder
-    joined: tuple[str, ...] = ()  # names of files that are made of all pieces in the end
+    joined: tuple[str, ...] = ()  # names of files that are made of all chunks in the end
 
     def __init__(self, view: SceneView, frames: tuple[int, ...]) -> None:
         from ..extract.scene_in_time import has_simulations
@@ -89,7 +89,7 @@ class PieceWork(ABC):
         return not self.is_simulated or piece.first > self._played_to
 
     def do(self, piece: Piece, advance: Advance) -> Done | None:
-        """Makes the files of a piece, and its manifest, at once; None if it was stopped.
+        """Makes the files of a chunk, and its manifest, at once; None if it was stopped.
 
         advance: called with 0 to 1; False stops.
         """
@@ -101,14 +101,14 @@ class PieceWork(ABC):
         return done
 
     def steps(self, piece: Piece) -> Steps:
-        """Does the same in steps. Closing it gives the piece up."""
+        """Does the same in steps. Closing it drops the chunk."""
         yield from self._play_to(piece.first)
         yield from self.make(piece)
         self._played_to = piece.last
 
     @abstractmethod
     def make(self, piece: Piece) -> Steps:
-        """Makes the files and the manifest of a piece to whose first frame the scene was played."""
+        """Makes the files and the manifest of a chunk, to whose first frame the scene was played."""
 
     def hold(self, piece: Piece, work: Callable[[], T]) -> T:
         """Returns what `work` does, for which the scene is evaluated once and then goes from frame to frame."""
@@ -118,7 +118,7 @@ class PieceWork(ABC):
         return self.view.hold(work)
 
     def join(self) -> None:  # noqa: B027 - most make none
-        """Makes the files for which all pieces have to be there, if there are such."""
+        """Makes the files that need all chunks, if any."""
 
     @property
     def where(self) -> str:

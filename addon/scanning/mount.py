@@ -47,7 +47,7 @@ class Mount:
 def surrounds(sensor: bpy.types.Object) -> bool:
     """Whether a sensor's object is a mesh around the sensor: the object's origin is inside of the mesh's bounds.
 
-    The bounds are those of the mesh itself, without modifiers: the same in every frame, so that all pieces of a scan
+    The bounds are those of the mesh itself, without modifiers: the same in every frame, so that all chunks of a scan
     agree.
     """
     if sensor.type != "MESH" or not len(sensor.data.vertices):

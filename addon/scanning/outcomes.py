@@ -130,7 +130,7 @@ class MissJudge:
         *,
         has_second_eye: bool,
     ) -> None:
-        """Marks the rays at `rows`, which met nothing in range. origins, directions, times: of all rays."""
+        """Marks the rays at `rows`, which hit nothing in range. origins, directions, times: of all rays."""
         at = np.broadcast_to(times, len(outcomes))[rows]
         is_in_way = self._test(origins[rows], directions[rows], 0.0, np.inf, at)
         outcomes[rows] = np.where(is_in_way, Outcome.OUT_OF_RANGE, Outcome.HIT_NOTHING)

@@ -150,7 +150,7 @@ def pieces_of(frames: Sequence[int], size: int, suffix: str = ".npz") -> list[Pi
 
 
 def sensor_input(pattern: Pattern) -> dict[str, Any]:
-    """A sensor as an input of pieces."""
+    """A sensor as an input of chunks."""
     values = {
         name: None if value == math.inf else value
         for name, value in asdict(pattern).items()  # type: ignore[call-overload]

@@ -211,7 +211,7 @@ WITHOUT_MATERIAL = 0.8  # as Blender shows it
 
 
 class _Names:
-    """Numbers things by their session uid, in the order in which they are first met, and keeps their names."""
+    """Numbers data-blocks by session uid, in the order in which they are first hit, and keeps their names."""
 
     def __init__(self) -> None:
         self._rows: dict[int, int] = {}
@@ -352,7 +352,7 @@ class Collector:
 
 
 def _incidences(directions: npt.NDArray[np.float64], normals: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
-    """(N,) cosines between rays and normals, whichever side of the surface is met."""
+    """(N,) cosines between rays and normals, for hits on either side of the surface."""
     along = np.einsum("ij,ij->i", directions, normals) / np.linalg.norm(directions, axis=1)
     return np.minimum(np.abs(along), 1.0).astype(np.float32)
 

@@ -2,7 +2,7 @@
 
     cloud = perfect_bvh_addon.scan(SpinningLidar(), bpy.data.objects["Empty"], frames=(1, 24))
 
-A frame, or a part of one, is a *stretch*, from one key moment to the next. A sensor that spins goes on in it, and so
+A frame, or a part of one, is a *stretch*, from one time sample to the next. A sensor that spins goes on in it, and so
 does the scene: each ray starts where the sensor is at that ray's own time, and meets what moves where that is then,
 between where Blender has both at the stretch's two ends. From stretch to stretch the engine's scene is brought in step
 like any other, so that a long scan of a scene in which little moves reads and builds little.

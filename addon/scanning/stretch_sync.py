@@ -59,7 +59,7 @@ ROUNDING = 1e-5
 
 
 class SceneBend:
-    """Takes one stretch after the other; each three key moments in a row tell of the way through them."""
+    """Takes one stretch after the other; three consecutive time samples define the path through them."""
 
     def __init__(self) -> None:
         self.largest = 0.0

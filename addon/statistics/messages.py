@@ -1,6 +1,6 @@
 """The last errors of each scene, kept until a newer result.
 
-Blender shows reports for a few seconds only. `not_shown.py` lists the things that an image could not show.
+Blender shows reports for a few seconds only. `not_shown.py` lists what an image could not show.
 This module keeps the errors that stopped an image, a scan or a measurement, and complaints of an image's statistics.
 """
 

@@ -1,4 +1,4 @@
-"""The things that the last image of each scene lacks: a line for viewports, and rows for a panel's list.
+"""What the last image of each scene lacks: a line for viewports, and rows for a panel's list.
 
 Panels list the contents of a collection of Blender's, which must not be written while they are drawn, nor from a
 render's thread: a timer on the main thread updates it. It belongs to the window manager, so that it does not count as
@@ -60,7 +60,7 @@ class PERFECT_BVH_PG_not_shown_list(bpy.types.PropertyGroup):
 
 
 def tell(scene: bpy.types.Scene, rows: Rows, *, goes_on: bool = False) -> None:
-    """Stores the things that an image of `scene`, as it was read last, lacks; from any thread.
+    """Stores what an image of `scene`, as it was read last, lacks; from any thread.
 
     goes_on: whether it is another part of the last image, to whose rows it adds its own.
     """
@@ -69,7 +69,7 @@ def tell(scene: bpy.types.Scene, rows: Rows, *, goes_on: bool = False) -> None:
 
 
 def tell_of_view(scene: bpy.types.Scene, view: object, read: Rows, *, with_looks: bool) -> None:
-    """Stores the things that a viewport lacks in addition to the last image; on the main thread.
+    """Stores what a viewport lacks in addition to the last image; on the main thread.
 
     read: all that was found, for images, too. Rows of the image that are not among it were fixed since.
     view: the owner, while it exists. with_looks: whether the viewport shows materials, lights and the world.
@@ -86,7 +86,7 @@ def tell_of_view(scene: bpy.types.Scene, view: object, read: Rows, *, with_looks
 
 
 def told(scene: bpy.types.Scene) -> Rows:
-    """Returns the things that the last image of `scene` lacks, and those of viewports."""
+    """Returns what the last image of `scene` lacks, and those of viewports."""
     of_scene = _told.get(scene.original.session_uid)
     return () if of_scene is None else of_scene.rows
 

@@ -100,7 +100,7 @@ def instancers_of(rows: PERFECT_BVH_PG_updates, row: UpdateRow) -> set[int]:
 
 
 def choose(rows: PERFECT_BVH_PG_updates) -> None:
-    """Tell of the active row, and select its objects; unfold or fold, if it is the row for that."""
+    """Describes the active row, and selects its objects; unfolds or folds, if it is the row for that."""
     _describe(rows)
     if 0 <= rows.active < len(rows.rows) and rows.rows[rows.active].state == FOLD:
         rows.is_unfolded = not rows.is_unfolded

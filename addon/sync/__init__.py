@@ -13,6 +13,6 @@ moments           the time samples of a shutter, and the identity of instances t
 motion            the motion between them, as the engine takes it
 appearance        camera and looks as the engine takes them
 lookup            from the engine's ids back to objects and polygons
-not_shown         the things of the scene that an image lacks
+not_shown         the parts of the scene that an image lacks
 report            the actions of one sync, their targets and reasons
 """

@@ -185,7 +185,7 @@ def _hair_table(record: SceneRecord) -> HairTable:
 
 
 def _world(record: SceneRecord) -> World | None:
-    """None, which is the studio's sky, only where the record does not tell of the scene's own light."""
+    """None, which is the studio's sky, only where the record lacks the scene's own light."""
     world = record.world
     return None if world is None else World(world.color, world.image, world.rotation)
 

@@ -301,7 +301,7 @@ class SceneLabel:
     table: LabelTable
 
     def at(self, instance_rows: npt.NDArray[Any], material_rows: npt.NDArray[Any]) -> npt.NDArray[Any]:
-        """(R,) encoded, where rays met instances; rows of the record's instances and materials, -1 for none."""
+        """(R,) encoded, where rays hit instances; rows of the record's instances and materials, -1 for none."""
         values = _with_none(self.of_instances)[instance_rows]
         values = np.where(np.isnan(values), _with_none(self.of_materials)[material_rows], values)
         return self.table.encode(values)

@@ -62,7 +62,7 @@ class MotionWords:
         self._record = record
         pairs = zip(record.objects, settings.steps.tolist(), strict=True)
         self._at_rest = {owner.session_uid for owner, steps in pairs if not steps}
-        self._rows: dict[NotShown, None] = {}  # in the order in which they are met
+        self._rows: dict[NotShown, None] = {}  # in the order of their instances
         self._new: dict[int, tuple[ObjectRecord, int, bool]] = {}  # by the owner's session uid
 
     @property

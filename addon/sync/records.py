@@ -331,7 +331,7 @@ class SceneRecord:
         instance_values: (I, K, 4) float32, the values of each instance that nodes use; None if they use none.
         unseen: Meshes that were left out because nothing could show them.
         warnings: Sentences for the user (dropped triangles, objects that could not be read).
-        not_shown: The things that an image of it lacks or shows differently; of materials, lights and the world only if
+        not_shown: The parts that an image of it lacks or shows differently; of materials, lights and the world only if
             shading was requested.
     """
 

@@ -103,7 +103,7 @@ class SyncReport:
     commit: the engine's own report: the trees that were built or refitted.
     mismatches: only with verify=True: differences between the engine's copy and Blender's own data.
     unseen: meshes that no ray can hit, which were not built. warnings: data that could not be read.
-    not_shown: things that an image of the scene lacks or shows differently, a row each.
+    not_shown: parts that an image of the scene lacks or shows differently, a row each.
     byte_count: of the committed scene.
     """
 

@@ -92,7 +92,7 @@ class _Places:
         return sums
 
     def sum_ranks(self, uids: Int64Array, rows: Int32Array, ranks: npt.NDArray[np.int8]) -> Int64Array:
-        """(O, actions) int64: how many there are of each uid to which each thing happened."""
+        """(O, actions) int64: how many instances of each uid had each change."""
         width = len(OBJECT_ACTIONS)
         sums = np.zeros((len(uids), width), np.int64)
         if len(ranks) and ranks.min() == ranks.max():  # mostly nothing has happened to any, or the same to all
@@ -107,7 +107,7 @@ class _Places:
 def _instance_ranks(
     record: SceneRecord, difference: InstanceDifference, mesh_actions: list[MeshAction]
 ) -> npt.NDArray[np.int8]:
-    """(I,) int8: the strongest thing that happened to each instance, or to its mesh."""
+    """(I,) int8: the strongest change of each instance, or of its mesh."""
     instances = record.instances
     masked, moved, is_swapped, added = (
         difference.masked,

@@ -155,7 +155,7 @@ class SceneState:
         """Takes in that the commit has succeeded; to be called for each that has, before the next edits."""
         self._meshes.note_commit(commit.report)
         report = applied.report(commit.report, read_milliseconds, commit.milliseconds)
-        self._has_waiting_edits = False  # in the end: if this report gets lost, the next must tell of the edits
+        self._has_waiting_edits = False  # in the end: if this report gets lost, the next must include the edits
         return report
 
     # Applying --------------------------------------------------------------------------------------------------------

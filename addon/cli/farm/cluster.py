@@ -145,7 +145,7 @@ def _ignoring_interrupts() -> Iterator[Callable[[], AbstractContextManager[None]
 def check_workers(client: Client, work: PieceWork, stop: StopRequest, arguments: argparse.Namespace) -> int:
     """How many threads each worker is to use. Raises CommandError if one cannot do the work, with why.
 
-    Looks before anything starts: who joins later is looked at when its first piece is.
+    Checks workers before anything starts; those that join later are checked with their first chunk.
     """
     found: dict[str, Any] = {}
     while not found:

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 # The time of a chunk is estimated from finished ones: per frame, between the nearest of them before and after.
 
 
-NEAR_THE_END = 4  # pieces for each worker: before that, any order will do
+NEAR_THE_END = 4  # chunks for each worker: before that, any order will do
 
 
 class Costs:
@@ -41,10 +41,10 @@ class Costs:
     def __init__(self, pieces: Sequence[Piece], is_in_order: bool) -> None:
         self._pieces = pieces
         self._is_in_order = is_in_order
-        self._measured: list[tuple[int, float]] = []  # a piece's number, seconds per frame; rising
+        self._measured: list[tuple[int, float]] = []  # a chunk's number, seconds per frame; rising
 
     def add(self, number: int, seconds: float) -> None:
-        """A piece was done."""
+        """A chunk was made."""
         insort(self._measured, (number, seconds / len(self._pieces[number].frames)))
 
     def expected(self, number: int) -> float:
@@ -52,7 +52,7 @@ class Costs:
         return self._rate(number) * len(self._pieces[number].frames)
 
     def next_of(self, left: Collection[int], worker_count: int) -> int:
-        """The number of the piece to do next, of those that are left, which is one at least."""
+        """Returns the number of the next chunk, of those that are left, at least one."""
         if self._is_in_order or not self._measured or len(left) > NEAR_THE_END * worker_count:
             return min(left)
         return max(left, key=lambda number: (self.expected(number), -number))
@@ -123,12 +123,12 @@ class _Farm:
         self._costs = Costs(work.pieces, is_in_order=work.is_simulated)
         self._running: dict[Future, int] = {}
         self._ended: queue.SimpleQueue[Future] = queue.SimpleQueue()
-        self._deaths: dict[int, list[tuple[str, str]]] = {}  # of a piece: the worker's address, and the reason
+        self._deaths: dict[int, list[tuple[str, str]]] = {}  # of a chunk: the worker's address, and the reason
         self._teller = Teller()
         self._is_stopping = self._is_alone = False
 
     def run(self, left: set[int], is_quiet: bool) -> None:
-        """Does the pieces of these numbers, until nothing is left, or it is stopped."""
+        """Makes the chunks of these numbers, until none is left, or it is stopped."""
         self._left = left
         with progress_bar("piece", len(self._work.pieces), is_quiet) as bar:
             bar.update(self._outcome.kept)
@@ -177,7 +177,7 @@ class _Farm:
         return future if future in self._running else None
 
     def _take(self, number: int, future: Future) -> bool:
-        """Counts what came of a piece; whether there is nothing left to do of it."""
+        """Counts the outcome of a chunk; returns whether it is settled."""
         from distributed.scheduler import KilledWorker
 
         if future.status == "cancelled":
@@ -215,7 +215,7 @@ class _Farm:
         return True
 
     def _bury(self, number: int, where: str, reason: str, count: int = 1) -> bool:
-        """A worker has died of a piece, or with it."""
+        """Handles the death of a worker during a chunk."""
         if self._is_stopping:
             self._left.add(number)
             return False

@@ -40,7 +40,7 @@ class DeadBlenderError(Exception):
 
 
 class BlenderProcess:
-    """A process that does pieces of one job, one at a time.
+    """A process that makes chunks of one job, one at a time.
 
     A Blender that is killed leaves its temporary files behind. So it gets a folder for them, which goes with it; if its
     worker dies first, it removes that itself.
@@ -77,7 +77,7 @@ class BlenderProcess:
         return answer
 
     def stop(self) -> None:
-        """Asks it to give up the piece that it does."""
+        """Asks it to drop its current chunk."""
         self._write({"stop": True})
 
     def end(self) -> None:

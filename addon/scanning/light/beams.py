@@ -176,7 +176,7 @@ class Batch:
 class Returns:
     """E echoes that a sensor reports, beam after beam. hits: where they are, and what gave back the most of each.
 
-    beams: (E,) rows of the batch. directions: (E, 3), in which that was met. intensities: (E,) float32. return_ids,
+    beams: (E,) rows of the batch. directions: (E, 3), of the rays that hit it. intensities: (E,) float32. return_ids,
     return_counts: (E,) int32: which echo of its beam, from 0, and of how many. outcomes: (B,), of the batch's beams.
     """
 

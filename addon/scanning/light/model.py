@@ -135,7 +135,7 @@ class Noise:
 
     @property
     def moves_points(self) -> bool:
-        """Whether points are anywhere but where rays met something."""
+        """Whether points can be at other places than the rays' hits."""
         return any((self.range, self.range_square, self.angle, self.bias, self.line_bias))
 
 

@@ -205,7 +205,7 @@ class _Met:
 
     @property
     def cosines(self) -> Float64Array:
-        """(N,) of the angles between rays and normals, whichever side is met."""
+        """(N,) of the angles between rays and normals, for hits on either side."""
         return np.minimum(np.abs(self.along), 1.0)
 
     def go_on(self, surfaces: Surfaces) -> Iterator[Ways]:

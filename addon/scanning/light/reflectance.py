@@ -18,7 +18,7 @@ from ..outcomes import listed, nearest, shown
 from ..patterns import Float64Array
 from .model import Beam, Detection, Light, Noise, Optics
 
-# Of lobes: a mirror that is met straight on would send all of the light into a point.
+# The least width of lobes: a mirror that is hit head on would send all light into a point.
 LEAST_ALPHA = 0.01
 
 

@@ -28,7 +28,7 @@ class BoxPicker:
 
     def __init__(self, boxes: TreeBoxes, rows: npt.NDArray[np.intp]) -> None:
         self._rows = rows
-        # An axis after the other, each of them in one piece of memory.
+        # One axis after another, each contiguous in memory.
         self._corners = np.ascontiguousarray(boxes.boxes[rows].transpose(1, 2, 0))
 
     def nearest(self, origin: Float64Array, direction: Float64Array) -> int | None:

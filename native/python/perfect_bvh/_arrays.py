@@ -124,11 +124,11 @@ def as_time_range(function: str, value: object) -> tuple[float, float]:
 
 
 # Batches -------------------------------------------------------------------------------------------------------------
-# Rays and points as columns: checked once, then passed to the engine in pieces.
+# Rays and points as columns: checked once, then passed to the engine in chunks.
 #
 # The engine takes arrays of the exact dtype: numbers contiguous, vectors as rows at any distance from each other, and
-# one vector for all rays. Such arrays are passed at once. Others (of another dtype, partly broadcast) are copied a
-# piece at a time, so the copies are no larger than a piece for any number of rays.
+# one vector for all rays. Such arrays are passed at once. Others (of another dtype, partly broadcast) are copied in
+# chunks, so the copies are no larger than a chunk for any number of rays.
 
 
 CULLS = ("none", "back")
@@ -231,7 +231,7 @@ class Batch:
         return tuple(column.take(self.shape, index) for column in self._columns)
 
     def pieces(self, progress: Progress | None) -> Iterator[Piece]:
-        """The batch in order, in one piece if nothing has to be copied."""
+        """Yields the batch in order, as one chunk if nothing has to be copied."""
         is_ready = all(column.is_ready(self.shape) for column in self._columns)
         done, count = 0, self.count
         for index, rows in _split(self.shape, max(count, 1) if is_ready else PIECE_ROWS):

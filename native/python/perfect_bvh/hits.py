@@ -57,7 +57,7 @@ class Hits:
         triangles that are seen edge-on or are extremely thin, the point of primitive_uvs: double cannot represent a
         better one. For curves and points the point on the true surface.
     distances (...) float64: world units; inf on a miss.
-    front_face (...) bool: the ray met the side from which the corners run counter-clockwise in world space, or came
+    front_face (...) bool: the ray hit the side from which the corners run counter-clockwise in world space, or came
         into a curve or point from outside.
     nodes_visited, primitives_tested (...) int32: boxes and triangles tested for this ray.
     invalid_count: rays that can hit nothing because they are not finite, have no direction or an empty range.

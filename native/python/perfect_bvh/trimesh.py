@@ -233,7 +233,7 @@ class RayMeshIntersector:
 
 
 def _places_before(rays: Ints, is_new: npt.NDArray[np.bool_]) -> Ints:
-    """Returns, for each hit, the number of positions that its ray has met before."""
+    """Returns, for each hit, the number of earlier positions on its ray."""
     counts: Ints = np.cumsum(is_new) - is_new
     starts = np.flatnonzero(np.diff(rays, prepend=-1))
     return counts - np.repeat(counts[starts], np.diff(starts, append=len(rays)))
