@@ -84,5 +84,5 @@ def _offsets(mesh: MeshRecord) -> npt.ArrayLike:
 
 
 def _division(mesh: MeshRecord) -> dict[str, Any]:
-    pieces = {} if mesh.curve_kind == "poly" else {"pieces": mesh.curve_pieces}
+    pieces = {} if mesh.curve_kind == "poly" else {"segments": mesh.curve_pieces}
     return {"kind": mesh.curve_kind, "shape": mesh.curve_shape, **pieces}

@@ -54,6 +54,14 @@ def test_a_size_is_two_numbers_that_blender_can_have() -> None:
         parse_size("4x65537")
 
 
+def test_the_former_name_of_chunk_works_and_names_the_new_one(capsys: pytest.CaptureFixture[str]) -> None:
+    line = ["scan", "scene.blend", "-o", "out"]
+    assert build_parser("perfect-bvh").parse_args([*line, "--chunk", "3"]).piece == 3
+    assert capsys.readouterr().err == ""
+    assert build_parser("perfect-bvh").parse_args([*line, "--piece", "3"]).piece == 3
+    assert "--piece is now --chunk" in capsys.readouterr().err
+
+
 def test_all_commands_take_the_same_seeds(capsys: pytest.CaptureFixture[str]) -> None:
     parser = build_parser("perfect-bvh")
     for command in ("render", "scan"):

@@ -113,9 +113,9 @@ OFFSETS: tuple[tuple[Any, dict[str, Any], str], ...] = (
     ([0, 3], {"cyclic": [True, False]}, "cyclic must have shape (1,)"),
     ([0, 3], {"kind": "b_spline", "tolerance": 0.0}, "tolerance must be a number above 0"),
     ([0, 3], {"kind": "b_spline", "tolerance": NAN}, "tolerance must"),
-    ([0, 3], {"kind": "b_spline", "pieces": 0}, "pieces must"),
-    ([0, 3], {"kind": "b_spline", "pieces": 1025}, "pieces must"),
-    ([0, 3], {"kind": "b_spline", "pieces": 2, "tolerance": 0.1}, "tolerance and pieces exclude"),
+    ([0, 3], {"kind": "b_spline", "segments": 0}, "segments must"),
+    ([0, 3], {"kind": "b_spline", "segments": 1025}, "segments must"),
+    ([0, 3], {"kind": "b_spline", "segments": 2, "tolerance": 0.1}, "tolerance and segments exclude"),
 )
 
 

@@ -113,7 +113,7 @@ def test_a_finer_tolerance_takes_more_pieces(kind):
 def test_chains_are_polys_of_the_same_balls(kind):
     points, radii, offsets = (column.astype(np.float32) for column in points_of(kind))
     offsets = offsets.astype(np.int64)
-    scene, _ = scene_of(kind, (points, radii, offsets), pieces=3)
+    scene, _ = scene_of(kind, (points, radii, offsets), segments=3)
     balls, sizes, starts = [], [], [0]
     for first, end in pairwise(offsets):
         count = 3 * len(spans_of(kind, points[first:end])) + 1
@@ -152,9 +152,9 @@ def test_cyclic_curves_return_to_where_they_begin(kind):
 
 
 @pytest.mark.parametrize("kind", KINDS)
-@pytest.mark.parametrize("limit", [{"pieces": 4}, {"tolerance": 0.01}, {}])
+@pytest.mark.parametrize("limit", [{"segments": 4}, {"tolerance": 0.01}, {}])
 def test_what_moved_is_within_the_tolerance(kind, limit):
-    """By the bits of fresh scenes where each has as many pieces, else judged against the true curve."""
+    """By the bits of fresh scenes where each has as many segments, else judged against the true curve."""
     points, radii, offsets = points_of(kind, bend=0.1)
     scene, mesh = scene_of(kind, (points, radii, offsets), usage="deforming", **limit)
     origins, directions = rays_at(2000)
@@ -167,7 +167,7 @@ def test_what_moved_is_within_the_tolerance(kind, limit):
         report = scene.commit()
         fresh, _ = scene_of(kind, (points, radii, offsets), **limit)
         hits, expected = (one.cast_rays(origins, directions, fields=FIELDS) for one in (scene, fresh))
-        if "pieces" in limit or kind == "poly":
+        if "segments" in limit or kind == "poly":
             assert report.meshes[0].action != "built"
             for field in FIELDS:
                 assert getattr(hits, field).tobytes() == getattr(expected, field).tobytes(), field
@@ -210,13 +210,25 @@ def test_others_in_their_place(kind):
         scene.replace_points(mesh, others, sizes)
         fresh.add_instance(fresh.add_points(others, sizes))
     else:
-        scene.replace_curves(mesh, others, sizes, starts, kind="b_spline", pieces=3)
-        fresh.add_instance(fresh.add_curves(others, sizes, starts, kind="b_spline", pieces=3))
+        scene.replace_curves(mesh, others, sizes, starts, kind="b_spline", segments=3)
+        fresh.add_instance(fresh.add_curves(others, sizes, starts, kind="b_spline", segments=3))
     scene.commit(), fresh.commit()
     hits, expected = (one.cast_rays(*rays_at(2000), fields=FIELDS) for one in (scene, fresh))
     assert expected.is_hit.sum() > 20
     for field in FIELDS:
         assert getattr(hits, field).tobytes() == getattr(expected, field).tobytes(), field
+
+
+def test_the_former_name_of_segments_works_and_is_deprecated() -> None:
+    scene, curve = Scene(), (np.eye(4, 3), 0.1, [0, 4])
+    for call in (scene.add_curves, lambda *rest, **named: scene.replace_curves(0, *rest, **named)):
+        with pytest.warns(DeprecationWarning, match="curves: pieces is now called segments"):
+            call(*curve, kind="b_spline", pieces=5)
+        with pytest.raises(ValueError, match="segments and pieces are the same"):
+            call(*curve, kind="b_spline", pieces=5, segments=5)
+    scene.add_instance(0)
+    scene.commit()
+    assert segment_count(scene) == 5
 
 
 def test_a_poly_in_a_cubic_s_place_moves_as_one():
@@ -244,11 +256,11 @@ def test_a_poly_in_a_cubic_s_place_moves_as_one():
         ),
         (lambda s: s.add_curves(np.zeros((4, 3)), 1.0, [0, 4], tolerance=np.nan), "tolerance must be a number"),
         (
-            lambda s: s.add_curves(np.zeros((4, 3)), 1.0, [0, 4], pieces=0),
-            "pieces must be an integer from 1",
+            lambda s: s.add_curves(np.zeros((4, 3)), 1.0, [0, 4], segments=0),
+            "segments must be an integer from 1",
         ),
-        (lambda s: s.add_curves(np.zeros((4, 3)), 1.0, [0, 4], pieces=2.5), "pieces must be an integer"),
-        (lambda s: s.add_curves(np.zeros((4, 3)), 1.0, [0, 4], pieces=2, tolerance=1.0), "exclude each other"),
+        (lambda s: s.add_curves(np.zeros((4, 3)), 1.0, [0, 4], segments=2.5), "segments must be an integer"),
+        (lambda s: s.add_curves(np.zeros((4, 3)), 1.0, [0, 4], segments=2, tolerance=1.0), "exclude each other"),
         (lambda s: s.add_curves(np.zeros((4, 3)), 1.0, [0, 4], cyclic=[True, False]), "cyclic must have shape (1,)"),
         (lambda s: s.add_curves(np.zeros((4, 3)), 1.0, [0, 4], cyclic=2), "cyclic must be True, False"),
         (lambda s: s.update_curves(0, np.zeros((3, 3))), "update_curves: points must have 5 rows, as many as before"),

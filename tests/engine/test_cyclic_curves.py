@@ -127,7 +127,7 @@ def test_where_a_curve_begins_changes_no_count(kind):
     rays = rays_at(points, 4000, 8)
     counts = []
     for shift in (0, 3, 6):
-        scene, _ = scene_of(np.roll(points, shift, axis=0), 0.08, cyclic=True, kind=kind, pieces=3)
+        scene, _ = scene_of(np.roll(points, shift, axis=0), 0.08, cyclic=True, kind=kind, segments=3)
         counts.append(scene.count_intersections(*rays))
     assert counts[0].any() and (counts[0] % 2 == 0).all()
     assert (counts[0] == counts[1]).mean() > 0.999 and (counts[0] == counts[2]).mean() > 0.999

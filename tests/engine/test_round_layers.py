@@ -29,8 +29,8 @@ def scene_of(kind: str) -> Scene:
         radii = np.array([0.3, 0.0, 0.3, 0.3])  # the second is left out and keeps its number
         mesh = scene.add_points(np.stack([X, 0 * X, 0 * X - 3.0], axis=1), radii)
     else:
-        pieces: dict[str, Any] = {} if kind == "poly" else {"pieces": 8}
-        mesh = scene.add_curves(strand_points(), 0.2, OFFSETS, kind=kind, **pieces)
+        segments: dict[str, Any] = {} if kind == "poly" else {"segments": 8}
+        mesh = scene.add_curves(strand_points(), 0.2, OFFSETS, kind=kind, **segments)
     scene.add_instance(mesh)
     scene.commit()
     return scene

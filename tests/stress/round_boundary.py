@@ -100,7 +100,7 @@ class Round:
         if self.source.take(3) == 0:
             keywords["tolerance"] = self.source.pick((0.01, 0.0, -1.0, np.nan, np.inf, "fine", 1e-3))
         if self.source.take(3) == 0:
-            keywords["pieces"] = self.source.pick((1, 3, 0, -1, 1025, 1.5, True))
+            keywords["segments"] = self.source.pick((1, 3, 0, -1, 1025, 1.5, True))
         return (places, self.radii(places), self.offsets(places)), keywords
 
     def add_points(self) -> tuple[str, tuple[Any, ...], dict[str, Any]]:

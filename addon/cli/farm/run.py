@@ -130,7 +130,7 @@ class _Farm:
     def run(self, left: set[int], is_quiet: bool) -> None:
         """Makes the chunks of these numbers, until none is left, or it is stopped."""
         self._left = left
-        with progress_bar("piece", len(self._work.pieces), is_quiet) as bar:
+        with progress_bar("chunk", len(self._work.pieces), is_quiet) as bar:
             bar.update(self._outcome.kept)
             try:
                 while self._running or (self._left and not self._stop.is_set):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import warnings
 from dataclasses import dataclass, replace
 from typing import Any, Literal, get_args
 
@@ -20,7 +21,7 @@ from .build_config import BuildConfig, Usage, as_config, check_usage
 CurveKind = Literal["poly", "catmull_rom", "bezier", "b_spline"]
 CURVE_KINDS: tuple[str, ...] = get_args(CurveKind)
 CurveShape = Literal["round", "ribbon"]
-_MOST_PIECES = 1024
+_MOST_SEGMENTS = 1024
 _DEFAULT_TOLERANCE = 0.1  # of the mean radius
 _LARGEST = 1e18
 
@@ -50,7 +51,7 @@ class CurveChains:
     ) -> tuple[CurveChains, npt.NDArray[Any], npt.NDArray[Any]]:
         """Returns the same curves at other points, and the centres and radii of their spheres.
 
-        They keep their number of pieces if it equals the number that the tolerance needs; else `subdivision` is new.
+        They keep their number of segments if it equals the number that the tolerance needs; else `subdivision` is new.
         """
         if len(points) != self.point_count:
             raise ValueError(
@@ -68,7 +69,7 @@ class CurveChains:
     def moved_in_steps(
         self, function: str, points: npt.NDArray[Any], radii: npt.NDArray[Any], steps: int
     ) -> tuple[CurveChains, npt.NDArray[Any], npt.NDArray[Any]]:
-        """Moves curves like `moved`, for several steps: all get the pieces that the most bent step needs.
+        """Moves curves like `moved`, for several steps: all get the segments that the most bent step needs.
 
         Args:
             radii: Of all steps, one number a step or one a point; empty: the current ones.
@@ -101,7 +102,7 @@ def divide(
     kind: str,
     cyclic: npt.ArrayLike,
     tolerance: float | None,
-    pieces: int | None,
+    segments: int | None,
 ) -> tuple[CurveChains | None, npt.NDArray[Any], npt.NDArray[Any], npt.NDArray[np.int64], npt.NDArray[np.uint8]]:
     """Returns the curves' chains (None for curves that are chains already), and the engine's input.
 
@@ -112,18 +113,28 @@ def divide(
     sizes = as_radii(function, radii, rows)
     offsets = as_integers(function, "curve_offsets", curve_offsets, np.int64).reshape(-1)
     closed = _as_cyclic(function, cyclic, max(len(offsets) - 1, 0))
-    if tolerance is not None and pieces is not None:
-        raise ValueError(f"{function}: tolerance and pieces exclude each other; give one of them")
+    if tolerance is not None and segments is not None:
+        raise ValueError(f"{function}: tolerance and segments exclude each other; give one of them")
     if tolerance is None:
         limit = _default_tolerance(sizes)
     else:
         limit = check_number(function, "tolerance", tolerance, 0.0, _LARGEST, above=True)
-    piece_count = 0 if pieces is None else check_count(function, "pieces", pieces, 1, _MOST_PIECES)
+    piece_count = 0 if segments is None else check_count(function, "segments", segments, 1, _MOST_SEGMENTS)
     if kind == "poly" and not closed.any():
         return None, rows, sizes, offsets, closed
     division = _core.divide_curves(rows, sizes, offsets, closed, kind, limit, piece_count, function)
     chains = CurveChains(kind, offsets, closed, sizes, limit, piece_count, len(rows), division)  # type: ignore[arg-type]
     return chains, *chains.balls(function, rows), division.offsets, closed
+
+
+def _segments(function: str, segments: int | None, pieces: int | None) -> int | None:
+    """Returns the number of segments of a span, which may be given under its former name."""
+    if pieces is None:
+        return segments
+    if segments is not None:
+        raise ValueError(f"{function}: segments and pieces are the same; give segments only")
+    warnings.warn(f"{function}: pieces is now called segments", DeprecationWarning, stacklevel=3)
+    return pieces
 
 
 def as_radii(function: str, radii: npt.ArrayLike, rows: npt.NDArray[Any]) -> npt.NDArray[Any]:
@@ -204,10 +215,11 @@ class CurvesAndPoints:
         kind: CurveKind = "poly",
         cyclic: npt.ArrayLike = False,
         tolerance: float | None = None,
-        pieces: int | None = None,
+        segments: int | None = None,
         shape: CurveShape = "round",
         build: Literal["auto"] | BuildConfig = "auto",
         usage: Usage = "static",
+        pieces: int | None = None,
     ) -> int:
         """Adds curves, and returns their id as a mesh. They are visible only through instances.
 
@@ -224,9 +236,9 @@ class CurvesAndPoints:
                 near the second point to near the last but one; with fewer than 4 points a poly).
             cyclic: (C,) bool, or one for all: whether a curve returns to its first point.
             tolerance: The largest distance of the chain's surface from the curve's, in the mesh's units; by default a
-                tenth of the mean radius. Spans between points get the number of pieces that it needs; all spans of a
+                tenth of the mean radius. Spans between points get the number of segments that it needs; all spans of a
                 curve get the same number.
-            pieces: Instead of a tolerance, the number of pieces of each span, 1 to 1024. Curves that move keep it.
+            segments: Instead of a tolerance, the number of segments of each span, 1 to 1024. Curves that move keep it.
             shape: "round", or "ribbon": flat strips of the same width, which face each ray. A ray hits a ribbon where
                 it is nearest to the axis, if it passes within the radius: once, as a front. Normals are rounded across
                 the width, like those of a tube. Bends are filled, also where a cyclic curve returns. Other ends are cut
@@ -234,6 +246,7 @@ class CurvesAndPoints:
                 the ray that is mapped into the mesh's space, and normals are those of the tube that the transform
                 stretches with them. Closest points are those of the round curve.
             build, usage: See `Scene.add_mesh`.
+            pieces: The former name of `segments`, which works for one more version.
 
         Raises:
             ValueError: For numbers that are not finite or above 1e18, negative radii, offsets that descend, do not add
@@ -242,8 +255,9 @@ class CurvesAndPoints:
         check_usage("add_curves", usage)
         is_ribbon = check_choice("add_curves", "shape", shape, get_args(CurveShape)) == "ribbon"
         settings = as_config("add_curves", build).as_settings()
+        count = _segments("add_curves", segments, pieces)
         chains, centres, sizes, offsets, closed = divide(
-            "add_curves", points, radii, curve_offsets, kind, cyclic, tolerance, pieces
+            "add_curves", points, radii, curve_offsets, kind, cyclic, tolerance, count
         )
         mesh = self._scene.add_curves(centres, sizes, offsets, closed, is_ribbon, settings, usage)
         self._keep(mesh, chains)
@@ -264,8 +278,8 @@ class CurvesAndPoints:
         """Moves curves: (P, 3), the same number of rows as before, and radii as in `add_curves`; None keeps them.
 
         The next commit refits the tree. It rebuilds the tree if a refitted one would be too slow, if segments got
-        their first radius or lost it, or if the curves bend so much that the tolerance needs more pieces. Its report
-        says which, and why. Pieces that a straighter curve would not need are kept.
+        their first radius or lost it, or if the curves bend so much that the tolerance needs more segments. Its report
+        says which, and why. Segments that a straighter curve would not need are kept.
 
         Raises:
             ValueError: As `add_curves` does.
@@ -313,8 +327,8 @@ class CurvesAndPoints:
 
         Args:
             radii: (S, P), or (P,) or one number for all steps; None keeps the current ones. A segment whose radii
-                are 0 at one step must have none at any. Curves that are not poly get at every step the number of pieces
-                that the most bent step needs; the spheres at the ends of their segments move in straight lines.
+                are 0 at one step must have none at any. Curves that are not poly get at every step the number of
+                segments that the most bent step needs; the spheres at their ends move in straight lines.
         """
         name = "set_curves_motion"
         number = check_id(name, "mesh", mesh)
@@ -347,14 +361,16 @@ class CurvesAndPoints:
         kind: CurveKind = "poly",
         cyclic: npt.ArrayLike = False,
         tolerance: float | None = None,
-        pieces: int | None = None,
+        segments: int | None = None,
         shape: CurveShape = "round",
+        pieces: int | None = None,
     ) -> None:
         """Replaces the curves of a mesh by others of any shape, see `add_curves`; its instances stay."""
         number = check_id("replace_curves", "mesh", mesh)
         is_ribbon = check_choice("replace_curves", "shape", shape, get_args(CurveShape)) == "ribbon"
+        count = _segments("replace_curves", segments, pieces)
         chains, centres, sizes, offsets, closed = divide(
-            "replace_curves", points, radii, curve_offsets, kind, cyclic, tolerance, pieces
+            "replace_curves", points, radii, curve_offsets, kind, cyclic, tolerance, count
         )
         self._scene.replace_curves(number, centres, sizes, offsets, closed, is_ribbon)
         self._keep(number, chains)

@@ -222,7 +222,7 @@ Subdivision subdivide(const ControlCurves<T>& curves, double tolerance, const Ra
 
 template <class T>
 Subdivision subdivide_evenly(const ControlCurves<T>& curves, std::uint32_t piece_count, const char* function) {
-  if (piece_count == 0) throw InvalidArgument(std::string(function) + ": a span has 1 piece or more, got 0");
+  if (piece_count == 0) throw InvalidArgument(std::string(function) + ": a span has 1 segment or more, got 0");
   Subdivision subdivision = begin(curves, function);
   for_spans(curves, subdivision, 0, subdivision.span_count(),
             [&](const Reading& curve, std::size_t, std::size_t, std::size_t span) {
