@@ -49,7 +49,7 @@ struct ShapedTree {
 };
 
 using SpareTree = SpareMemory<ShapedTree>;
-// The positions of triangles' vertices, or balls.
+// The positions of triangles' vertices, or spheres.
 struct Points {
   AlignedVector<Vec3f> positions;
   AlignedVector<Ball> balls;

@@ -80,11 +80,11 @@ void add_motion_steps(Blas& blas, ThreadPool& pool, CancelToken& cancel) {
   }
 }
 
-// Moved balls ---------------------------------------------------------------------------------------------------------
+// Moved spheres -------------------------------------------------------------------------------------------------------
 
 namespace {
 
-constexpr std::size_t kGrain = 32768;  // positions or balls that a task copies
+constexpr std::size_t kGrain = 32768;  // positions or spheres that a task copies
 
 void check_ball_count(std::size_t given, const Mesh& mesh, const char* function) {
   const std::size_t expected = given_ball_count(mesh);

@@ -24,25 +24,25 @@ void build_moving_tree(Blas& blas, MeshReport& report, ThreadPool& pool, CancelT
 // Throws Cancelled, bad_alloc.
 void add_motion_steps(Blas& blas, ThreadPool& pool, CancelToken& cancel);
 
-// Moved balls ---------------------------------------------------------------------------------------------------------
-// Curves or points of which only the balls changed their position or radius.
+// Moved spheres -------------------------------------------------------------------------------------------------------
+// Curves or points of which only the spheres changed their position or radius.
 
 struct MovedBalls {
   std::shared_ptr<const Mesh> mesh;
   bool same_primitives;
 };
 
-// Moves balls. If no radii are given, the radii stay. If balls gain or lose a radius, the primitives may differ from
-// before: the mesh is then made again, and `same_primitives` is false. Throws InvalidArgument if the number of balls
-// differs, and for input that make_points() would reject; `function` opens the message. T: float or double; double
-// input is recentred.
+// Moves spheres. If no radii are given, the radii stay. If spheres gain or lose a radius, the primitives may differ
+// from before: the mesh is then made again, and `same_primitives` is false. Throws InvalidArgument if the number of
+// spheres differs, and for input that make_points() would reject; `function` opens the message. T: float or double;
+// double input is recentred.
 template <class T>
 [[nodiscard]] MovedBalls move_balls(const Mesh& mesh, const BallsGiven<T>& balls,
                                     const std::shared_ptr<SparePositions>& spare, ThreadPool& pool,
                                     const char* function);
 
 // Returns the mesh at another step of its motion within the shutter: the same primitives, in the same frame. Throws
-// InvalidArgument as move_balls() does, and if a ball has a radius at only one of the steps.
+// InvalidArgument as move_balls() does, and if a sphere has a radius at only one of the steps.
 template <class T>
 [[nodiscard]] std::shared_ptr<const Mesh> balls_at_step(const Mesh& first, const BallsGiven<T>& balls, ThreadPool& pool,
                                                         const char* function);
@@ -51,7 +51,7 @@ template <class T>
 // A mesh of which only the vertices moved. It shares the triangles with the previous mesh, and reuses the memory of
 // older positions: a system takes longer to allocate new memory than a copy takes to fill it.
 
-// Returns a mesh whose positions, or balls, are returned to `spare` in the end.
+// Returns a mesh whose positions, or spheres, are returned to `spare` in the end.
 [[nodiscard]] std::shared_ptr<const Mesh> lend_mesh(Mesh mesh, const std::shared_ptr<SparePositions>& spare);
 
 // T: float or double; double input is recentred. Throws InvalidArgument for a number of positions other than the mesh's

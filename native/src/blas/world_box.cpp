@@ -15,7 +15,7 @@ namespace {
 // Returns 0, 1 or 2 in each lane.
 Int4 pick_axis(Int4 is_y, Int4 is_z) noexcept { return (is_z & Int4(2)) | ((is_y & (is_z ^ Int4(-1))) & Int4(1)); }
 
-// Finds the vertex or ball of a tree that is farthest along a direction. Each search starts with the result of the
+// Finds the vertex or sphere of a tree that is farthest along a direction. Each search starts with the result of the
 // last: if the directions are similar, almost no box reaches farther.
 class Search {
  public:
@@ -244,7 +244,7 @@ Box4 turned_box(const AlignedVector<Vec3f>& positions, const Affine& map) noexce
   return box;
 }
 
-// The same for balls: a ball extends beyond its centre by its radius times the length of a row.
+// The same for spheres: a sphere extends beyond its centre by its radius times the length of a row.
 Box4 turned_box(const AlignedVector<Ball>& balls, const Affine& map) noexcept {
   const auto column = [](Vec3d v) {
     return Float4(static_cast<float>(v.x), static_cast<float>(v.y), static_cast<float>(v.z), 0.0f);

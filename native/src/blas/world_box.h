@@ -28,7 +28,7 @@ struct RowRange {
 
 // The same for the box around a mesh; empty for an empty one.
 [[nodiscard]] Aabb transformed_bounds(const Aabb& box, const Affine& map) noexcept;
-// The same for the vertices or balls of a mesh, as tight as possible. `box` is the box of its primitives.
+// The same for the vertices or spheres of a mesh, as tight as possible. `box` is the box of its primitives.
 [[nodiscard]] Aabb transformed_bounds(const Mesh& mesh, const Aabb& box, const Affine& map) noexcept;
 
 // Returns the world box of a box, to the nearest float; empty for an empty one.

@@ -128,7 +128,7 @@ class SpatialPartition {
     Box4 left, right;
   };
 
-  // Chooses the side of a reference and adds it to the sides; if it is cut, its pieces are added to the parts.
+  // Chooses the side of a reference and adds it to the sides; if it is cut, its two halves are added to the parts.
   [[nodiscard]] PlaneSide plan_row(const PrimRef& ref, const SpatialPlane& plane, const SpatialSearch& search,
                                    SpatialPlane& now, Sides& sides);
 

@@ -11,7 +11,7 @@
 // union: entries and exits alternate.
 //
 // A cyclic curve's last segment and its first one are neighbours; the first one still has the smaller number. If a
-// segment's two balls are equal at the ray's moment, the segments on both sides of it are neighbours too.
+// segment's two spheres are equal at the ray's moment, the segments on both sides of it are neighbours too.
 //
 // Ribbons have no inside. They are visible where no neighbour's axis is nearer to the line (math/round_segment.h).
 #pragma once
@@ -36,17 +36,17 @@ static inline ShownEnds shown_beside(const Chord& chord, const Chord& other, boo
 // The primitives of a mesh of curves or points.
 struct RoundList {
   const Ball* balls = nullptr;
-  const SegmentCode* segments = nullptr;  // null: the primitives are the balls
+  const SegmentCode* segments = nullptr;  // null: the primitives are the spheres
   float scale = 1.0f;                     // the scale of the result: the tree's
   CurveShape shape = CurveShape::kRound;
-  // For motion within the shutter: the balls of the next step, and the moment. Null if nothing is interpolated.
+  // For motion within the shutter: the spheres of the next step, and the moment. Null if nothing is interpolated.
   const Ball* later = nullptr;
   Moment moment{};
   const ClosedCurve* closed = nullptr;  // by number; no segment is in two of them
   std::size_t closed_count = 0;
 };
 
-// Returns one of the list's balls at its moment, as a kernel's box contains it then.
+// Returns one of the list's spheres at its moment, as a kernel's box contains it then.
 static inline RoundBall ball_at(const RoundList& list, std::uint32_t number) noexcept {
   const Ball& from = list.balls[number];
   if (list.later == nullptr) return round_ball(from, list.scale);
@@ -58,7 +58,7 @@ static inline RoundBall ball_at(const RoundList& list, std::uint32_t number) noe
   return round_ball(ball, list.scale);
 }
 
-// A primitive's two balls; those of a point are the same.
+// A primitive's two spheres; those of a point are the same.
 struct RoundEnds {
   RoundBall first, last;
 };
@@ -97,14 +97,14 @@ static inline bool is_one_ball(const RoundEnds& ends) noexcept {
 }
 
 // Returns the next segment after `other` that may hide a segment on this side. kNoSegment if `other` is the last one,
-// because it is more than a ball.
+// because it is more than a sphere.
 static inline std::uint32_t beyond(const RoundList& list, std::uint32_t segment, std::uint32_t other,
                                    Along way) noexcept {
   const std::uint32_t next = is_one_ball(ends_of(list, other)) ? beside(list, other, way) : kNoSegment;
   return next == segment ? kNoSegment : next;
 }
 
-// Returns the next segment along its curve that is more than a ball; kNoSegment if there is no other.
+// Returns the next segment along its curve that is more than a sphere; kNoSegment if there is no other.
 static inline std::uint32_t neighbour_of(const RoundList& list, std::uint32_t segment, Along way) noexcept {
   std::uint32_t other = beside(list, segment, way);
   while (other != kNoSegment && is_one_ball(ends_of(list, other))) other = beyond(list, segment, other, way);
@@ -120,8 +120,8 @@ static inline Chord chord_of(const RoundRay& ray, const RoundList& list, std::ui
   return chord_of_segment(ray, ends.first, ends.last);
 }
 
-// A segment's neighbour: the ball that they share, and the vector from its centre to that of the neighbour's other
-// ball.
+// A segment's neighbour: the sphere that they share, and the vector from its centre to that of the neighbour's other
+// sphere.
 struct Neighbour {
   RoundBall joint;
   double axis[3];
@@ -134,7 +134,7 @@ struct Neighbour {
 };
 
 // Returns true if the neighbour's hull surely contains neither end of a chord: both are farther behind the joint than
-// its larger ball reaches, as usual except near joints. The margin is far more than any rounding (2^-39 of the ray's
+// its larger sphere reaches, as usual except near joints. The margin is far more than any rounding (2^-39 of the ray's
 // distance). The squared limit is at least the square of radius plus margin.
 static inline bool is_behind(const RoundRay& ray, const Chord& chord, const Neighbour& neighbour) noexcept {
   double from_joint[3], point[3];

@@ -79,15 +79,15 @@ PERFECT_BVH_LANES NearestOnTriangles nearest_to_origin(const Vectors4& a, const 
 // map M. The primitives are solid: if the query is inside, it is the nearest point, at distance 0. Scalar, in double
 // precision.
 //
-// M turns balls into ellipsoids. The hull is the union of the balls of centre c(s) and radius r(s), s from 0 to 1
-// (math/round_segment.h). The distance from a point q to the ball of s is a convex function of s.
+// M turns spheres into ellipsoids. The hull is the union of the spheres of centre c(s) and radius r(s), s from 0 to 1
+// (math/round_segment.h). The distance from a point q to the sphere of s is a convex function of s.
 //
-// One ball: y, relative to its centre, minimizes |M (c + y) - q| with |y| <= r. Either the y that makes it 0 is not
+// One sphere: y, relative to its centre, minimizes |M (c + y) - q| with |y| <= r. Either the y that makes it 0 is not
 // longer than r: then q is inside. Or |y| = r, and (M'M + l I) y = M'(q - M c) for one l > 0. That l is the root of
 // 1/|y(l)| - 1/r, which Newton's method approaches from below (More and Sorensen 1983, on trust regions). It begins at
 // the lower bound |M'(q - M c)| / r - |M'M|, which equals l if M only rotates, moves and scales.
 //
-// All balls: with growing s, the distance decreases while y.a / |y| + d > 0, where a and d are the growth of c and r.
+// All spheres: with growing s, the distance decreases while y.a / |y| + d > 0, where a and d are the growth of c and r.
 // If M is a similarity, y points from the axis straight to q, and the root s is known. Otherwise the root is enclosed
 // by iteration.
 
@@ -166,7 +166,7 @@ static inline void solve_upper(const double (&l)[3][3], const double b[3], doubl
   }
 }
 
-// Finds the y above for one ball, and its direction `way` of length 1. Returns false if q is inside. `pull`: M'(q - M
+// Finds the y above for one sphere, and its direction `way` of length 1. Returns false if q is inside. `pull`: M'(q - M
 // c).
 static inline bool nearest_in_ball(const RoundPlace& place, const double pull[3], double radius, double y[3],
                                    double way[3]) noexcept {
@@ -195,7 +195,7 @@ static inline bool nearest_in_ball(const RoundPlace& place, const double pull[3]
   return true;
 }
 
-// Finds the nearest point in the ball of s. Returns true if q is inside.
+// Finds the nearest point in the sphere of s. Returns true if q is inside.
 static inline bool nearest_at(const RoundPlace& place, const RoundBall& first, const RoundCone& cone,
                               const double query[3], double s, NearestOnRound& nearest, double way[3]) noexcept {
   double centre[3], mapped[3], away[3], pull[3], y[3];
@@ -236,7 +236,7 @@ static inline NearestOnRound nearest_on_round(const RoundPlace& place, const Rou
   double way[3];
   // The negative rate of change of the distance with s: the distance decreases where this is positive.
   const auto rise = [&] { return dot_of(way, cone.axis) + cone.widening; };
-  if (!(cone.squared > 0.0)) {  // one ball contains the other
+  if (!(cone.squared > 0.0)) {  // one sphere contains the other
     nearest_at(place, ends.first, cone, query, cone.widening > 0.0 ? 1.0 : 0.0, nearest, way);
     return nearest;
   }

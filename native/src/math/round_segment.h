@@ -1,4 +1,4 @@
-// The elements of curves and points: a point is a ball, and a curve's segment is the convex hull of two balls.
+// The elements of curves and points: a point is a sphere, and a curve's segment is the convex hull of two spheres.
 #pragma once
 
 #include <cstdint>
@@ -15,7 +15,7 @@ struct alignas(16) Ball {
 };
 static_assert(sizeof(Ball) == 16);
 
-// Returns a box that contains the ball. With u = 2^-24 a sum s of two floats is within u |s| of the exact one, and
+// Returns a box that contains the sphere. With u = 2^-24 a sum s of two floats is within u |s| of the exact one, and
 // exact if it is subnormal. s 2^-23 is at least the distance from s to the next float, and s shifted by that is rounded
 // to that float or beyond.
 [[nodiscard]] static inline Aabb box_of(const Ball& ball) noexcept {
@@ -28,7 +28,7 @@ static_assert(sizeof(Ball) == 16);
   return box;
 }
 
-// A curve's segment: the number of its first ball (the second ball is the next one), and whether the same curve has
+// A curve's segment: the number of its first sphere (the second sphere is the next one), and whether the same curve has
 // another segment after it, with the next number, or before it.
 using SegmentCode = std::uint32_t;
 inline constexpr SegmentCode kSegmentBall = 0x3FFFFFFFu, kSegmentAfter = 0x40000000u, kSegmentBefore = 0x80000000u;
@@ -38,37 +38,37 @@ struct ClosedCurve {
   std::uint32_t first, last;
 };
 
-// The shape of curves for rays: the hull of their balls, or flat and always turned to the ray (math/round_segment.h).
+// The shape of curves for rays: the hull of their spheres, or flat and always turned to the ray (math/round_segment.h).
 enum class CurveShape : std::uint8_t { kRound, kRibbon };
 
 // Round segment -------------------------------------------------------------------------------------------------------
-// Intersects a line with a segment of a curve: the convex hull of two balls. Scalar, in double precision. Only this
+// Intersects a line with a segment of a curve: the convex hull of two spheres. Scalar, in double precision. Only this
 // decides: kernels use float to select the segments that it tests.
 //
-// The hull is bounded by parts of its balls and, between the circles where a cone touches both, by that cone. It is
+// The hull is bounded by parts of its spheres and, between the circles where a cone touches both, by that cone. It is
 // convex, so the part of a line inside it, its chord, goes from the first to the last of the points where the line
-// passes through one of the balls or that part of the cone. A ball's chord is a function of only the line and that
-// ball, and the computed chord of the hull always contains it. So two segments that share a ball overlap in at least
-// its chord, and no line passes between them.
+// passes through one of the spheres or that part of the cone. A sphere's chord is a function of only the line and that
+// sphere, and the computed chord of the hull always contains it. So two segments that share a sphere overlap in at
+// least its chord, and no line passes between them.
 //
-// The cone. With a = c1 - c0, d = r1 - r0 and H = a.a - d d (positive, unless one ball contains the other: then the
-// hull is that ball), the point c(s) = c0 + s a of the axis is the centre of a ball of radius r(s) = r0 + s d, which
+// The cone. With a = c1 - c0, d = r1 - r0 and H = a.a - d d (positive, unless one sphere contains the other: then the
+// hull is that sphere), the point c(s) = c0 + s a of the axis is the centre of a sphere of radius r(s) = r0 + s d. It
 // touches the cone in a circle. s is linear along any line: s = ((p - c0).a + r0 d) / H for a point p of the cone. p is
 // on the cone if |(p - c0) x a|^2 = H r(s)^2, and on the part that bounds the hull if s is from 0 to 1.
 //
-// Precision; u = 2^-53, D the distance from the ray's origin to the balls, R the larger radius. Quadratic equations are
-// not set up at the origin, but where the line is nearest to the ball's centre, or to the axis between its ends. None
+// Precision; u = 2^-53, D the distance from the ray's origin to the spheres, R the larger radius. Quadratic equations
+// are set up where the line is nearest to the sphere's centre, or to the axis between its ends, not at the origin. None
 // of their terms is much larger than R^2 (times H) there, so rounding them moves the surface by a few u R. The
 // products' errors are recovered in cross products and the discriminant. The remaining error is that of moving the
-// origin there: a few u D. So hits are off the surface by less than 1e-4 R for D up to 1e11 R. Near a tip (a ball of
+// origin there: a few u D. So hits are off the surface by less than 1e-4 R for D up to 1e11 R. Near a tip (a sphere of
 // radius 0), rounding the terms can move the cone by 2^-24 R, where r(s) is as small as that.
 //
 // No case is distinguished by how small a value is:
 // - The line runs along the axis (e = 0, or only its rounding error): a cylinder's quadratic has no roots, or roots far
-//   away whose s is out of range. The balls have the ends of the chord.
-// - A ball contains the other, or both are equal: H is not positive, and the balls have the whole chord. If rounding
-//   makes H positive, or a positive H 0, the part of the cone that bounds the hull is within u R of the larger ball.
-// - A tip: its ball's chord is empty, or has no length if the line passes through the computed centre.
+//   away whose s is out of range. The spheres have the ends of the chord.
+// - A sphere contains the other, or both are equal: H is not positive, and the spheres have the whole chord. If
+//   rounding makes H positive, or a positive H 0, the part of the cone on the hull is within u R of the larger sphere.
+// - A tip: its sphere's chord is empty, or has no length if the line passes through the computed centre.
 // - A tangent line: it may hit or miss if the hull's surface is within a few u (D + R) of it.
 
 struct RoundRay {
@@ -88,7 +88,7 @@ static inline RoundRay round_ray(const double origin[3], const double direction[
   return ray;
 }
 
-// A ball in the tree's scale.
+// A sphere in the tree's scale.
 struct RoundBall {
   double centre[3];
   double radius;
@@ -108,7 +108,7 @@ struct Chord {
 static constexpr Chord kNoChord = {__builtin_inf(), -__builtin_inf()};
 static inline bool is_hit(const Chord& chord) noexcept { return chord.entry <= chord.exit; }
 
-// The point of a line nearest to a ball's centre: its t, and the point relative to the centre.
+// The point of a line nearest to a sphere's centre: its t, and the point relative to the centre.
 struct NearestToCentre {
   double t;
   double point[3];
@@ -144,7 +144,7 @@ static inline void cross_of(const double a[3], const double b[3], double out[3])
   out[2] = product_difference(a[0], b[1], a[1], b[0]);
 }
 
-// The cone that touches two balls.
+// The cone that touches two spheres.
 struct RoundCone {
   double axis[3];    // a
   double widening;   // d
@@ -173,7 +173,7 @@ static inline double nearest_to_axis(const double from_axis[3], const double awa
 }
 
 // Returns the points where the line passes through the part of the cone that bounds the hull. `nearest`: to the first
-// ball.
+// sphere.
 static inline Chord chord_of_cone(const RoundRay& ray, const RoundBall& first, const RoundCone& cone,
                                   const NearestToCentre& nearest) noexcept {
   double away[3], from_axis[3], point[3];
@@ -211,8 +211,8 @@ static inline Chord chord_of_segment(const RoundRay& ray, const RoundBall& first
   return cone.squared > 0.0 ? united(balls, chord_of_cone(ray, first, cone, nearest)) : balls;
 }
 
-// Returns the position on the axis for a point of a segment's surface: the share s of the ball that touches the hull
-// there, 0 for the first ball, 1 for the last. `point`: relative to the first centre.
+// Returns the position on the axis for a point of a segment's surface: the share s of the sphere that touches the hull
+// there, 0 for the first sphere, 1 for the last. `point`: relative to the first centre.
 static inline double share_at(const RoundCone& cone, const double point[3]) noexcept {
   if (!(cone.squared > 0.0)) return cone.widening > 0.0 ? 1.0 : 0.0;
   const double s = (dot_of(point, cone.axis) + cone.at_centre) / cone.squared;
@@ -221,11 +221,11 @@ static inline double share_at(const RoundCone& cone, const double point[3]) noex
 
 // A point of a segment's surface.
 struct RoundSurface {
-  double u;          // along the segment: the s of the ball that touches the hull there
+  double u;          // along the segment: the s of the sphere that touches the hull there
   double normal[3];  // outward, of length 1; 0 at a tip
 };
 
-// Returns a ray's point relative to a ball's centre. Computed from the point nearest to it, to be exact from far away
+// Returns a ray's point relative to a sphere's centre. Computed from the point nearest to it, to be exact from far away
 // too.
 static inline void point_from(const RoundRay& ray, const RoundBall& ball, double t, double point[3]) noexcept {
   const NearestToCentre nearest = nearest_to_centre(ray, ball);
@@ -269,11 +269,11 @@ static inline RoundSurface surface_at(const RoundRay& ray, const RoundBall& firs
 // tightly that other segments overlap, each is hit. And no line passes between two segments: each distance is always
 // computed in the same way, and one of them is the least.
 //
-// Precision; u = 2^-53, D the distance from the ray's origin to the balls. The line is taken relative to both centres,
-// where it is nearest to each. These two vectors across the line are off by a few u D, and everything derived from them
-// by a few u of their length. So the answer is that for balls moved by a few u D. A line almost along the axis sees the
-// axis as short as such a move; s, and with it t and the radius, may then be those of any point on it. t is never off
-// by more than the segment's own depth, and the ray's point at t is never outside the ball of s.
+// Precision; u = 2^-53, D the distance from the ray's origin to the spheres. The line is taken relative to both
+// centres, where it is nearest to each. These two vectors across the line are off by a few u D, and all that derives
+// from them by a few u of their length. So the answer is that for spheres moved by a few u D. A line almost along it
+// sees the axis as short as such a move; s, and with it t and the radius, may then be those of any point on it. t is
+// never off by more than the segment's own depth, and the ray's point at t is never outside the sphere of s.
 
 // The point of an axis nearest to a line.
 struct RibbonPlace {

@@ -12,7 +12,7 @@
 // the triangle's plane do not. The corners are those that the tree stores. Meshes that reach beyond 2^20 lose detail
 // below 2^-126 of the reach (tree_scale() in wide/wide_bvh.h); others lose nothing.
 //
-// t is the float nearest to where the ray meets the triangle's plane, in double. The weighted depths of the corners in
+// t is the float nearest to where the ray hits the triangle's plane, in double. The weighted depths of the corners in
 // float would be off by a few roundings of the corners' distance, which is centimetres on a ground of kilometres. Near
 // an edge, t comes from the weighted depths in double, or from exact arithmetic if these are not precise to a float:
 // the plane of a triangle that is seen almost edge-on, where every point is near an edge, could be anywhere. For why no
@@ -279,7 +279,7 @@ struct JudgedTriangle {
   Vec3d normal;         // by the winding; its length is twice the area
   double squared_area;  // squared length of `normal`
   Vec3d centre;
-  double radius;  // of a ball about the centre that contains the triangle
+  double radius;  // of a sphere about the centre that contains the triangle
 
   JudgedTriangle(Vec3d a, Vec3d b, Vec3d c) noexcept
       : corners{a, b, c},
@@ -297,7 +297,7 @@ struct JudgedHit {
   double t = 0, bound = 0;
 };
 
-// Returns whether the ray's line misses the ball by more than the margin. Far cheaper than judge_triangle().
+// Returns whether the ray's line misses the sphere by more than the margin. Far cheaper than judge_triangle().
 [[nodiscard]] inline bool passes_by(const JudgedRay& ray, Vec3d centre, double radius, double margin) noexcept {
   const Vec3d moment = cross(centre - ray.origin, ray.direction);
   const double distance = radius + margin;

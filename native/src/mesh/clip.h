@@ -105,21 +105,21 @@ inline void slice_triangle(const Vec3f& a, const Vec3f& b, const Vec3f& c, int a
 }
 
 // Segment clip --------------------------------------------------------------------------------------------------------
-// Cuts a ball, or the convex hull of two, by parallel axis-aligned planes, and returns a box for each slice, for
+// Cuts a sphere, or the convex hull of two, by parallel axis-aligned planes, and returns a box for each slice, for
 // spatial splits, as for triangles above.
 //
-// The hull is the union of the balls between its two balls: centre and radius are interpolated linearly. Points between
-// two planes are in the balls that overlap that interval, and the box of consecutive balls is that of the first and the
-// last. The box of a slanted hull is also bounded by the tangent planes of its two balls: in projection along an axis,
-// the hull is that of two discs, which is on one side of both lines that touch both discs. The smaller of the two
+// The hull is the union of the spheres between its two spheres: centre and radius are interpolated linearly. Points
+// between two planes are in the spheres that overlap that interval. The box of consecutive spheres is that of the first
+// and the last. A slanted hull's box is also bounded by the tangent planes of its two spheres: in projection along an
+// axis, the hull is that of two discs, on one side of both lines that touch both discs. The smaller of the two
 // bounds is used. Any line works if its distance from the discs is known, so the rounding of its direction does not
 // matter.
 //
 // The boxes are conservative. Everything is computed in double precision and widened by 2^-22 of the largest coordinate
 // M of the hull: 4 units of a float, more than the error of narrowing (half a unit). In double, u = 2^-53, planes are
-// ignored if the hull hardly rises towards them (less than 2^-20 M). A share of the balls is then off by less than 8 u
-// M / (2^-20 M) < 2^-29 of the distance between them, which is at most 2 M. A tangent's position is off by less than 16
-// u M / ny, and it is ignored if ny < 2^-20.
+// ignored if the hull hardly rises towards them (less than 2^-20 M). A share of the spheres is then off by less than
+// 8 u M / (2^-20 M) < 2^-29 of the distance between them, which is at most 2 M. A tangent's position is off by less
+// than 16 u M / ny, and it is ignored if ny < 2^-20.
 
 class SegmentSlicer {
  public:
@@ -157,12 +157,12 @@ class SegmentSlicer {
   }
 
  private:
-  // A number that is interpolated linearly from the first ball to the last.
+  // A number that is interpolated linearly from the first sphere to the last.
   struct Run {
     double from, to;
     [[nodiscard]] double at(double share) const noexcept { return from + share * (to - from); }
   };
-  // The extent of the balls along an axis.
+  // The extent of the spheres along an axis.
   struct Reach {
     Run lower, upper;
   };
@@ -189,7 +189,7 @@ class SegmentSlicer {
   static double centre(const Ball& ball, int i) noexcept { return static_cast<double>(ball.centre[i]); }
   static double radius(const Ball& ball) noexcept { return static_cast<double>(ball.radius); }
 
-  // Returns the balls that overlap the interval between the planes; all balls if that is not precise enough.
+  // Returns the spheres that overlap the interval between the planes; all spheres if that is not precise enough.
   [[nodiscard]] Shares balls_between(double low, double high) const noexcept {
     Shares shares{0, 1};
     const auto keep_above = [&](Run run, double place) {
@@ -233,7 +233,7 @@ class SegmentSlicer {
 };
 
 // Writes slices[k], k = 0 ... planes.size(): a box around the part of the hull between planes[k - 1] and planes[k],
-// both included; empty if there is none. Planes are in ascending order. If both balls are the same, cuts that ball.
+// both included; empty if there is none. Planes are in ascending order. If both spheres are the same, cuts it.
 inline void slice_segment(const Ball& first, const Ball& last, int axis, std::span<const float> planes,
                           Box4* slices) noexcept {
   constexpr double kInfinity = std::numeric_limits<double>::infinity();

@@ -60,7 +60,7 @@ struct Mesh {
   TriangleList triangles;
   AlignedVector<Ball> balls;          // of curves, one after another, and of points
   SharedList<SegmentCode> segments;   // of curves
-  SharedList<std::uint32_t> starts;   // the first ball of each curve; then the number of balls
+  SharedList<std::uint32_t> starts;   // the first sphere of each curve; then the number of spheres
   SharedList<ClosedCurve> closed;     // of curves, by number
   SharedList<std::uint8_t> cyclic;    // per curve: whether it is closed; only curves with all segments; empty: none
   SharedList<std::uint32_t> numbers;  // per point: the caller's number; empty if it equals its own
@@ -70,9 +70,9 @@ struct Mesh {
   std::vector<std::shared_ptr<const Mesh>> later;
   StepTimes times;
 
-  // Returns whether the primitives are curves or points, that is, balls and hulls of two balls.
+  // Returns whether the primitives are curves or points, that is, spheres and hulls of two spheres.
   [[nodiscard]] bool is_round() const noexcept { return kind != PrimitiveKind::kTriangles; }
-  // Returns the number of triangles' vertices, or of balls.
+  // Returns the number of triangles' vertices, or of spheres.
   [[nodiscard]] std::size_t vertex_count() const noexcept { return positions.size() + balls.size(); }
   // These depend on the kind (mesh/primitive_traits.h).
   [[nodiscard]] std::size_t primitive_count() const noexcept;

@@ -24,7 +24,7 @@ struct PrimitiveNames {
   const char* whose;     // for messages on the number of vertices
 };
 
-// Returns the number of balls that the caller gave, including omitted ones.
+// Returns the number of spheres that the caller gave, including omitted ones.
 [[nodiscard]] inline std::size_t given_ball_count(const Mesh& mesh) noexcept {
   return mesh.numbers.empty() ? mesh.balls.size() : mesh.numbers[mesh.numbers.size() - 1];
 }
@@ -68,11 +68,11 @@ struct TriangleTraits {
   static constexpr double kSolid = 3;  // half the surface of a box without empty space, per area of its content
 };
 
-// Hulls of consecutive balls.
+// Hulls of consecutive spheres.
 template <class Kind>
 struct OverBalls {
-  // A ball's box is its centre minus and plus its radius, each interpolated and rounded. This exceeds the margin of the
-  // slab test (math/slab.h) by 3 u R, so the extent is larger.
+  // A sphere's box is its centre minus and plus its radius, each interpolated and rounded. This exceeds the margin of
+  // the slab test (math/slab.h) by 3 u R, so the extent is larger.
   static constexpr float kMovingExtent = 1.5f;
   static constexpr std::size_t kCorners = 1;
 
@@ -83,7 +83,7 @@ struct OverBalls {
   static const Ball& last(const Mesh& mesh, std::size_t index) noexcept {
     return mesh.balls[Kind::first_ball(mesh, index) + (Kind::kBalls - 1)];
   }
-  // The box of a convex hull is the box of its balls.
+  // The box of a convex hull is the box of its spheres.
   static Aabb box(const Mesh& mesh, std::size_t index) noexcept {
     Aabb box = box_of(first(mesh, index));
     if constexpr (Kind::kBalls > 1) box.grow(box_of(last(mesh, index)));
@@ -93,7 +93,7 @@ struct OverBalls {
                     Box4* slices) noexcept {
     slice_segment(first(mesh, index), last(mesh, index), axis, planes, slices);
   }
-  // Returns that of a box along a segment, around its larger ball: the space around a ball cannot be cut away.
+  // Returns that of a box along a segment, around its larger sphere: the space around a sphere cannot be cut away.
   static double solid_area(const Mesh& mesh, std::size_t index) noexcept {
     const Ball &a = first(mesh, index), &b = last(mesh, index);
     const double width = 2 * static_cast<double>(std::max(a.radius, b.radius));

@@ -100,7 +100,7 @@ void check_cyclic(std::span<const std::uint8_t> cyclic, std::size_t curve_count,
                        std::to_string(cyclic.size()));
 }
 
-// Segments are in the order of their balls; omitted ones separate their neighbours.
+// Segments are in the order of their spheres; omitted ones separate their neighbours.
 void list_segments(Mesh& mesh) {
   AlignedVector<SegmentCode> segments;
   AlignedVector<ClosedCurve> closed;

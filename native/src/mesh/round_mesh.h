@@ -1,5 +1,5 @@
-// Makes meshes of points and of curves from their balls, and translates a primitive's number to the caller's.
-// A point without a radius is omitted, and so is a segment between two balls without one: no ray hits them.
+// Makes meshes of points and of curves from their spheres, and translates a primitive's number to the caller's.
+// A point without a radius is omitted, and so is a segment between two spheres without one: no ray hits them.
 #pragma once
 
 #include <cstddef>
@@ -11,31 +11,31 @@
 
 namespace perfect_bvh {
 
-// Balls as callers give them. T: float, or double, which is recentred. A single radius applies to all balls. No radii,
-// for a moving mesh: the radii stay.
+// Spheres as callers give them. T: float, or double, which is recentred. A single radius applies to all spheres. No
+// radii, for a moving mesh: the radii stay.
 template <class T>
 struct BallsGiven {
   std::span<const Vec3<T>> centres;
   std::span<const T> radii;
 };
 
-// Makes each ball a point. Throws InvalidArgument for numbers that are not finite or exceed 1e18, negative radii, or a
-// wrong number of radii; `function` opens the message.
+// Makes each sphere a point. Throws InvalidArgument for numbers that are not finite or exceed 1e18, negative radii, or
+// a wrong number of radii; `function` opens the message.
 template <class T>
 [[nodiscard]] Mesh make_points(const BallsGiven<T>& balls, const char* function);
 
-// offsets: the first ball of each curve, then the number of balls; a curve has two balls or more. cyclic: one per
-// curve, whether it continues from its last ball, which must equal its first one; empty: no curve does. Throws
+// offsets: the first sphere of each curve, then the number of spheres; a curve has two spheres or more. cyclic: one per
+// curve, whether it continues from its last sphere, which must equal its first one; empty: no curve does. Throws
 // InvalidArgument as make_points() does, for invalid offsets, and if `cyclic` does not have one entry per curve.
 template <class T>
 [[nodiscard]] Mesh make_curves(const BallsGiven<T>& balls, std::span<const std::int64_t> offsets, CurveShape shape,
                                const char* function, std::span<const std::uint8_t> cyclic = {});
 
-// Makes a mesh of the same kind from other balls; curves keep their number of balls.
+// Makes a mesh of the same kind from other spheres; curves keep their number of spheres.
 template <class T>
 [[nodiscard]] Mesh make_again(const Mesh& mesh, const BallsGiven<T>& balls, const char* function);
 
-// Throws InvalidArgument for balls that make_points() would reject.
+// Throws InvalidArgument for spheres that make_points() would reject.
 template <class T>
 void check_balls(const BallsGiven<T>& balls, PrimitiveKind kind, const char* function);
 
@@ -48,7 +48,7 @@ void check_balls(const BallsGiven<T>& balls, PrimitiveKind kind, const char* fun
   return list;
 }
 
-// Returns the ball in row i of the input.
+// Returns the sphere in row i of the input.
 template <class T>
 [[nodiscard]] inline Ball ball_at(const BallsGiven<T>& balls, std::size_t i, Vec3d centre) noexcept {
   const T radius = balls.radii[balls.radii.size() == 1 ? 0 : i];

@@ -12,7 +12,7 @@ namespace {
 
 constexpr std::size_t kMostBalls = std::size_t{kSegmentBall} + 1;
 
-// A ball in double precision, or a difference of balls: a vector of four.
+// A sphere in double precision, or a difference of spheres: a vector of four.
 struct Four {
   double x, y, z, radius;
 
@@ -73,7 +73,7 @@ Cubic cubic_of(const ControlCurves<T>& curves, const Reading& curve, std::size_t
   return cubic;
 }
 
-// Returns the error of the surface for a single piece. The combined bend of centre and radius is largest at an end,
+// Returns the error of the surface for a single segment. The combined bend of centre and radius is largest at an end,
 // too.
 double bend_of(const Cubic& cubic) noexcept {
   const double first = ((cubic.b0 - cubic.b1) - (cubic.b1 - cubic.b2)).size();
@@ -87,7 +87,7 @@ std::uint32_t pieces_within(double bend, double tolerance) noexcept {
   return count <= static_cast<double>(kMostBalls) ? std::max(1u, static_cast<std::uint32_t>(count)) : kMostBalls;
 }
 
-// Starts with the existing spans, without pieces yet.
+// Starts with the existing spans, without segments yet.
 template <class T>
 Subdivision begin(const ControlCurves<T>& curves, const char* function) {
   Subdivision subdivision;
@@ -96,7 +96,7 @@ Subdivision begin(const ControlCurves<T>& curves, const char* function) {
   return subdivision;
 }
 
-// Gives each span of a curve as many pieces as the one with the most.
+// Gives each span of a curve as many segments as the one with the most.
 void even_out(Subdivision& subdivision) noexcept {
   const auto begin = subdivision.first_balls.begin();
   for (std::size_t curve = 1; curve < subdivision.first_spans.size(); ++curve) {
@@ -105,7 +105,7 @@ void even_out(Subdivision& subdivision) noexcept {
   }
 }
 
-// Converts the number of pieces of each span to the first ball of each: a chain has one ball more than pieces.
+// Converts the number of segments of each span to the first sphere of each: a chain has one sphere more than segments.
 void sum_up(Subdivision& subdivision, const std::string& function) {
   std::size_t balls = 0, span = 0;
   for (std::size_t curve = 1; curve < subdivision.first_spans.size(); ++curve) {
@@ -148,7 +148,7 @@ struct Chains {
     centres[row] = {static_cast<T>(ball.x), static_cast<T>(ball.y), static_cast<T>(ball.z)};
     radii[row] = static_cast<T>(std::max(ball.radius, 0.0));  // a cubic that touches 0 may be rounded below it
   }
-  // Writes the first balls of `count` pieces, at 0, 1 / count, ... of the cubic.
+  // Writes the first spheres of `count` segments, at 0, 1 / count, ... of the cubic.
   void put(std::size_t row, std::size_t count, const Cubic& cubic) const noexcept {
     const auto& [b0, b1, b2, b3] = cubic;
     put(row, b0);

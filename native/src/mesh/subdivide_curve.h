@@ -58,37 +58,37 @@ template <class T>
 [[nodiscard]] std::vector<std::int64_t> first_spans_of(const ControlCurves<T>& curves, const std::string& function);
 
 // Subdivide curve -----------------------------------------------------------------------------------------------------
-// Converts curves over control points to chains of balls (math/round_segment.h), within a given distance of the true
+// Converts curves over control points to chains of spheres (math/round_segment.h), within a given distance of the true
 // surface.
 //
 // The true surface. Between control points a curve is a cubic, in both the centre and the radius (poly: a line); the
-// surface bounds the union of the balls along it. Curves are evaluated as in Blender:
+// surface bounds the union of the spheres along it. Curves are evaluated as in Blender:
 // - Catmull-Rom, uniform: through every control point; the first and the last count twice at the ends.
 // - B-spline, cubic, with uniform knots, not clamped: from (p0 + 4 p1 + p2) / 6 on. With fewer than 4 points: a poly.
 // - Bezier: through the points 3i, the two between are handles; there are 3n + 1 points, or 3n for a cyclic curve.
-// A cyclic curve's chain ends with its first ball. If a Catmull-Rom curve would let the radius swing below 0, its inner
-// Bernstein coefficients are raised to 0, so that no radius is negative.
+// A cyclic curve's chain ends with its first sphere. If a Catmull-Rom curve would let the radius swing below 0, its
+// inner Bernstein coefficients are raised to 0, so that no radius is negative.
 //
 // The distance. Over 1/k of its parameter, a cubic deviates from its chord by at most |second derivative| / (8 k^2), in
 // any norm: here that of the centre plus that of the radius, which bounds the difference of surfaces. The second
-// derivative is linear, so it is largest at an end. Rounding the balls to T adds to this.
+// derivative is linear, so it is largest at an end. Rounding the spheres to T adds to this.
 //
-// All spans of a curve get as many pieces as the one that needs most, so that a position along the chain is the same
+// All spans of a curve get as many segments as the one that needs most, so that a position along the chain is the same
 // position along the curve.
 
-// The number of pieces of each span between control points. It depends on the control points and the tolerance. It
+// The number of segments of each span between control points. It depends on the control points and the tolerance. It
 // outlives them, so that the same chains can be written for moved points, and trees can be refitted.
 struct Subdivision {
-  AlignedVector<std::uint32_t> first_balls;  // of each span, curve by curve, then the number of balls
+  AlignedVector<std::uint32_t> first_balls;  // of each span, curve by curve, then the number of spheres
   std::vector<std::int64_t> first_spans;     // of each curve, then the number of spans
 
   [[nodiscard]] std::size_t span_count() const noexcept { return first_balls.size() - 1; }
   [[nodiscard]] std::size_t ball_count() const noexcept { return first_balls.back(); }
-  // Returns the first ball of each curve, then the number of balls: the offsets of a poly.
+  // Returns the first sphere of each curve, then the number of spheres: the offsets of a poly.
   [[nodiscard]] std::vector<std::int64_t> ball_offsets() const;
-  // Returns whether it has at least as many pieces everywhere as another of the same curves.
+  // Returns whether it has at least as many segments everywhere as another of the same curves.
   [[nodiscard]] bool is_as_fine_as(const Subdivision& other) const noexcept;
-  // Returns, for each curve, the pieces of the one that has more; `other` is of the same curves.
+  // Returns, for each curve, the segments of the one that has more; `other` is of the same curves.
   [[nodiscard]] Subdivision finer(const Subdivision& other) const;
 };
 
@@ -98,17 +98,17 @@ using RangeLoop =
 
 // Makes chains that are nowhere farther than `tolerance` from the true surface. Throws InvalidArgument for a tolerance
 // that is not above 0, for invalid offsets, for curves with too few points or, for Bezier curves, with an incomplete
-// handle, and for more balls than a mesh can hold; `function` opens the message.
+// handle, and for more spheres than a mesh can hold; `function` opens the message.
 template <class T>
 [[nodiscard]] Subdivision subdivide(const ControlCurves<T>& curves, double tolerance, const RangeLoop& loop,
                                     const char* function);
 
-// The same with a fixed number of pieces per span; a poly has one.
+// The same with a fixed number of segments per span; a poly has one.
 template <class T>
 [[nodiscard]] Subdivision subdivide_evenly(const ControlCurves<T>& curves, std::uint32_t piece_count,
                                            const char* function);
 
-// Writes the balls of all chains; centres and radii have room for ball_count(). The curves are those that were
+// Writes the spheres of all chains; centres and radii have room for ball_count(). The curves are those that were
 // subdivided, or the same ones moved. Throws InvalidArgument if their offsets differ from those.
 template <class T>
 void write_balls(const ControlCurves<T>& curves, const Subdivision& subdivision, std::span<Vec3<T>> centres,

@@ -137,7 +137,7 @@ class Audit {
   };
 
   // Returns how far rounding a ray to float, in the space of an instance, moves it. This exceeds the kernels' error,
-  // because they decide in double wherever that matters: matrices may squeeze by any factor.
+  // because they decide in double where that matters: matrices may squeeze by any factor.
   [[nodiscard]] double margin(const AuditedRay& ray, std::size_t row) const {
     return 4.0 * kFloatUlp * (balls_[row].reach + ray.line.reach);
   }

@@ -270,7 +270,7 @@ class Walker {
     for (const Vec3d& corner : {corners.v0, corners.v1, corners.v2}) append_vector(walk_.triangles, corner);
   }
 
-  // Returns the corners; for a curve's segment, the centres of its balls, with the first repeated.
+  // Returns the corners; for a curve's segment, the centres of its spheres, with the first repeated.
   [[nodiscard]] WorldTriangle corners_of(std::uint32_t primitive) {
     const Instance& instance = snapshot_.instances[slot().instance];
     const Mesh& mesh = instance.blas->mesh;

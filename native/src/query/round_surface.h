@@ -23,7 +23,7 @@ namespace perfect_bvh {
 //
 // Ribbons are flat, but their normals are round: those of a tube about the curve that is as wide as the curve where the
 // ray hits it. Like the ribbon, the tube is round in the mesh's own space, and stretched with its instance. It turns
-// with the curve from one segment to the next: its axis at a ball is the mean of the two adjacent segments.
+// with the curve from one segment to the next: its axis at a sphere is the mean of the two adjacent segments.
 // Secondary rays start where the incoming ray enters or leaves the tube. From there they hit the ribbon again only if
 // they go back into it.
 

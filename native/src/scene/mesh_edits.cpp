@@ -78,7 +78,7 @@ template void Scene::set_mesh_motion(std::int32_t, std::span<const Vec3d>, const
 
 namespace {
 
-// Returns the balls of one step; the input has one step after another.
+// Returns the spheres of one step; the input has one step after another.
 template <class T>
 BallsGiven<T> balls_of_step(const BallsGiven<T>& balls, std::size_t step, std::size_t step_count) {
   const std::size_t count = balls.centres.size() / step_count, radius_count = balls.radii.size() / step_count;

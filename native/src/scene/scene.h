@@ -79,11 +79,11 @@ class Scene {
   template <class T>
   void update_mesh(std::int32_t mesh_id, std::span<const Vec3<T>> positions,
                    ThreadPool& pool = ThreadPool::shared());  // same topology
-  // Moves curves or points; the number of balls stays the same. If no radii are given, the radii stay.
+  // Moves curves or points; the number of spheres stays the same. If no radii are given, the radii stay.
   template <class T>
   void update_balls(std::int32_t mesh_id, PrimitiveKind kind, const BallsGiven<T>& balls,
                     ThreadPool& pool = ThreadPool::shared());
-  // Moves curves that are divided into chains, if each chain has as many balls as before; otherwise replaces them.
+  // Moves curves that are divided into chains, if each chain has as many spheres as before; otherwise replaces them.
   template <class T>
   void set_chains(std::int32_t mesh_id, const BallsGiven<T>& balls, std::span<const std::int64_t> offsets,
                   ThreadPool& pool = ThreadPool::shared());
@@ -93,8 +93,8 @@ class Scene {
   template <class T>
   void set_mesh_motion(std::int32_t mesh_id, std::span<const Vec3<T>> positions, const StepTimes& times,
                        ThreadPool& pool = ThreadPool::shared());
-  // The same for curves or points. offsets: of the chains of each step's balls; empty for points and for curves without
-  // chains.
+  // The same for curves or points. offsets: of the chains of each step's spheres; empty for points and for curves
+  // without chains.
   template <class T>
   void set_round_motion(std::int32_t mesh_id, PrimitiveKind kind, const BallsGiven<T>& balls,
                         std::span<const std::int64_t> offsets, const StepTimes& times,

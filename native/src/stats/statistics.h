@@ -22,7 +22,7 @@ struct TreeStatistics {
   std::string builder;        // as in BuildConfig; for the top level see TopLevelReport
   std::string kind;           // "triangles", "curves" or "points"; "instances" for the top level
   std::size_t primitive_count = 0;
-  std::size_t vertex_count = 0;    // for curves and points, their balls
+  std::size_t vertex_count = 0;    // for curves and points, their spheres
   std::size_t left_out_count = 0;  // points and curves' segments without a radius
   std::size_t user_count = 0;      // instances
 
@@ -43,7 +43,7 @@ struct TreeStatistics {
   std::size_t wide_leaf_count = 0;
   std::uint32_t wide_depth = 0;
 
-  std::size_t geometry_byte_count = 0;  // positions and triangles, or balls; the instances for the top level
+  std::size_t geometry_byte_count = 0;  // positions and triangles, or spheres; the instances for the top level
   std::size_t binary_byte_count = 0;    // 0 if the binary tree is no longer kept
   std::size_t wide_byte_count = 0;
   std::size_t plan_byte_count = 0;  // of the refit data; 0 before the first refit

@@ -65,7 +65,7 @@ bool place_instance(Instance& instance, Placing& placing, const Blas& blas, cons
 
 namespace {
 
-// Returns the mesh in world space, at all steps if it moves. Without thickness there is no solid: of balls nothing
+// Returns the mesh in world space, at all steps if it moves. Without thickness there is no solid: of spheres nothing
 // remains.
 std::shared_ptr<Mesh> flattened(const Mesh& mesh, const Affine& to_world, CancelToken& cancel) {
   auto copy = std::make_shared<Mesh>();

@@ -12,7 +12,7 @@
 // - 1,000 and 10,000 small meshes, each used once (tests/benchmarks/shared_tree.py): two levels visit hardly more than
 //   the one tree (12 nodes and instances per ray against 11, 20 against 18), so no other tree can gain much. Most time
 //   is spent on entering instances: meshes of one leaf, which cannot be opened, take 1.4 and 1.6; boxes 1.5 and 2.2,
-//   entered leaf by leaf 1.7 and 2.1; balls 1.6 and 1.7, in 4 parts 1.8 and 2.0, in 8 parts 2.2 and 2.3.
+//   entered leaf by leaf 1.7 and 2.1; spheres 1.6 and 1.7, in 4 parts 1.8 and 2.0, in 8 parts 2.2 and 2.3.
 // - 216 instances of 5,000 triangles: apart on a grid .87, in 16 parts 1.3. In a heap, where each overlaps dozens of
 //   others, 53 nodes per ray become 27 in 64 parts, and 2.8 becomes 2.2, for 64 times the references. If they are
 //   turned, so that the parts' boxes loosen, 2.7 stays 2.7.

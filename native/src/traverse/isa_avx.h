@@ -250,15 +250,15 @@ __attribute__((always_inline)) inline void set_states(BoxState& box, TriangleSta
 }
 
 // Gather avx ----------------------------------------------------------------------------------------------------------
-// Reads balls with AVX: one load of four floats each; eight of them are transposed into four rows. Gather instructions
-// take more than twice as long.
+// Reads spheres with AVX: one load of four floats each; eight of them are transposed into four rows. Gather
+// instructions take more than twice as long.
 // Included by each of the translation units that have AVX2; everything in it has internal linkage.
 
 inline __attribute__((always_inline)) __m256 load_two(const Vec3f& low, const Vec3f& high) noexcept {
   return _mm256_insertf128_ps(_mm256_castps128_ps256(_mm_loadu_ps(&low.x)), _mm_loadu_ps(&high.x), 1);
 }
 
-// `ball(lane)` returns the ball of that lane.
+// `ball(lane)` returns the sphere of that lane.
 template <class BallOf>
 inline __attribute__((always_inline)) void gather_balls(float (*rows)[8], float scale, const BallOf& ball) noexcept {
   const __m256 factor = _mm256_set1_ps(scale);

@@ -238,10 +238,10 @@ PERFECT_BVH_INLINE unsigned keep_near(const std::uint32_t* children, const float
 }
 
 // Gather neon ---------------------------------------------------------------------------------------------------------
-// Reads balls with NEON: one load of four floats each; four of them are transposed into four rows. Included by one
+// Reads spheres with NEON: one load of four floats each; four of them are transposed into four rows. Included by one
 // translation unit only; everything in it has internal linkage.
 
-// `ball(lane)` returns the ball of that lane.
+// `ball(lane)` returns the sphere of that lane.
 template <class BallOf>
 inline __attribute__((always_inline)) void gather_balls(float (*rows)[8], float scale, const BallOf& ball) noexcept {
   for (int lane = 0; lane < 8; lane += 4) {

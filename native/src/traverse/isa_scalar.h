@@ -202,10 +202,10 @@ inline void set_states(BoxState& box, TriangleState& triangle, const ObjectRay& 
 }
 
 // Gather scalar -------------------------------------------------------------------------------------------------------
-// Reads balls, in plain C++.
+// Reads spheres, in plain C++.
 // Included by one translation unit only; everything in it has internal linkage.
 
-// `ball(lane)` returns the ball of that lane.
+// `ball(lane)` returns the sphere of that lane.
 template <class BallOf>
 inline void gather_balls(float (*rows)[8], float scale, const BallOf& ball) noexcept {
   for (int lane = 0; lane < 8; ++lane) {

@@ -76,7 +76,7 @@ PERFECT_BVH_INLINE unsigned round_candidates(const CurveLeaf& leaf, const LeafLi
   return lanes_near_capsules(line, sub8(first, broadcast3(line.nearest)), sub8(last, first), reach) & leaf.lanes;
 }
 
-// Returns balls (rows of x, y, z and radii) relative to the corner.
+// Returns spheres (rows of x, y, z and radii) relative to the corner.
 PERFECT_BVH_INLINE Vector8 from_corner(const float (*rows)[8], const LeafCorner& corner) noexcept {
   return sub8({load(rows[0]), load(rows[1]), load(rows[2])}, broadcast3(corner.at));
 }
@@ -133,7 +133,7 @@ struct RoundCandidates {
   }
 
  private:
-  // Filters balls between two steps. Interpolation adds one more rounding, for which kRoundSlack has room.
+  // Filters spheres between two steps. Interpolation adds one more rounding, for which kRoundSlack has room.
   [[nodiscard]] __attribute__((noinline)) unsigned moving_candidates(const RoundList& list, const ObjectRay& ray,
                                                                      float t_min, float t_limit,
                                                                      float slack) const noexcept {
@@ -310,7 +310,7 @@ inline float coordinate(const MovingBlock& block, int lane, int corner, int axis
                      coordinate(block.to, lane, corner, axis));
 }
 
-// Returns the curves or points at a moment: those of a step, with the next step's balls.
+// Returns the curves or points at a moment: those of a step, with the next step's spheres.
 PERFECT_BVH_INLINE RoundLeaves moving_leaves(const TreeStep* step, const Moment& moment) noexcept {
   RoundLeaves leaves = *step[0].leaves.round_leaves;
   if (moment.is_between()) leaves.round.later = step[1].leaves.round_leaves->round.balls, leaves.round.moment = moment;

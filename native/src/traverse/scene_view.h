@@ -152,11 +152,11 @@ struct FoundHits {
   std::size_t* counts = nullptr;  // one per ray
 };
 
-// Gathered balls ------------------------------------------------------------------------------------------------------
-// The balls of a leaf of curves or points, in the form that is tested: read from the mesh and converted to the tree's
+// Gathered spheres ----------------------------------------------------------------------------------------------------
+// The spheres of a leaf of curves or points, in the form that is tested: read from the mesh and converted to the tree's
 // scale.
 
-// Each primitive's two balls (a point's are the same), as x, y, z and radius in the tree's scale.
+// Each primitive's two spheres (a point's are the same), as x, y, z and radius in the tree's scale.
 struct alignas(32) GatheredBalls {
   float first[4][8], last[4][8];
 };

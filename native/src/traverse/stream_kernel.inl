@@ -173,9 +173,9 @@ PERFECT_BVH_INLINE void put_at_node(Stream& stream, Slot& slot) noexcept {
 // Needs the stream.
 #include "traverse/stream_leaf.inl"
 
-// A leaf of points is read in two dependent steps: numbers, then balls. They are prefetched here for all waiting leaves
-// together, to wait for the caches once and not once per leaf. A leaf of curves is two cache lines, and the segments
-// that it names are seldom needed.
+// A leaf of points is read in two dependent steps: numbers, then spheres. They are prefetched here for all waiting
+// leaves together, to wait for the caches once and not once per leaf. A leaf of curves is two cache lines, and the
+// segments that it names are seldom needed.
 __attribute__((noinline)) void fetch_round_leaves(const Stream& stream) noexcept {
   __asm__ volatile("");  // compilers drop calls to functions that only prefetch
   bool has_points = false;

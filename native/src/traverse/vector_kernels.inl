@@ -1,5 +1,5 @@
 // All kernels of one instruction set with vectors, and their table. Included last, by a translation unit that has
-// already included its vectors, ray set-up and ball reads (isa_*.h).
+// already included its vectors, ray set-up and sphere reads (isa_*.h).
 #pragma once
 
 #include "math/distance.h"

@@ -64,7 +64,7 @@ struct Calibration {
 // (mesh_shape.h). Its change predicts the change of the whole tree's cost, as sample^exponent, and each rebuild
 // measures the exponent of this mesh. The cost of restructuring depends on the share of the tree that it would rebuild.
 
-// All but the first are for comparisons; they always do the same action if it is possible.
+// All except the first are for comparisons; they always do the same action if it is possible.
 enum class Policy : std::uint8_t { kGoverned, kRefit, kRotate, kRebuildParts, kRebuild };
 
 // kKeep: only for triangles that did not move.

@@ -13,7 +13,7 @@ namespace perfect_bvh {
 //
 // Compared with actual builds, the root mean square error of the logarithm of the change was .03 (a tree in the wind)
 // and .02 (cloth), .16 and .18 for meshes twisted by up to 25 radians and sheared up to a hundredfold, for which the
-// trees at rest are no guide, and .36 for a ball that bursts into all its triangles.
+// trees at rest are no guide, and .36 for a sphere that bursts into all its triangles.
 //
 // 0 for a mesh whose box has no area. Uses a sixteenth of the triangles, but 64 to 1024 of them: a third of a
 // millisecond. The number does not depend on the number of threads. Throws bad_alloc.

@@ -83,7 +83,7 @@ constexpr float kMostSteps = 1023.0f;   // in ten bits
 constexpr float kMostRadius = 250.0f;   // in eight bits, with all growth
 constexpr float kMostInUnit = 0x1p48f;  // so that no product of steps leaves the range of float
 
-// The balls at one end of eight segments, as rows: x, y, z, radii of the first four, then of the others.
+// The spheres at one end of eight segments, as rows: x, y, z, radii of the first four, then of the others.
 using BallRows = std::array<Float4, 8>;
 
 [[nodiscard]] BallRows to_rows(std::array<Float4, 8> balls) noexcept {
@@ -216,7 +216,7 @@ Box4 round_box_of(const std::uint32_t* primitives, const Mesh& mesh, Float4 scal
   return {box.lower * scale + zero, box.upper * scale + zero};
 }
 
-// From a leaf to its balls there are two memory reads for points and three for curves. Each read gives the address of
+// From a leaf to its spheres there are two memory reads for points and three for curves. Each read gives the address of
 // the next.
 constexpr std::size_t kLeafAhead = 24, kSegmentsAhead = 16, kBallsAhead = 8;
 

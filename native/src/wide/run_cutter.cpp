@@ -166,7 +166,7 @@ template <class Kind>
   return box;
 }
 
-// Returns the box of all vertices or balls.
+// Returns the box of all vertices or spheres.
 template <class Vertex>
 [[nodiscard]] Box4 measure_space(const AlignedVector<Vertex>& all, ThreadPool& pool, CancelToken& cancel) {
   AlignedVector<Box4> chunks(chunk_count_of(all.size()));

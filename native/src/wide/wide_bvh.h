@@ -58,7 +58,7 @@ struct alignas(16) LeafCorner {
   float steps;
 };
 
-// A leaf of curves. For each segment it holds the axis, from one ball's centre to the other's, and the larger radius,
+// A leaf of curves. For each segment it holds the axis, from one sphere's centre to the other's, and the larger radius,
 // in whole steps from the leaf's corner. The segment lies in the capsule about that axis with that radius. So kernels
 // find, eight at a time, the segments that a ray may hit, and read only those from the mesh.
 struct alignas(64) CurveLeaf {

@@ -106,7 +106,7 @@ std::optional<LightMet> meet_area(const Light& light, Vec3d point, Vec3f directi
   return LightMet{distance, light.power * radiance, square(distance) / (cosine * area)};
 }
 
-// A ball is a disk through its centre that faces the point ("Soft Falloff"), so that light on surfaces that touch it
+// A sphere is a disk through its centre that faces the point ("Soft Falloff"), so that light on surfaces that touch it
 // stays finite.
 LightRay look_at_ball(const Light& light, Vec3d point, Vec3f normal, Point2 random) noexcept {
   const Vec3f to_centre = to_float(light.position - point);

@@ -50,7 +50,7 @@ struct LightMet {
 // For rays of mirroring surfaces: returns the light if `look_at_light` may choose the direction, which has unit length.
 [[nodiscard]] std::optional<LightMet> meet_light(const Light& light, Vec3d point, Vec3f direction) noexcept;
 
-// Estimates its `light`, to choose between lights; positive wherever it may be.
+// Estimates its `light`, to choose between lights; positive where light may arrive.
 [[nodiscard]] float guess_light(const Light& light, Vec3d point, Vec3f normal) noexcept;
 
 }  // namespace perfect_bvh

@@ -152,10 +152,10 @@ class ClayMode final : public ShadingMode {
 std::unique_ptr<ShadingMode> make_clay_mode(const ModeInputs& inputs) { return std::make_unique<ClayMode>(inputs); }
 
 // Mode matcap ---------------------------------------------------------------------------------------------------------
-// Form at a glance: light that depends only on the normal in the viewer's frame, as if every surface were a piece of
-// one ball photographed in a studio. A soft key light from the upper left, a cool fill from the right, a bright rim and
-// a highlight are computed, not looked up in a picture. There are no shadows and no further rays: the cost is that of
-// the normal.
+// Form at a glance: light that depends only on the normal in the viewer's frame, as if every surface were a part of
+// one sphere photographed in a studio. A soft key light from the upper left, a cool fill from the right, a bright rim
+// and a highlight are computed, not looked up in a picture. There are no shadows and no further rays: the cost is that
+// of the normal.
 
 namespace {
 
@@ -190,7 +190,7 @@ class MatcapMode final : public ShadingMode {
   }
 
  private:
-  // A normal in the frame of the ray that sees it, so that a ball looks the same wherever it is in the image.
+  // A normal in the frame of the ray that sees it, so that a sphere looks the same anywhere in the image.
   [[nodiscard]] Vec3f as_seen(Vec3f normal, const Ray& ray) const noexcept {
     const Vec3d towards = -normalized(ray.direction);
     Vec3d right = cross(camera_.up(), towards);

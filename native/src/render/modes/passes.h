@@ -22,7 +22,7 @@ struct PixelMotion {
 };
 
 // A pass that is not requested is empty; the others have a row per pixel. The caller fills them with the values for
-// pixels outside the camera's border. All but `combined` and the guides hold data of the hit through the pixel's
+// pixels outside the camera's border. All except `combined` and the guides hold data of the hit through the pixel's
 // centre: they are never blended.
 struct PassTargets {
   std::span<Rgba> combined;                     // scene-linear, premultiplied by alpha

@@ -25,9 +25,9 @@ enum class Projection : std::uint8_t { kPerspective, kOrthographic, kEquirectang
 
 // A thin lens: points at one distance are sharp, and points in front and behind are blurred to the aperture's shape.
 // In: a point of [0, 1)^2 for a sample. Out: the point of the lens for the sample's ray. Rays through one point of the
-// image meet at the focus distance, at whatever point they pass the lens (Cook, Porter and Carpenter, "Distributed Ray
-// Tracing", 1984). The lens has no thickness (Kolb, Mitchell and Hanrahan, "A Realistic Camera Model", 1995, section
-// 2).
+// image meet at the focus distance, for any point where they pass the lens (Cook, Porter and Carpenter, "Distributed
+// Ray Tracing", 1984). The lens has no thickness (Kolb, Mitchell and Hanrahan, "A Realistic Camera Model", 1995,
+// section 2).
 struct Lens {
   double radius = 0.0;          // of the aperture's circle, through a polygon's corners; world units
   double focus_distance = 1.0;  // along the view axis, or the ray of a panorama

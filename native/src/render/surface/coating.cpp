@@ -29,7 +29,7 @@ Vec3f fiber_normal_of(const Material& material, const Finish& finish, const Coat
 }
 
 // A linear spline in cosine and roughness, fitted to renders of Cycles (tests/blender/fit_sheen.py): the square root of
-// the albedo's negative logarithm, the scale and the shear. From a roughness of .25 on, a ball reflects as much light
+// the albedo's negative logarithm, the scale and the shear. From a roughness of .25 on, a sphere reflects as much light
 // as in Cycles to 2 %; below that fibers are hardly visible.
 constexpr std::array kCosines{0.0f, 0.1f, 0.2f, 0.35f, 0.5f, 0.7f, 1.0f};
 constexpr std::array kAlbedoRoughnesses{0.1f, 0.15f, 0.2f, 0.26f, 0.33f, 0.42f, 0.54f, 0.68f, 0.84f, 1.0f};
