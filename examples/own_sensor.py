@@ -18,7 +18,7 @@ max_distance = 60.0
 
 [beam]
 divergence = 3.0  # milliradians
-rays = 5  # stand for a beam
+rays = 5  # per beam
 returns = 2
 keep = ["strongest", "last"]
 resolution = 0.5  # metres: nearer echoes are one

@@ -1,4 +1,4 @@
-"""Give each ray a time of its own: a wheel that turns while the shutter is open, and when a ray meets a blade."""
+"""Give each ray its own time: a wheel that turns while the shutter is open, and when a ray hits a blade."""
 
 import numpy as np
 import perfect_bvh

@@ -7,7 +7,7 @@ from shared import read_arguments, save_png, to_colors
 
 folder, width = read_arguments()
 parts = [trimesh.creation.icosphere(radius=radius, subdivisions=4) for radius in (3.0, 2.5, 1.5)]
-parts[1].invert()  # a hollow ball with another inside
+parts[1].invert()  # a hollow sphere with another inside
 parts += [trimesh.creation.torus(4.0, 0.7), trimesh.creation.box(bounds=[[-6, -0.2, -0.2], [6, 0.2, 0.2]])]
 mesh = trimesh.util.concatenate(parts)
 mesh.ray = RayMeshIntersector(mesh)  # the one line that changes

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from plain_words import find_words
+from plain_words import find_words, texts_in
 
 
 def test_words_are_found_by_line() -> None:
@@ -13,3 +13,10 @@ def test_words_are_found_by_line() -> None:
 def test_code_links_and_everyday_words_are_left_out() -> None:
     assert not find_words("`piece` and --piece [x](beside.md) say everything\n```\npiece\n```")
     assert not find_words("pieced, nothing, besides the point of standing")
+
+
+def test_of_sources_comments_docstrings_and_messages_are_read() -> None:
+    python = '"""A piece\nof it."""\npiece = "piece"  # a piece\nsay(f"{piece} one piece")\n'
+    assert [line for line, text in texts_in("a.py", python) if find_words(text)] == [1, 3, 4]
+    header = 'int piece;  // a piece\nthrow Fault("one piece");\n#include "piece.h"\n'
+    assert [line for line, text in texts_in("a.h", header) if find_words(text)] == [1, 2]

@@ -21,7 +21,7 @@ from .advice import RESTRUCTURED, Figures, frame_ms, frame_visits, rays_per_seco
 
 INCHES, DOTS = (8.0, 4.4), 200  # of one chart, and of an inch
 INK, DIM, GRID = "#1A1A1A", "#555555", "#E6E6E6"
-# Okabe and Ito's colours, which people with any kind of colour blindness can tell apart.
+# Okabe and Ito's colours, which people with any kind of colour blindness can distinguish.
 COLORS = {"fast": "#56B4E9", "auto": "#0072B2", "sweep": "#CC79A7", "spatial": "#009E73"}
 POLICY_COLORS = {"refit": "#E69F00", "rebuild": "#D55E00", "governed": "#0072B2"}
 ACTIONS = dict(zip(RESTRUCTURED, "sD^", strict=True))

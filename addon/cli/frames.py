@@ -183,7 +183,7 @@ class RenderWork(PieceWork):
         return f"{name}.manifest"
 
 
-# Piece work ----------------------------------------------------------------------------------------------------------
+# Chunk work ----------------------------------------------------------------------------------------------------------
 # What `scan`, `labels` and `render` have in common: chunks of a scene's frames, made here or by workers.
 
 

@@ -249,7 +249,7 @@ def check_formats(formats: Sequence[str], labels: Iterable[str] = ()) -> None:
 
 
 def plain_names(labels: Iterable[str]) -> dict[str, str]:
-    """Returns the labels' names for files and layers: all but letters, digits, `_` and `-` becomes `_`."""
+    """Returns the labels' names for files and layers: all except letters, digits, `_` and `-` becomes `_`."""
     found: dict[str, str] = {}
     for name in labels:
         plain = re.sub(r"[^\w-]", "_", name)

@@ -311,7 +311,7 @@ class _Labelling:
         self.layer_instances = np.full((self.layers, count), MISS, np.int32)
 
     def run(self, progress: Progress | None) -> None:
-        """Casts all rays and keeps what they meet."""
+        """Casts all rays and keeps their hits."""
         for share in self.steps():
             if progress is not None and progress(share) is False:
                 import perfect_bvh

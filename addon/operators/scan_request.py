@@ -106,7 +106,7 @@ _session = secrets.token_hex(8)
 class _Watch:
     """Has edits counted.
 
-    known: by the scene's session uid the state that it was last seen in, and how pieces name that: "" as on the disk.
+    known: the last seen state by the scene's session uid, and its name in chunks: "" as on the disk.
     """
 
     def __init__(self) -> None:

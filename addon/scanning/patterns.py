@@ -73,7 +73,7 @@ class Pattern(Protocol):
 
     @property
     def duration(self) -> float:
-        """The seconds of one whole pass: the duration of a scan of a single frame."""
+        """The seconds of one whole sweep: the duration of a scan of a single frame."""
 
     @property
     def baseline(self) -> float:

@@ -32,7 +32,7 @@ BEFORE = "points_"  # of the names of all files
 class ScanPlan:
     """The settings that all chunks of a scan share.
 
-    frames: in any order; they are split into chunks of at most `size` consecutive frames. is_one_pass: a whole pass of
+    frames: in any order; they are split into chunks of at most `size` consecutive frames. is_one_pass: a whole sweep of
     the sensor in the current frame, which is in `frames`. suffix: of the format, such as ".npz". steps: time samples of
     a frame. threads: 0 for all. seed: of the sensor's noise.
     labels: names of further columns. exclude_mount: as in `scan`. for_viewport: scans the scene of viewports instead of

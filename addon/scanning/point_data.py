@@ -62,7 +62,7 @@ def colors_of(cloud: PointCloud, color_by: str) -> Float32Array:
     """(N, 4) float32 scene-linear RGBA. color_by: the identifier of one of `POINT_COLORS`, such as "DISTANCE"."""
     color = find_color(color_by)
     values = getattr(cloud, COLOR_COLUMNS[color.column])
-    # In the precision that attributes of points have: colours are the same whichever they are made from.
+    # In the precision that attributes of points have: colours are the same from any source.
     kept = np.int32 if np.issubdtype(values.dtype, np.integer) else np.float32
     return colors_of_column(values.astype(kept), color.scale)
 

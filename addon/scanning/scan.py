@@ -1,4 +1,4 @@
-"""Places a sensor frame by frame, casts its pattern of rays and collects what they meet.
+"""Places a sensor frame by frame, casts its pattern of rays and collects their hits.
 
     cloud = perfect_bvh_addon.scan(SpinningLidar(), bpy.data.objects["Empty"], frames=(1, 24))
 

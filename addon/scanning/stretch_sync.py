@@ -88,7 +88,7 @@ class SceneBend:
         return np.asarray(boxes[:, bits, np.arange(3)][places.reshape(-1)])
 
     def _box(self, mesh: MeshRecord) -> Float64Array:
-        """(2, 3), of vertices, or of balls around points. What rests is asked for it once."""
+        """(2, 3), of vertices, or of spheres around points. What rests is asked for it once."""
         known = self._boxes.get(mesh.key)
         if known is None or known[0] is not mesh.positions:
             wide = 0.0 if mesh.radii is None else float(mesh.radii.max(initial=0.0))

@@ -51,7 +51,7 @@ def instance_orders(record: PlacedInstances) -> Int64Array:
     """(I,) int64, distinct: of hits at the same t, that of the instance with the smallest order wins.
 
     Sorted by the object's uid, the instancer's uid, then the persistent id, of which a part is kept; instances that
-    this part does not tell apart get numbers next to each other, by all of it, else in the order they come. Uids differ
+    this part does not distinguish get adjacent numbers, by all of it, else in the order they come. Uids differ
     from session to session but their order, that of loading and creating, does not; so the same file gives the same
     image.
     """

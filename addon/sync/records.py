@@ -149,7 +149,7 @@ class MeshRecord:
 
     @property
     def part_count(self) -> int:
-        """How many triangles, curves or points it has: what hits tell apart by their `primitive_ids`."""
+        """How many triangles, curves or points it has: what hits distinguish by their `primitive_ids`."""
         if self.kind == "triangles":
             return len(self.triangles)
         return len(self.positions) if self.curve_offsets is None else len(self.curve_offsets) - 1

@@ -191,7 +191,7 @@ def unregister() -> None:
 class OneObject:
     """An object, and where it is.
 
-    mesh: as rays meet it. matrix: (4, 4) from its space to the world; of an object that only instances show, the first
+    mesh: as rays hit it. matrix: (4, 4) from its space to the world; of an object that only instances show, the first
     of these. instance: its row of the record.
     """
 

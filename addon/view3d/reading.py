@@ -1,4 +1,4 @@
-"""An object as rays meet it, read from Blender: now, or in another frame."""
+"""An object as rays hit it, read from Blender: now, or in another frame."""
 
 from __future__ import annotations
 

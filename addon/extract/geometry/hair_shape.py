@@ -1,9 +1,9 @@
 """The shape of hair by the scene's settings: flat or round, bent or straight, as Cycles (5.0) shows it.
 
 Cycles' own settings decide, or those of EEVEE if the Cycles add-on is off. Hair whose first curve is a poly is round
-and straight, for any settings of the scene. Ribbons have between two points one piece more than two to the power
+and straight, for any settings of the scene. Ribbons have between two points one segment more than two to the power
 of `subdivisions`, which applies only to ribbons: Cycles bends round hair, and this engine divides it. More than
-`MOST_SUBDIVISIONS` are not used for that, as each piece is held in memory.
+`MOST_SUBDIVISIONS` are not used for that, as each segment is held in memory.
 """
 
 from __future__ import annotations

@@ -195,7 +195,7 @@ class FinishReader:
 
 # Of light that walks at random below a surface, in parts of the colour that its nodes ask for: `_WALK[0]` at black,
 # rising by `_WALK[1]` to white, and by how much scattering forward changes both; no more than `_MOST_WALKED`, as walks
-# end early. Measured on a ball in Cycles 5.0 under an even sky: within 2 % of it for colours from .02 to .97, and 4 %
+# end early. Measured on a sphere in Cycles 5.0 under an even sky: within 2 % of it for colours from .02 to .97, and 4 %
 # where light scatters forward.
 _WALK, _WALK_FORWARD, _MOST_WALKED = (0.842, 0.18), (-0.26, 0.42), 0.91
 

@@ -127,7 +127,7 @@ def _layer_names(programs: Sequence[NodeProgram | None], kind: str) -> frozenset
 
 
 def instance_values(sources: dict[Source, int], ask: AskInstances) -> Float32Array | None:
-    """(I, K, 4): what each instance has of the K things that nodes ask for; None if they ask for none."""
+    """(I, K, 4): each instance's K values that nodes read; None if they read none."""
     return np.stack([ask(source) for source in sources], axis=1) if sources else None
 
 

@@ -277,7 +277,7 @@ class Omissions:
             self.note_node(output.node, output, wanted.instead)
 
     def rows(self, block: Any) -> list[NotShown]:
-        """One for each thing. block: the evaluated material, light or world that it is of."""
+        """Returns a row for each unsupported part. block: the evaluated material, light or world."""
         uid = block.original.session_uid
         rows = self._instead.items()
         return [NotShown(self.kind, block.name, uid, f"{what} is unsupported; {instead}") for what, instead in rows]

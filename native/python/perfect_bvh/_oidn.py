@@ -271,7 +271,7 @@ class _Work:
     def _run(self) -> None:
         try:
             self._call()
-        except Exception as problem:  # noqa: BLE001 - handed on to whoever waits
+        except Exception as problem:  # noqa: BLE001 - handed on to the waiting caller
             self.problem = problem
         finally:
             self.has_ended.set()

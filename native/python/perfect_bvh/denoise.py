@@ -226,7 +226,7 @@ def _as_paths(libraries: Paths) -> tuple[str, ...]:
 # "Progressive Denoising of Monte Carlo Rendered Images", mix renderers' images like that, by a network.
 #
 # Detail is restored only where surfaces have some. On an even surface only the light varies, and denoisers handle that
-# well. Rare bright samples on it would be mistaken for detail wherever the noise estimate misses them. Detail is not
+# well. Rare bright samples on it would be mistaken for detail where the noise estimate misses them. Detail is not
 # restored either where noise is a large part of the brightness: it would be visible as grain, at any error.
 
 

@@ -34,7 +34,7 @@ class FinishTable:
         diffuse_roughnesses: (F,) float32, 0 to 1.
         absorptions: (F, 3) float32, 0 or more: the absorption of light inside closed meshes, by length: of light
             that enters through the surface, exp(-absorption * length) reaches the surface from inside.
-        distributions: (F,) float32, rows of FACET_KINDS: the distribution of the slopes of facets. For all but GGX,
+        distributions: (F,) float32, rows of FACET_KINDS: the distribution of the slopes of facets. Except for GGX,
             light that facets scatter at each other is correct with `MaterialTable.lossy_facets` 1.
     """
 

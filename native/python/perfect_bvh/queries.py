@@ -85,7 +85,7 @@ class Queries:
         threads: int = 0,
         progress: Progress | None = None,
     ) -> Hits:
-        """Finds the first surface that each ray meets. For the other arguments see `Queries`.
+        """Finds the first surface that each ray hits. For the other arguments see `Queries`.
 
         Watertight: no ray passes between triangles that share an edge or a vertex. Whether a ray hits a triangle is
         exact, with two limits for float64: direction components below 2^-300 (5e-91) of the longest one count as zero,

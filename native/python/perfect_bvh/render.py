@@ -159,7 +159,7 @@ def render_passes(
         size: (width, height) in pixels.
         samples: Camera rays for each pixel of the image.
         appearance: materials, normals and visibility; None: everything is plain, flat and visible.
-        passes: The arrays to make. All but "combined" hold the surface that the ray through the pixel's centre hits:
+        passes: The arrays to make. All except "combined" hold the surface that the ray through the pixel's centre hits:
             they are exact, and never blended where an edge crosses the pixel. "combined" (H, W, 4) float32: the image,
             see `render`. "depth", "distance" (H, W) float32: along the view axis, along the ray; 1e10 where nothing was
             hit. They are equal in panoramas. "normal" (H, W, 3) float32: shading normal, world space, unit length,

@@ -53,7 +53,7 @@ class Snapshot(Queries):
         last_level: int | None = None,
         with_leaves_above: bool = False,
     ) -> TreeBoxes:
-        """Lists the boxes of one tree that rays meet on their way down, for drawing or judging the tree.
+        """Lists the boxes of one tree that rays test on their way down, for drawing or judging the tree.
 
         Args:
             mesh: The id of the mesh whose tree is listed; None for the top level, over the instances.

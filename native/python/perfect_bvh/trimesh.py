@@ -80,7 +80,7 @@ class RayMeshIntersector:
         max_hits: int | None = None,
         return_locations: bool = False,
     ) -> tuple[Ints, Ints] | tuple[Ints, Ints, Floats]:
-        """Find which triangles rays meet.
+        """Find which triangles rays hit.
 
         Where a ray passes through an edge or a vertex it meets one triangle, not each of those there.
 
@@ -118,7 +118,7 @@ class RayMeshIntersector:
     def intersects_location(
         self, ray_origins: npt.ArrayLike, ray_directions: npt.ArrayLike, multiple_hits: bool = True, **keywords: Any
     ) -> tuple[Floats, Ints, Ints]:
-        """Find where rays meet the mesh; the arguments are those of `intersects_id`.
+        """Find where rays hit the mesh; the arguments are those of `intersects_id`.
 
         Returns:
             The positions of the hits, (m, 3) float64; their rays, (m,) int64; their rows in `mesh.faces`, (m,) int64.
@@ -129,13 +129,13 @@ class RayMeshIntersector:
         return places, rays, triangles
 
     def intersects_first(self, ray_origins: npt.ArrayLike, ray_directions: npt.ArrayLike) -> Ints:
-        """Find the first triangle that each ray meets.
+        """Find the first triangle that each ray hits.
 
         Args:
             ray_origins, ray_directions: (n, 3) float.
 
         Returns:
-            Rows in `mesh.faces`, (n,) int64; -1 where a ray meets nothing.
+            Rows in `mesh.faces`, (n,) int64; -1 where a ray hits nothing.
 
         Raises:
             ValueError: For arrays of another shape.
@@ -148,7 +148,7 @@ class RayMeshIntersector:
     def intersects_any(
         self, ray_origins: npt.ArrayLike, ray_directions: npt.ArrayLike, **_: Any
     ) -> npt.NDArray[np.bool_]:
-        """Find which rays meet the mesh.
+        """Find which rays hit the mesh.
 
         Args:
             ray_origins, ray_directions: (n, 3) float.
