@@ -88,7 +88,7 @@ def native_objection(src: Path, path: Path, name: str) -> str | None:
     """Why the file `path`, relative to `src`, may not include `name`, or None."""
     layer, *inside = path.parts
     if name == "Python.h" or name.startswith(("pybind11/", "numpy/")):
-        return "the engine knows no Python"
+        return "the engine must not depend on Python"
     target = name.split("/")[0]
     if target not in NATIVE_LAYERS:
         return None if not (src / layer / name).exists() else "includes start at src"
@@ -122,7 +122,7 @@ def test_native_layers_include_only_what_is_below_them(repository: Path) -> None
         ("math/vec3.h", '#include "mesh/mesh.h"', "mesh is above math"),
         ("builders/builder.cpp", '#  include "math/ray.h"', "builders must not know it"),
         ("stats/counts.h", '#include "core/errors.h"', "core is above stats"),
-        ("scene/scene.h", "#include <pybind11/pybind11.h>", "knows no Python"),
+        ("scene/scene.h", "#include <pybind11/pybind11.h>", "must not depend on Python"),
         ("shapes/box.h", "#include <vector>", "belongs to no layer"),
         ("render/surface/surface.h", '#include "render/light/illumination.h"', "light is above surface"),
         ("render/shapes/box.h", '#include "render/light/light.h"', "render/shapes is no layer"),
@@ -178,7 +178,7 @@ def addon_objection(layer: str, name: str) -> str | None:
     """Why a module of `layer` may not import `name`, or None."""
     top, *rest = name.split(".")
     if layer == "sync" and top in ("bpy", "bpy_extras", "bmesh", "mathutils", "gpu", "blf", "idprop"):
-        return "sync knows no Blender"
+        return "sync must not depend on Blender"
     if name.startswith("perfect_bvh._core"):
         return "only the facade imports the compiled module"
     if top != "perfect_bvh_addon":
@@ -186,7 +186,7 @@ def addon_objection(layer: str, name: str) -> str | None:
     target = rest[0] if rest and rest[0] in ADDON_RANKS else "__init__"
     if target == layer or ADDON_RANKS[target] < ADDON_RANKS[layer]:
         return None
-    return f"{target} is {'above' if ADDON_RANKS[target] > ADDON_RANKS[layer] else 'beside'} {layer}"
+    return f"{target} is {'above' if ADDON_RANKS[target] > ADDON_RANKS[layer] else 'next to'} {layer}"
 
 
 def circles_in(root: Path) -> list[str]:
@@ -283,13 +283,13 @@ def test_only_the_facade_imports_the_compiled_module(repository: Path, folder: s
 @pytest.mark.parametrize(
     ("file", "statement", "complaint"),
     [
-        ("sync/apply.py", "import bpy", "sync knows no Blender"),
-        ("sync/apply.py", "from mathutils import Matrix", "sync knows no Blender"),
+        ("sync/apply.py", "import bpy", "sync must not depend on Blender"),
+        ("sync/apply.py", "from mathutils import Matrix", "sync must not depend on Blender"),
         ("sync/apply.py", "from ..extract import meshes", "extract is above sync"),
         ("sync/apply.py", "from ..live import sync_cache", "live is above sync"),
         ("sync/apply.py", "from .. import register", "__init__ is above sync"),
         ("extract/meshes.py", "def later():\n    from ..live.scene_sync import SceneSync", "live is above extract"),
-        ("engine.py", "from .panels import draw", "panels is beside engine"),
+        ("engine.py", "from .panels import draw", "panels is next to engine"),
         ("engine.py", "from perfect_bvh_addon.cli import main", "cli is above engine"),
         ("engine.py", "from perfect_bvh import _core", "only the facade"),
         ("helpers.py", "import math", "belongs to no layer"),

@@ -322,7 +322,7 @@ TEST(Cancel, StopsOnEveryThreadAsSoonAsAFlagThatItFollowsIsSet) {
   flag = true;
   std::thread([&] { EXPECT_THROW(cancel.throw_if_stopped(), Cancelled); }).join();
   EXPECT_THROW(cancel.checkpoint(), Cancelled);
-  EXPECT_EQ(calls, 0) << "nobody had to be asked";
+  EXPECT_EQ(calls, 0) << "no progress callable had to be called";
 }
 
 }  // namespace

@@ -87,7 +87,7 @@ TEST(Scene, AMarkDuringACommitIsNotLost) {
   Scene scene;
   scene.add_mesh(sheet(150, 0.0f), {}, Usage::kStatic);
   CancelToken cancel([&](float) {
-    scene.mark_stale("changed meanwhile");
+    scene.mark_stale("changed during the commit");
     return true;
   });
   std::this_thread::sleep_for(std::chrono::milliseconds(60));  // long enough that the first poll calls back

@@ -21,7 +21,7 @@ def parser(description: str, *, is_timed: bool = True) -> argparse.ArgumentParse
     add("--native", type=Path, default=DEFAULT_FOLDER, metavar="DIR", help="holds the built native benchmarks")
     if is_timed:
         add("--rounds", type=int, default=5, metavar="N", help="interleaved rounds of each measurement")
-        add("--noisy", action="store_true", help="measure whatever the load; its figures mean little")
+        add("--noisy", action="store_true", help="measure at any load; the figures mean little")
     else:
         result.set_defaults(noisy=True)
     return result

@@ -16,7 +16,7 @@ from perfect_bvh_addon.cli.report import format_table
 from perfect_bvh_addon.support.files import replacing
 from wine_gaps import symbolic_links
 
-needs_users = pytest.mark.skipif(os.name == "nt", reason="Windows knows no names of other users' folders")
+needs_users = pytest.mark.skipif(os.name == "nt", reason="Windows has no names for other users' folders")
 
 
 @pytest.mark.parametrize(

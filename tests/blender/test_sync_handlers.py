@@ -163,7 +163,7 @@ def test_what_is_shown_anew_was_not_edited(scene: Any, monkeypatch: pytest.Monke
     assert is_edit({1, 2}, of_scene, of_object), "all screens are still there"
     assert is_edit({1, 2, 3}, of_scene, of_object), "one more"
     assert not is_edit({1, 2}, of_scene, of_object)
-    assert is_edit({1, 2}, of_scene, of_object), "it is told of once"
+    assert is_edit({1, 2}, of_scene, of_object), "it is reported once"
     for updates in ((of_object,), (of_scene, of_object, moved), (of_scene, of_object, of_mesh)):
         assert not is_edit({1, 2})
         assert is_edit({1}, *updates)

@@ -49,7 +49,7 @@ def main() -> None:
     choice = f"of {', '.join(names)} or, for a part, {', '.join(PARTS)}; without any: all"
     parser.add_argument("names", nargs="*", metavar="NAME", help=choice)
     parser.add_argument(
-        "--mesh", nargs="+", default=[], metavar="FILE", help="to measure besides: .npz, .ply, .obj, .blend"
+        "--mesh", nargs="+", default=[], metavar="FILE", help="further meshes to measure: .npz, .ply, .obj, .blend"
     )
     parser.add_argument("--native", default="build/benchmarks", metavar="DIR", help="holds the built native benchmarks")
     parser.add_argument("--noisy", action="store_true", help=f"measure even where the load is above {MOST_LOAD}")

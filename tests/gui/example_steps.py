@@ -69,7 +69,7 @@ def scan_an_example() -> Step:
     area = area_of("VIEW_3D")
     chosen = bpy.context.view_layer.objects.active, bpy.context.selected_objects
     yield from open_sidebar(area)
-    yield from finished("gears beside the sidebar")
+    yield from finished("gears next to the sidebar")
     hover(*middle_of(area))
     yield from handled()
     before = yield from at_rest(area)
@@ -95,7 +95,7 @@ def play_a_failure_case() -> Step:
     editor = area_of("TEXT_EDITOR").spaces.active
     check(editor.top == 0, f"the text is scrolled by {editor.top} lines")
     picture = area_of("IMAGE_EDITOR").spaces.active.image
-    check(picture.name == "The usual method: refit only", f"beside the view is {picture.name}")
+    check(picture.name == "The usual method: refit only", f"next to the view is {picture.name}")
     screenshot("failure_case")
     scene, first = bpy.context.scene, bpy.context.scene.frame_current
     hover(*middle_of(area_of("VIEW_3D")))
