@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <bit>
 #include <cmath>
 #include <vector>
 
@@ -44,7 +45,7 @@ class Search {
     while (!waiting_.empty()) {
       const Waiting now = waiting_.back();
       waiting_.pop_back();
-      if (now.bound < reach_) continue;
+      if (now.bound <= reach_) continue;
       if (now.child >= kBlockChild) {
         visit_leaf(now.child - kBlockChild);
       } else {
@@ -53,16 +54,23 @@ class Search {
     }
   }
 
-  using Eight = std::array<float, 8>;
+  // The reaches of eight points, and a bit for each that is farther than the farthest so far.
+  struct Eight {
+    alignas(16) std::array<float, 8> reaches;
+    std::uint32_t farther;
+  };
 
-  // For eight points; 16-byte aligned.
+  // The coordinates are 16-byte aligned. Empty boxes reach minus infinity or NaN.
   [[nodiscard]] Eight along_direction(const float* x, const float* y, const float* z) const noexcept {
-    alignas(16) Eight reaches;
-    const Float4 dx(direction_.x), dy(direction_.y), dz(direction_.z);
-    for (std::size_t i = 0; i < 8; i += 4) {
-      (dx * Float4::load(x + i) + dy * Float4::load(y + i) + dz * Float4::load(z + i)).store(&reaches[i]);
+    Eight eight;
+    eight.farther = 0;
+    const Float4 dx(direction_.x), dy(direction_.y), dz(direction_.z), reach(reach_);
+    for (std::uint32_t i = 0; i < 8; i += 4) {
+      const Float4 four = dx * Float4::load(x + i) + dy * Float4::load(y + i) + dz * Float4::load(z + i);
+      four.store(&eight.reaches[i]);
+      eight.farther |= equal_lanes(less(reach, four), Int4(-1)) << i;
     }
-    return reaches;
+    return eight;
   }
 
   // The child that may reach farthest is pushed last, so that it is visited first.
@@ -72,11 +80,10 @@ class Search {
     const float* const z = node.planes[direction_.z > 0 ? 5 : 4];
     const std::size_t first = waiting_.size();
     const Eight bounds = along_direction(x, y, z);
-    for (std::size_t lane = 0; lane < kWideWidth && node.child[lane] != kNoChild; ++lane) {
-      const float bound = bounds[lane];
-      if (bound < reach_) continue;
-      waiting_.push_back({bound, node.child[lane]});
-      if (waiting_[first].bound < bound) std::swap(waiting_[first], waiting_.back());
+    for (std::uint32_t left = bounds.farther; left != 0; left &= left - 1) {
+      const auto lane = static_cast<std::size_t>(std::countr_zero(left));
+      waiting_.push_back({bounds.reaches[lane], node.child[lane]});
+      if (waiting_[first].bound < waiting_.back().bound) std::swap(waiting_[first], waiting_.back());
     }
     if (waiting_.size() > first) std::swap(waiting_[first], waiting_.back());
   }
@@ -87,9 +94,10 @@ class Search {
 
   void visit_leaf(TriangleTraits, std::uint32_t leaf) {
     const auto& [x, y, z] = tree_.blocks[leaf].vertices;
-    const Eight reaches = along_direction(x, y, z);
-    for (std::size_t lane = 0; lane < 8; ++lane) {
-      if (reaches[lane] > reach_) reach_ = reaches[lane], farthest_ = {{x[lane], y[lane], z[lane]}, 0.0f};
+    const Eight points = along_direction(x, y, z);
+    for (std::uint32_t left = points.farther; left != 0; left &= left - 1) {
+      const auto lane = static_cast<std::size_t>(std::countr_zero(left));
+      if (points.reaches[lane] > reach_) reach_ = points.reaches[lane], farthest_ = {{x[lane], y[lane], z[lane]}, 0.0f};
     }
   }
 
