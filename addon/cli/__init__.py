@@ -93,7 +93,7 @@ def _add_viewport(parser: argparse.ArgumentParser) -> None:
 
 
 def _add_frames(parser: argparse.ArgumentParser, default: str = "current") -> None:
-    what = f"such as 1-24, 1-48:2 or 1,5,9-12 (default: {default})"
+    what = f"frames such as 1-24, 1-48:2 or 1,5,9-12 (default: {default})"
     parser.add_argument("--frames", type=parse_frames, metavar="LIST", help=what)
 
 
@@ -206,7 +206,7 @@ def _add_scan(commands: argparse._SubParsersAction) -> None:
     parser.add_argument("--steps", type=POSITIVE, metavar="N", help="time samples per frame (default: 1)")
     *names, last = (one.name for one in CLOUD_FORMATS)
     parser.add_argument(
-        "--format", default="npz", metavar="F", help=f"{', '.join(names)} or {last} (default: %(default)s)"
+        "--format", default="npz", metavar="F", help=f"file format: {', '.join(names)} or {last} (default: %(default)s)"
     )
     parser.add_argument(
         "--seed", type=parse_seed, default=0, metavar="N", help="seed of the sensor's noise and dropout (default: 0)"
