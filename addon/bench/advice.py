@@ -121,7 +121,7 @@ def _reliably_best(figures: Figures, rows: dict[str, Figures], rays: float) -> s
 def _answer_advice(figures: Figures) -> str:
     answers = figures["answers"]
     if not answers["checked"] and answers["not_judged"]:
-        return "No results were checked: all rays pass close to curves or points, which cannot be judged."
+        return "No results were checked: all rays pass near curves or points, which cannot be judged."
     if not answers["checked"]:
         return "The scene is too large to check a result in this time. On the command line, raise --seconds."
     if answers["wrong"]:

@@ -153,7 +153,7 @@ def label_image(
 
     def label_moment(moment: SceneMoment) -> Labels:
         if camera is None and moment.camera is None:
-            raise ValueError(_no_camera(moment.scene, "it has none"))
+            raise ValueError(_no_camera(moment.scene, "no camera is active"))
         return label(moment.depsgraph, moment.frame_set if frame_set is None else frame_set)
 
     return scene.read(label_moment)
@@ -230,7 +230,7 @@ class _Asked:
         threads: int,
     ) -> None:
         if sync.camera is None:
-            raise ValueError(_no_camera(depsgraph.scene, sync.warnings[-1] if sync.warnings else "it has none"))
+            raise ValueError(_no_camera(depsgraph.scene, sync.warnings[-1] if sync.warnings else "no camera is active"))
         try:
             if view["size"] is None:
                 check_resolution(depsgraph.scene_eval)

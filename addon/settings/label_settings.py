@@ -83,7 +83,7 @@ class PERFECT_BVH_PG_label_images(bpy.types.PropertyGroup):
         default=False,
     )
     folder: bpy.props.StringProperty(
-        name="Folder", description="Folder of the files", subtype="DIR_PATH", options=PATH_OPTIONS
+        name="Folder", description="Where the files are written", subtype="DIR_PATH", options=PATH_OPTIONS
     )
     use_resume: bpy.props.BoolProperty(
         name="Resume",

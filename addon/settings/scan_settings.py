@@ -106,7 +106,11 @@ class PERFECT_BVH_PG_scan(bpy.types.PropertyGroup):
         max=10000.0,
     )
     max_distance: bpy.props.FloatProperty(
-        name="Range", description="Range of the sensor", default=100.0, min=0.001, subtype="DISTANCE"
+        name="Range",
+        description="Largest distance that the sensor can measure",
+        default=100.0,
+        min=0.001,
+        subtype="DISTANCE",
     )
     seed: bpy.props.IntProperty(
         name="Noise Seed",

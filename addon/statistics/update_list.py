@@ -39,7 +39,7 @@ class PERFECT_BVH_PG_update(bpy.types.PropertyGroup):
     time: bpy.props.StringProperty(name="Time", description="Time for the tree of the mesh")
     share: bpy.props.StringProperty(name="Share", description="Share of the camera rays' work")
     is_changed: bpy.props.BoolProperty(name="Changed", description="Whether anything was updated")
-    number: bpy.props.IntProperty(name="Number", description="Number of the update")
+    number: bpy.props.IntProperty(name="Number", description="Position of the update in the list")
 
 
 class PERFECT_BVH_PG_updates(bpy.types.PropertyGroup):
@@ -63,7 +63,7 @@ class PERFECT_BVH_PG_updates(bpy.types.PropertyGroup):
     )
     scene_uid: bpy.props.IntProperty(name="Scene UID", description="Number of the scene")
     done: bpy.props.StringProperty(name="Done", description="The action on the row's objects, and its reason")
-    advice: bpy.props.StringProperty(name="Advice", description="What can be done about it")
+    advice: bpy.props.StringProperty(name="Advice", description="How the next update can be faster")
     facts: bpy.props.StringProperty(name="Facts", description="Size of the mesh, and its cost for rays")
     note: bpy.props.StringProperty(name="Note", description="Why the objects could not be selected")
 

@@ -201,7 +201,7 @@ def test_what_workers_cannot_see_is_said_before_anything_starts(folder: Path, tm
         (look(str(tmp_path / "small.blend"), str(probe)), "does not exist there"),
         (look(Arguments.file, str(tmp_path / "missing")), "of -o does not exist there"),
         ({**seen, "size": 3}, "is a different file there, of 3 bytes"),
-        ({**seen, "version": "0.1.9"}, "version 0.1.9"),
+        ({**seen, "version": "0.1.9"}, "it has Perfect BVH 0.1.9, but "),
         ({**seen, "has_blender": False}, "no module bpy"),
         (ModuleNotFoundError("No module named 'perfect_bvh_addon'"), "is not installed there"),
     ):

@@ -113,7 +113,7 @@ def test_a_world_and_a_light_of_too_many_instructions_are_plain(material: Any, m
     assert not any("10,000" in told for told in sentences())
     monkeypatch.setattr(programs, "_MOST_INSTRUCTIONS", 1)
     told = [(row.kind, row.text.split("; ")[1]) for row in rows() if "10,000" in row.text]
-    assert sorted(told) == [("light", "its color is"), ("world", "its viewport color is")]
+    assert sorted(told) == [("light", "its color is used"), ("world", "its viewport color is used")]
 
 
 @pytest.mark.skipif(bpy.app.version < (5, 0, 0), reason="Blender before 5.0 lacks some of the inputs")

@@ -188,7 +188,7 @@ def test_esc_leaves_whole_pieces_and_start_goes_on(small_file: Path) -> None:
             break
     assert contents(folder) == expected and window.progress[-1] == 100.0
     ((kind, report),) = operator.reports
-    assert kind == "INFO" and report.startswith(f"{folder}: 1 of 3 chunks written, 2 existed;  ")
+    assert kind == "INFO" and report.startswith(f"{folder}: 1 of 3 chunks written, 2 existed; ")
 
 
 def test_the_status_bar_tells_which_piece_is_worked_on(small_file: Path) -> None:

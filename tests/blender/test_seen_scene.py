@@ -367,6 +367,6 @@ def test_a_reading_leaves_the_scene_as_it_was(table: Table) -> None:
     before = state()
     cloud = scan(load_sensor(table.folder / "sensor.toml"), head, frames=(3, 3))
     check_nearest(nearest(list(cloud.object_names), cloud.object_ids, cloud.positions), table.rows[False])
-    with pytest.raises(ValueError, match="scene 'Scene' has no camera"):
+    with pytest.raises(ValueError, match="scene 'Scene' has no usable camera"):
         label_image()
     assert state() == before

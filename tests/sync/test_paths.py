@@ -43,7 +43,7 @@ def test_a_long_name_is_prefixed_on_windows(name: str, expected: str) -> None:
         ("win32", PureWindowsPath("C:\\", "ü" * 256), "a name may have 255 characters, got 256 (üüüü"),
         ("win32", PureWindowsPath("C:\\", "🦊" * 128), "a name may have 255 characters, got 256"),
         ("win32", PureWindowsPath("C:\\", *["x" * 200] * 170), "a path may have 32766 characters, got 34172;"),
-        ("win32", PureWindowsPath(r"C:\a:b.png"), "a name cannot hold ':' on Windows, got 'a:b.png'; leave it out"),
+        ("win32", PureWindowsPath(r"C:\a:b.png"), "a name cannot hold ':' on Windows, got 'a:b.png'; remove it"),
         ("win32", PureWindowsPath(r"C:\frames?\a.png"), "a name cannot hold '?' on Windows"),
         ("win32", PureWindowsPath("C:\\a\tb.png"), r"a name cannot hold '\t' on Windows"),
         ("win32", PureWindowsPath(r"C:\nul.png"), "'nul.png' is a device on Windows; give another name"),
