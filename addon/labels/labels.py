@@ -14,13 +14,13 @@ import numpy.typing as npt
 
 from ..extract.label_values import collections_of_objects
 from ..support.files import replacing, write_arrays
+from ..sync.boxes import boxes_of
 from ..sync.lookup import MISS, LabelColumn, LabelValue, SceneLabel
 
 if TYPE_CHECKING:
     from perfect_bvh import Camera
 
     from ..live.scene_sync import SceneSync
-    from ..sync.records import MeshRecord, SceneRecord
 
 # The meaning of labels' numbers: instances, with the names and labels that users gave their objects.
 
@@ -68,7 +68,8 @@ def find_things(
     numbers = {name: row for row, name in enumerate(names)}
     categories = category.of_things(sync.record, rows)
     columns = {name: label.of_things(sync.record, rows) for name, label in labels.items()}
-    boxes = find_boxes(sync.record, rows)
+    boxes = boxes_of(sync.record, rows)
+    centers, sizes, axes = (part.tolist() for part in boxes)
     things = []
     for row, uid in enumerate(found.session_uids.tolist()):
         things.append(
@@ -80,32 +81,10 @@ def find_things(
                 category=numbers.get(str(categories[row]), MISS) if categories[row] is not None else MISS,
                 collections=holders.get(uid, ()),
                 labels={name: values[row] for name, values in columns.items()},
-                box3d=boxes[row],
+                box3d={"center": centers[row], "size": sizes[row], "axes": axes[row]},
             )
         )
     return tuple(things), names
-
-
-def find_boxes(record: SceneRecord, rows: npt.NDArray[np.int32]) -> list[dict[str, Any]]:
-    """Find the oriented box of each of (N,) instances, as `Thing.box3d` has it."""
-    transforms, meshes = record.instances.transforms[rows].astype(np.float64), record.instances.mesh_indices[rows]
-    bounds = {row: _bounds_of(record.meshes[row]) for row in np.unique(meshes).tolist()}
-    boxes = []
-    for transform, mesh in zip(transforms, meshes.tolist(), strict=True):
-        low, high = bounds[mesh]
-        lengths = np.linalg.norm(transform[:, :3], axis=0)
-        axes = transform[:, :3] / np.where(lengths > 0.0, lengths, 1.0)
-        center = transform[:, :3] @ (0.5 * (low + high)) + transform[:, 3]
-        size = (high - low) * lengths
-        boxes.append({"center": center.tolist(), "size": size.tolist(), "axes": axes.T.tolist()})
-    return boxes
-
-
-def _bounds_of(mesh: MeshRecord) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
-    """The least and the greatest coordinates of what rays may hit, in object space."""
-    places = mesh.positions[mesh.triangles.reshape(-1)] if mesh.kind == "triangles" else mesh.positions
-    reach = 0.0 if mesh.radii is None else mesh.radii[:, None].astype(np.float64)
-    return (places - reach).min(axis=0).astype(np.float64), (places + reach).max(axis=0).astype(np.float64)
 
 
 # Masks ---------------------------------------------------------------------------------------------------------------

@@ -12,6 +12,7 @@ keys              identifies instances across evaluations
 moments           the time samples of a shutter, and the identity of instances there
 motion            the motion between them, as the engine takes it
 appearance        camera and looks as the engine takes them
+boxes             the box around each instance, along its object's axes
 lookup            from the engine's ids back to objects and polygons
 not_shown         the parts of the scene that an image lacks
 report            the actions of one sync, their targets and reasons
