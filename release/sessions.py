@@ -118,7 +118,8 @@ def wheel_tests(session: nox.Session) -> None:
     # The package itself is installed below, without being compiled: the requirements of its other extras are named
     # here.
     tools = [tool for tool in extras["test"] if not tool.startswith("perfect-bvh[")]
-    data = [] if (platform.system(), platform.machine()) == ("Windows", "ARM64") else extras["data"]
+    is_without = (platform.system(), platform.machine()) == ("Windows", "ARM64")
+    data = [] if is_without else [*extras["data"], *extras["ros"]]
     session.install(*project["dependencies"], *(extras["blender"] if has_blender else ()), *tools, *data)
     install_engine(session)
     copy_addon(session)

@@ -49,7 +49,7 @@ ADDON_LAYERS = (
     ("live",),
     ("pieces",),
     ("image", "scanning", "labels"),
-    ("view3d", "bench"),
+    ("view3d", "bench", "datasets"),
     ("engine", "operators", "panels"),
     ("__init__",),
     ("cli",),

@@ -206,12 +206,27 @@ def _add_scan(commands: argparse._SubParsersAction) -> None:
     parser.add_argument("--steps", type=POSITIVE, metavar="N", help="time samples per frame (default: 1)")
     *names, last = (one.name for one in CLOUD_FORMATS)
     parser.add_argument(
-        "--format", default="npz", metavar="F", help=f"file format: {', '.join(names)} or {last} (default: %(default)s)"
+        "--format",
+        default="npz",
+        metavar="F",
+        help=f"file format: {', '.join(names)} or {last} (default: %(default)s). kitti and mcap (a bag of ROS 2) also "
+        "have the camera's images",
     )
     parser.add_argument(
         "--seed", type=parse_seed, default=0, metavar="N", help="seed of the sensor's noise and dropout (default: 0)"
     )
     _add_labels_of(parser, "columns of the points")
+    parser.add_argument(
+        "--boxes",
+        action="store_true",
+        help="also write the 3D box of each object in reach, the number of points on it and its visible share",
+    )
+    parser.add_argument(
+        "--category",
+        metavar="NAME",
+        help="the custom property whose value is an object's class in kitti's boxes; objects without it have no box "
+        "(default: the object's name is its class)",
+    )
     _add_pieces(parser)
     _add_quiet(parser)
 

@@ -248,7 +248,7 @@ def run_scan(arguments: argparse.Namespace) -> int:
     if arguments.steps is not None and arguments.frames is None:
         raise CommandError("--steps needs --frames: a whole sweep in the current frame has no further time samples")
     path = check_blend_file(arguments.file)
-    _check_format(f".{arguments.format}", arguments.labels)
+    _check_format(arguments)
     arguments.sensor = _sensor_name(arguments.sensor)
     arguments.file, arguments.output = (
         str(path),
@@ -260,7 +260,9 @@ def run_scan(arguments: argparse.Namespace) -> int:
 
 def scan_work(scene: bpy.types.Scene, _stop: StopRequest, arguments: argparse.Namespace) -> PieceWork:
     """The chunks of a scan."""
-    from ..scanning.piece_scan import ScanPlan, ScanWork
+    from ..datasets.drive_work import scan_work as work_of
+    from ..scanning.piece_scan import ScanPlan
+    from ..settings.scan_choices import FORMATS
 
     plan = ScanPlan(
         sensor=_sensor(arguments.sensor),
@@ -272,11 +274,18 @@ def scan_work(scene: bpy.types.Scene, _stop: StopRequest, arguments: argparse.Na
         threads=arguments.threads or 0,
         seed=arguments.seed,
         labels=tuple(arguments.labels),
+        boxes=arguments.boxes,
+        category=arguments.category,
         exclude_mount=arguments.exclude_mount,
         for_viewport=arguments.viewport,
     )
     carrier = _carrier(scene, arguments.on)
-    return ScanWork(plan, carrier, plan.folder(Path(arguments.output), plan.inputs(arguments, carrier)))
+    if FORMATS[plan.suffix].is_drive:
+        apply_settings(scene, arguments)
+    try:
+        return work_of(plan, carrier, plan.folder(Path(arguments.output), plan.inputs(arguments, carrier)))
+    except ValueError as error:
+        raise CommandError(f"--frames: {error}") from error
 
 
 def _list_sensors() -> None:
@@ -304,11 +313,12 @@ def _sensor(name: str) -> Sensor:
         raise CommandError(f"--sensor {name}: {str(error).removeprefix('sensor: ')}") from error
 
 
-def _check_format(suffix: str, labels: list[str]) -> None:
+def _check_format(arguments: argparse.Namespace) -> None:
     from ..scanning.formats import check_format
 
+    asked = {"boxes": arguments.boxes, "category": arguments.category, "steps": arguments.steps or 1}
     try:
-        check_format(suffix, labels)
+        check_format(f".{arguments.format}", arguments.labels, **asked)
     except (ValueError, ImportError) as error:
         raise CommandError(f"--format: {error}") from error
 

@@ -103,12 +103,6 @@ class ImageWriter:
         return np.stack([greys, greys, greys, image[..., 3]], axis=-1)
 
 
-def warnings_of(frame: Frame) -> tuple[str, ...]:
-    """Returns what a frame lacks, and its errors, as sentences."""
-    report = frame.statistics.report
-    return (*report.warnings, *map(str, report.not_shown), *frame.statistics.complaints)
-
-
 class RenderWork(PieceWork):
     """Chunks of an animation, with `--resume` or by workers; each begins with new trees."""
 
@@ -136,6 +130,7 @@ class RenderWork(PieceWork):
 
     def make(self, piece: Piece) -> Steps:
         """Renders with new trees: ids of instances, and the cost of rays, do not depend on earlier chunks."""
+        from ..image.still import warnings_of
         from ..live.sync_cache import clear_syncs
 
         if not self._know_scale(piece):

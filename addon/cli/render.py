@@ -19,7 +19,7 @@ from .arguments import (
     find_ignored_output,
 )
 from .blender import StopRequest, active_view_layer, apply_settings, open_scene, stop_on_interrupt
-from .frames import ImageWriter, RenderWork, render_frame, run_pieces, warnings_of
+from .frames import ImageWriter, RenderWork, render_frame, run_pieces
 from .report import FrameTimes, Teller, format_frame, format_header, format_summary, progress_bar, quiet_blender
 
 if TYPE_CHECKING:
@@ -118,6 +118,8 @@ class RenderSession:
         self._reports.append(frame.statistics.report)
         if frame.statistics.audit is not None:
             self._audits.append(frame.statistics.audit)
+        from ..image.still import warnings_of
+
         self._teller.tell(warnings_of(frame))
         if self._wants_stats:
             self._say(format_frame(number, frame.statistics, times))

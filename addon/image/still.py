@@ -52,6 +52,12 @@ class Frame:
         return image[len(image) - top : len(image) - bottom, left:right]
 
 
+def warnings_of(frame: Frame) -> tuple[str, ...]:
+    """Returns what a frame lacks, and its errors, as sentences."""
+    report = frame.statistics.report
+    return (*report.warnings, *map(str, report.not_shown), *frame.statistics.complaints)
+
+
 def bring_in_step(
     sync: SceneSync,
     depsgraph: bpy.types.Depsgraph,

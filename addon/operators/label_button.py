@@ -113,11 +113,6 @@ class LabelsJob(PiecesJob):
         """Returns the warnings of all frames, each once."""
         return list(self._outcome.warnings)
 
-    def steps(self) -> Any:
-        """Yields the share done, 0 to 1; joins the chunks in the end."""
-        yield from super().steps()
-        self._work.join()
-
     def summary(self, seconds: float) -> str:
         """Returns a sentence about the written files."""
         frames = self._outcome.counts.get("frames", 0)

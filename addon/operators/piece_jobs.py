@@ -169,7 +169,7 @@ class PiecesJob:
         return f" file {self._outcome.number} of {len(self._work.pieces)}"
 
     def steps(self) -> Generator[float, None, None]:
-        """Yields the share done, 0 to 1."""
+        """Yields the share done, 0 to 1; joins the pieces in the end."""
         from ..pieces.work import do_pieces
 
         scene = self._work.view.find()
@@ -180,6 +180,7 @@ class PiecesJob:
                     yield done / len(self._work.pieces)
         finally:
             self._work.view.set_frame_back(*frame)
+        self._work.join()
 
     def release(self) -> None:
         """Releases the folder at the end, after success or failure: other scans may write there."""

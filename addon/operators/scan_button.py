@@ -224,7 +224,7 @@ class FilesJob(PiecesJob):
     """
 
     def __init__(self, scene: bpy.types.Scene, file: ScannedFile) -> None:
-        from ..scanning.piece_scan import ScanWork
+        from ..datasets.drive_work import scan_work
 
         settings = scene.perfect_bvh.scan
         if settings.use_points:
@@ -237,7 +237,7 @@ class FilesJob(PiecesJob):
         self._keeps = settings.use_points
         self._clouds: list[tuple[str, PointCloud]] = []
         place = plan.folder(folder, file.inputs_of(lambda arguments: plan.inputs(arguments, carrier)))
-        super().__init__(ScanWork(plan, carrier, place, self._take), folder, settings.use_resume)
+        super().__init__(scan_work(plan, carrier, place, self._take), folder, settings.use_resume)
 
     def result(self) -> tuple[list[tuple[str, PointCloud]], list[str]]:
         """Points to be added, with the names of their objects, and warnings."""

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import bpy
 
 from ..events.changes import edit_count, listen, stop_listening
-from ..settings.scan_choices import OTHER
+from ..settings.scan_choices import FORMATS, KITTI, OTHER
 from ..settings.scan_settings import label_names
 from ..statistics.words import sentence
 from .ticking import Checked
@@ -51,8 +51,10 @@ def plan_of(scene: bpy.types.Scene) -> ScanPlan:
     settings = scene.perfect_bvh.scan
     frames = frames_of(scene, settings)
     suffix = f".{settings.file_format}"
+    boxes = settings.use_boxes and FORMATS[suffix].has_boxes  # others do not show the setting
+    steps = 1 if frames is None else settings.steps_per_frame
     try:
-        check_format(suffix, label_names(settings))
+        check_format(suffix, label_names(settings), steps=steps)
     except ImportError as problem:
         raise ValueError(f"{settings.file_format}: {problem}") from problem
     return ScanPlan(
@@ -64,6 +66,8 @@ def plan_of(scene: bpy.types.Scene) -> ScanPlan:
         steps=settings.steps_per_frame,
         threads=threads_of(scene),
         labels=label_names(settings),
+        boxes=boxes,
+        category=(settings.category.strip() or None) if suffix == KITTI else None,
         seed=settings.seed,
         exclude_mount=exclude_mount_of(scene),
         for_viewport=settings.use_viewport,

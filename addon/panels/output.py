@@ -8,7 +8,7 @@ import bpy
 
 from ..settings.modes import mode_of_render
 from ..settings.preferences import denoising_data_settings
-from ..settings.scan_choices import OTHER
+from ..settings.scan_choices import FORMATS, OTHER
 from ..statistics.messages import notes_of
 from .common import TABS, RenderPanel, SidebarPanel, draw_lines, draw_messages_of, draw_purpose, settings_layout
 
@@ -87,6 +87,10 @@ def _draw_files(context: bpy.types.Context, layout: bpy.types.UILayout, settings
     column = layout.column(align=True)
     column.prop(settings, "folder")
     column.prop(settings, "file_format")
+    if settings.file_format == "kitti":
+        column.prop(settings, "category")
+    elif FORMATS[f".{settings.file_format}"].has_boxes:
+        column.prop(settings, "use_boxes")
     missing = how_to_get(f".{settings.file_format}")
     if missing is not None:
         draw_lines(context, layout, missing, "ERROR", TABS)

@@ -157,10 +157,7 @@ class PieceFolder:
         That is a chunk that was made from other inputs, or one that shares frames with any of these.
         """
         wanted = {frame: piece.frames for piece in pieces for frame in piece.frames}
-        for path in sorted(self.folder.glob(f"{glob.escape(self._before)}*.json")):
-            found = _read(path)
-            if found is None:
-                continue  # no manifest, or a damaged one: its chunk counts as missing
+        for path, found in self._manifests():
             frames = tuple(found["frames"])
             other = find_difference(self.inputs, found["inputs"])
             if any(wanted.get(frame, frames) != frames for frame in frames):
@@ -170,6 +167,17 @@ class PieceFolder:
                     f"{self.folder} has chunks of another {self._what}: {path.name} differs in {other}; "
                     "choose another folder, or empty this one"
                 )
+
+    def manifests(self) -> list[dict[str, Any]]:
+        """Returns the manifests of all finished chunks in the folder, in the order of their frames."""
+        return sorted((found for _, found in self._manifests()), key=lambda found: found["frames"])
+
+    def _manifests(self) -> Iterator[tuple[Path, dict[str, Any]]]:
+        """Yields the manifests; without one, or with a damaged one, a chunk counts as missing."""
+        for path in sorted(self.folder.glob(f"{glob.escape(self._before)}*.json")):
+            found = _read(path)
+            if found is not None:
+                yield path, found
 
     def forget(self, pieces: Iterable[Piece]) -> None:
         """Marks these chunks as unfinished. Raises OSError."""

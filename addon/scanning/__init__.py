@@ -11,6 +11,7 @@ stretches      the interval between two time samples: the sensor's pose, and poi
 stretch_sync   the scene at both ends of an interval, the error of its straight paths, and the rays between
 outcomes       the outcome of each ray, in numbers, and why a scan is useless, in words. Needs no Blender.
 mount          the object that carries the sensor, with its children, and how rays go through them
+things         the boxes of object instances in the sensor's reach, and the points on each. Needs no Blender.
 point_cloud    hits of many batches as columns, and as an .npz file. Needs no Blender.
 formats        the result in other programs' formats: PLY, LAS, LAZ, CSV, Parquet, HDF5. Needs no Blender.
 las            writes LAS 1.4. Needs no library

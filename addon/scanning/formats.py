@@ -20,7 +20,7 @@ from typing import Any, BinaryIO
 import numpy as np
 import numpy.typing as npt
 
-from ..settings.scan_choices import MODULES
+from ..settings.scan_choices import FORMATS, KITTI
 from ..support.files import data_library, how_to_install, replacing
 from .las import LasPoints, write_las
 from .point_cloud import AXES, COLUMNS, SINGULAR, PointCloud, column_names
@@ -100,7 +100,7 @@ def save_cloud(cloud: PointCloud, path: str | os.PathLike[str]) -> Path:
     """Writes a cloud in the format of the path's ending; a file of that name is replaced once the new one is complete.
 
     LAS and LAZ keep positions in steps of 1/10,000 of a world unit, or of 2^-32 of an axis' extent if that is longer
-    than 429,000 units.
+    than 429,000 units. Boxes are in .npz, .parquet and .h5 alone.
 
     Raises:
         ValueError: For another ending, and if positions or intensities that LAS would round to whole numbers are not
@@ -115,22 +115,37 @@ def save_cloud(cloud: PointCloud, path: str | os.PathLike[str]) -> Path:
     return path
 
 
-def check_format(suffix: str, labels: Iterable[str] = ()) -> None:
+def check_format(
+    suffix: str, labels: Iterable[str] = (), *, boxes: bool = False, category: str | None = None, steps: int = 1
+) -> None:
     """Raises ValueError for a format that there is not, ImportError with what to install for one that needs more.
 
     Args:
         labels: By their names; ValueError, too, if the format has no columns for all of them.
+        boxes, category, steps: ValueError if the format has no boxes, no categories, or a single time sample a frame.
     """
-    if suffix not in WRITERS:
-        raise ValueError(f"the format must be one of {', '.join(name[1:] for name in WRITERS)}, got {suffix[1:]!r}")
-    for module in MODULES[suffix]:
+    if suffix not in FORMATS:
+        raise ValueError(
+            f"the format must be one of {', '.join(one.name for one in FORMATS.values())}, got {suffix[1:]!r}"
+        )
+    chosen = FORMATS[suffix]
+    for module in chosen.modules:
         _library(module)
+    having = ", ".join(one.name for one in FORMATS.values() if one.has_boxes)
+    for is_refused, reason in (
+        (boxes and not chosen.has_boxes, f"has no table of boxes: leave them out, or write one of {having}"),
+        (any(labels) and chosen.is_drive, "has no columns for labels: leave them out, or write npz"),
+        (category is not None and suffix != KITTI, "has no categories: leave the category out, or write kitti"),
+        (steps > 1 and suffix == KITTI, "has one moment for each frame: leave out the steps, or write mcap"),
+    ):
+        if is_refused:
+            raise ValueError(f"{suffix[1:]} {reason}")
     label_columns(labels, suffix)
 
 
 def how_to_get(suffix: str) -> str | None:
     """Returns how to install a format's missing libraries, in a sentence; None if all are installed. Fast."""
-    names = dict.fromkeys(module.partition(".")[0] for module in MODULES[suffix])
+    names = dict.fromkeys(module.partition(".")[0] for module in FORMATS[suffix].modules)
     missing = [name for name in names if importlib.util.find_spec(name) is None]
     if not missing:
         return None
@@ -138,7 +153,8 @@ def how_to_get(suffix: str) -> str | None:
 
 
 def _library(name: str) -> Any:
-    return data_library(name, f"this format needs {name}")
+    extra = next((one.extra for one in FORMATS.values() if name in one.modules), "data")
+    return data_library(name, f"this format needs {name.partition('.')[0]} (perfect-bvh[{extra}])")
 
 
 def _table(cloud: PointCloud, labels: Mapping[str, str]) -> dict[str, npt.NDArray[Any]]:
@@ -241,7 +257,10 @@ def _texts(values: npt.NDArray[Any]) -> list[Any]:
 
 def _parquet(cloud: PointCloud, path: Path) -> None:
     pyarrow, labels = _library("pyarrow"), label_columns(cloud.labels, ".parquet")
-    table = pyarrow.table(_table(cloud, labels)).replace_schema_metadata(_facts(cloud, labels))
+    facts = _facts(cloud, labels)
+    if cloud.boxes:
+        facts["boxes"] = json.dumps({name: column.tolist() for name, column in cloud.boxes.items()})
+    table = pyarrow.table(_table(cloud, labels)).replace_schema_metadata(facts)
     _library("pyarrow.parquet").write_table(table, path)
 
 
@@ -253,6 +272,8 @@ def _hdf5(cloud: PointCloud, path: Path) -> None:
         file.create_dataset("labels", data=json.dumps(cloud.described_labels(labels)))
         for column in COLUMNS:
             file.create_dataset(column, data=getattr(cloud, column))
+        for name, column in cloud.boxes.items():
+            file.create_dataset(f"box_{name}", data=column)
         for name in ("object_names", "material_names"):
             file.create_dataset(name, data=[text.encode() for text in getattr(cloud, name)])
         for name in ("ray_count", "pose_error", "scene_error"):

@@ -7,8 +7,8 @@ bytes are always the same, for any caller and after any other chunks.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +17,8 @@ import bpy
 from ..live.scene_view import SceneView
 from ..pieces.piece import Piece, PieceFolder, runs_of, scene_inputs
 from ..pieces.work import Done, Outcome, PieceWork, Steps
+from ..settings.preferences import denoiser_in_use
+from ..settings.scan_choices import FORMATS, KITTI
 from .formats import label_columns, save_cloud
 from .light.model import Light
 from .outcomes import RayCounts
@@ -24,6 +26,7 @@ from .patterns import Pattern
 from .point_cloud import PointCloud
 from .scan import Scanner, find_sensor
 from .sensor_files import Sensor
+from .stretches import Stretch, Sweep
 
 BEFORE = "points_"  # of the names of all files
 
@@ -35,8 +38,9 @@ class ScanPlan:
     frames: in any order; they are split into chunks of at most `size` consecutive frames. is_one_pass: a whole sweep of
     the sensor in the current frame, which is in `frames`. suffix: of the format, such as ".npz". steps: time samples of
     a frame. threads: 0 for all. seed: of the sensor's noise.
-    labels: names of further columns. exclude_mount: as in `scan`. for_viewport: scans the scene of viewports instead of
-    a render's.
+    labels: names of further columns. boxes: whether files have the boxes of object instances. category: the label with
+    the classes of KITTI's boxes; None for the objects' names. exclude_mount: as in `scan`. for_viewport: scans the
+    scene of viewports instead of a render's.
     """
 
     sensor: Sensor
@@ -48,6 +52,8 @@ class ScanPlan:
     threads: int = 0
     seed: int = 0
     labels: tuple[str, ...] = ()
+    boxes: bool = False
+    category: str | None = None
     exclude_mount: bool | None = None
     for_viewport: bool = False
 
@@ -73,11 +79,19 @@ class ScanPlan:
             is_one_pass=self.is_one_pass,
             format=self.suffix,
             labels=list(self.labels),
+            boxes=self.boxes,
+            category=self.category,
             exclude_mount=self.exclude_mount,
+            denoiser=denoiser_in_use() if FORMATS[self.suffix].is_drive else None,
         )
 
-    def scanner(self, piece: Piece, carrier: bpy.types.Object | None) -> Scanner:
-        """Makes the scanner of one chunk, in the context's scene. Raises ValueError like `Scanner`."""
+    def scanner(
+        self,
+        piece: Piece,
+        carrier: bpy.types.Object | None,
+        before: Callable[[Stretch], Iterator[float]] = lambda _: iter(()),
+    ) -> Scanner:
+        """Makes the scanner of one chunk, in the context's scene. before, and the ValueErrors: see `Scanner`."""
         return Scanner(
             self.sensor,
             carrier,
@@ -87,6 +101,9 @@ class ScanPlan:
             threads=self.threads,
             seed=self.seed,
             labels=self.labels,
+            boxes=self.boxes,
+            whole_passes=self.suffix == KITTI,
+            before=before,
             exclude_mount=self.exclude_mount,
             for_viewport=self.for_viewport,
         )
@@ -124,13 +141,25 @@ class ScanWork(PieceWork):
         scene = self.view.find()
         with bpy.context.temp_override(scene=scene, view_layer=self.view.find_layer()):
             carrier = None if self._carrier is None else find_sensor(scene, *self._carrier)
-            self._scanner = self._plan.scanner(piece, carrier)
-        yield from self._scanner.steps()
-        cloud = self._scanner.result()
+            self._scanner = scanner = self._plan.scanner(piece, carrier, self.before)
+        yield from scanner.steps()
+        cloud = scanner.result()
         self._scanner = None
         self._on_piece(piece, cloud)
-        _write(self.place, piece, cloud)
+        facts = self.save(piece, cloud, scanner.sweeps)
+        cloud = replace(cloud, warnings=(*cloud.warnings, *facts.pop("warnings", ())))
+        _finish(self.place, piece, cloud, **facts)
         yield Done({"points": len(cloud), **cloud.ray_outcomes.named}, cloud.warnings)
+
+    def before(self, stretch: Stretch) -> Iterator[float]:
+        """Does the work before an interval is scanned, in steps; there is none for files of points alone."""
+        yield from ()
+
+    def save(self, piece: Piece, cloud: PointCloud, sweeps: Sequence[Sweep]) -> dict[str, Any]:
+        """Writes the files of a chunk; returns facts for its manifest, maybe with further warnings. Raises OSError."""
+        path = self.place.path_of(piece.files[0])
+        save_cloud(cloud, path)
+        return {"labels": cloud.described_labels(label_columns(cloud.labels, path.suffix.lower()))}
 
     def summary(self, outcome: Outcome) -> tuple[str, ...]:
         """How many points there are, and what became of the rays."""
@@ -163,10 +192,8 @@ def light_input(light: Light | None) -> dict[str, Any] | None:
     return None if light is None else asdict(light)
 
 
-def _write(place: PieceFolder, piece: Piece, cloud: PointCloud) -> None:
-    """The file of points, then its manifest. Raises OSError."""
-    path = place.path_of(piece.files[0])
-    save_cloud(cloud, path)
+def _finish(place: PieceFolder, piece: Piece, cloud: PointCloud, **facts: Any) -> None:
+    """Writes the manifest of a chunk whose files are there. Raises OSError."""
     stretches = len(piece.frames) * place.inputs["steps"]
     # Of a single stretch, of whose way nothing is known but its ends, there are no errors.
     is_known = stretches > 1 and not place.inputs["is_one_pass"]
@@ -177,7 +204,7 @@ def _write(place: PieceFolder, piece: Piece, cloud: PointCloud) -> None:
         ray_outcomes=cloud.ray_outcomes.named,
         object_names=list(cloud.object_names),
         material_names=list(cloud.material_names),
-        labels=cloud.described_labels(label_columns(cloud.labels, path.suffix.lower())),
+        **facts,
         **{name: getattr(cloud, name) if is_known else None for name in ("pose_error", "scene_error")},
         warnings=list(cloud.warnings),
     )

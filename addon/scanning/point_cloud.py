@@ -60,6 +60,18 @@ SINGULAR = {
     "return_ids": "return_id",
     "return_counts": "return_count",
 }
+# Of boxes, in files after "box_".
+BOX_COLUMNS = (
+    "frames",
+    "times",
+    "instance_ids",
+    "object_ids",
+    "centers",
+    "sizes",
+    "axes",
+    "point_counts",
+    "visible_shares",
+)
 # What else files and Blender's points have a name for.
 _OTHERS = (
     "object_names",
@@ -68,6 +80,8 @@ _OTHERS = (
     "pose_error",
     "scene_error",
     "labels",
+    "boxes",
+    *(f"box_{name}" for name in BOX_COLUMNS),
     "normal",
     "position",
     "radius",
@@ -100,6 +114,13 @@ class PointCloud:
         return_ids, return_counts: (N,) int32, the number of the point's echo in its ray's beam, from 0, the nearest
             first, and the number of kept echoes of the beam: 0 and 1 without light.
         labels: Further columns by the requested names: custom properties, collections and others, see `scan`.
+        boxes: Empty unless requested: columns of the 3D boxes of all object instances that rays go through, hidden or
+            not, a row for each in each interval. frames, times: (B,) float64, the frame, and the seconds since the scan
+            began, at the interval's beginning, where the box is. instance_ids, object_ids: (B,) int32, as those of
+            points. centers: (B, 3) float64, world space. sizes: (B, 3) float64, along the axes. axes: (B, 3, 3)
+            float64, rows are unit vectors of the object's x, y and z. point_counts: (B,) int64. visible_shares: (B,)
+            float32, the share of the rays through the instance that hit nothing before it; glass counts as solid. 0 if
+            only the edge of a beam hits it.
         ray_count: The number of rays cast.
         ray_outcomes: The outcomes of the rays, a `RayCounts`, whose counts add up to ray_count in every cloud of a
             scan.
@@ -136,6 +157,7 @@ class PointCloud:
     pose_error: float = 0.0
     scene_error: float = 0.0
     labels: Mapping[str, LabelColumn] = field(default_factory=dict)
+    boxes: Mapping[str, npt.NDArray[Any]] = field(default_factory=dict)
     ray_outcomes: RayCounts = field(default_factory=RayCounts)
 
     def __len__(self) -> int:
@@ -174,6 +196,7 @@ class PointCloud:
             "scene_error": np.array(self.scene_error, np.float64),
             "labels": np.array(json.dumps(self.described_labels(names))),
         }
+        arrays |= {f"box_{name}": values for name, values in self.boxes.items()}
         arrays |= {names[name]: label.values for name, label in self.labels.items()}
         write_arrays(path, arrays)
 
@@ -234,6 +257,7 @@ class Collector:
         self._objects = _Names()
         self._materials = _Names()
         self._ray_count = 0
+        self.point_count = 0
         self._labels: list[dict[str, npt.NDArray[Any]]] = []
         self.counts = RayCounts()
 
@@ -282,6 +306,7 @@ class Collector:
     ) -> None:
         """ray_rows: of each hit, which of the rays it is of. returns: where hits are echoes of beams."""
         rows = np.flatnonzero(hits.instance_ids >= 0)
+        self.point_count += len(rows)
         if len(rows):
             of_rays = ray_rows[rows]
             materials = sync.material_ids(hits)[rows]
@@ -293,7 +318,7 @@ class Collector:
                     "positions": hits.positions[rows],
                     "distances": hits.distances[rows],
                     "normals": hits.geometric_normals[rows],
-                    "object_ids": self._object_ids(hits.instance_ids[rows], sync),
+                    "object_ids": self.object_ids(hits.instance_ids[rows], sync),
                     "instance_ids": hits.instance_ids[rows],
                     "material_ids": self._material_ids(materials, sync),
                     "times": rays.times[of_rays],
@@ -315,8 +340,9 @@ class Collector:
         pose_error: float,
         scene_error: float,
         tables: Mapping[str, LabelTable] = NO_LABELS,
+        boxes: Mapping[str, npt.NDArray[Any]] = NO_LABELS,
     ) -> PointCloud:
-        """Everything that was added. tables: of the labels."""
+        """Everything that was added. tables: of the labels. boxes: see `PointCloud.boxes`."""
         columns = {name: np.concatenate([EMPTY[name], *(piece[name] for piece in self._pieces)]) for name in COLUMNS}
         return PointCloud(
             **columns,
@@ -328,12 +354,24 @@ class Collector:
             pose_error=pose_error,
             scene_error=scene_error,
             labels={name: LabelColumn(self._label(name, table), table) for name, table in tables.items()},
+            boxes=boxes,
         )
 
     def _label(self, name: str, table: LabelTable) -> npt.NDArray[Any]:
         return np.concatenate([table.encode(np.empty(0)), *(piece[name] for piece in self._labels)])
 
-    def _object_ids(self, instance_ids: npt.NDArray[np.int32], sync: SceneSync) -> npt.NDArray[np.int32]:
+    def instances_from(self, point: int) -> npt.NDArray[np.int32]:
+        """The instance ids of the points from this one on."""
+        found, left = [EMPTY["instance_ids"]], self.point_count - point
+        for piece in reversed(self._pieces):
+            if left <= 0:
+                break
+            found.append(piece["instance_ids"][-left:])
+            left -= len(found[-1])
+        return np.concatenate(found)
+
+    def object_ids(self, instance_ids: npt.NDArray[np.int32], sync: SceneSync) -> npt.NDArray[np.int32]:
+        """Returns rows of the cloud's object_names."""
         instances, inverse = np.unique(instance_ids, return_inverse=True)
         found = sync.describe(instances)
         rows = [

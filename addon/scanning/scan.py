@@ -11,7 +11,7 @@ like any other, so that a long scan of a scene in which little moves reads and b
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Generator, Sequence
+from collections.abc import Callable, Generator, Iterator, Sequence
 from contextlib import closing
 from functools import partial
 from typing import Any
@@ -32,7 +32,8 @@ from .patterns import Float64Array, Pattern, View
 from .point_cloud import Collector, PointCloud
 from .sensor_files import Sensor, sensor_names
 from .stretch_sync import StretchSync, TracedStretch
-from .stretches import Path, Stretch, bend, rays_before, stretches_of
+from .stretches import Path, Stretch, Sweep, bend, rays_before, stretches_of
+from .things import BoxCollector
 
 Progress = Callable[[float], object]
 
@@ -60,6 +61,7 @@ def scan(
     progress: Progress | None = None,
     light: Light | None = None,
     seed: int = 0,
+    boxes: bool = False,
     exclude_mount: bool | None = None,
     for_viewport: bool = False,
 ) -> PointCloud:
@@ -99,6 +101,8 @@ def scan(
             is an ideal sensor: one thin ray, whose first hit is the point, on any material.
         seed: Of noise and dropout, 0 to 2 ** 31 - 1: the same seed gives the same points, for any threads, parts and
             processes.
+        boxes: Whether `PointCloud.boxes` has the 3D boxes of all object instances in the sensor's reach, which takes
+            another pass of its rays.
         exclude_mount: Whether the mount is invisible to the rays: the sensor's object and its children, and theirs,
             with the instances that they make; not its parents. None, the default: for a `Sensor` (not for a bare
             pattern) whose object is a mesh around it, that is if the object's origin is inside the bounds of its
@@ -113,7 +117,7 @@ def scan(
             file has or whose values are neither numbers, texts nor data-blocks, and the errors of the engine.
     """
     how = {"frames": frames, "steps_per_frame": steps_per_frame, "since": since, "labels": labels, "threads": threads}
-    how |= {"light": light, "seed": seed, "exclude_mount": exclude_mount, "for_viewport": for_viewport}
+    how |= {"light": light, "seed": seed, "boxes": boxes, "exclude_mount": exclude_mount, "for_viewport": for_viewport}
     scanner = Scanner(pattern, sensor, **how)
     if not scanner.run(progress):
         raise _cancelled()
@@ -126,6 +130,14 @@ class Scanner:
     Iterate over `steps()`, or call `run`, which is faster; then call `result()`. Closing the iterator of the
     steps early cancels the scan, also during a build. The current frame is restored in both cases. Each
     interval shows the scene as it was when its first step began.
+
+    Args:
+        whole_passes: Whether each frame is one whole pass of the sensor, such as a turn, in the scene as it is at that
+            frame, instead of the part of it that a frame lasts. Times and ray_ids continue from pass to pass.
+        before: Called before each interval; the work that it yields in is done before the interval is read.
+
+    Attributes:
+        sweeps: The intervals so far, and their points.
 
     Raises:
         ValueError: For arguments with which no scan is possible.
@@ -143,8 +155,11 @@ class Scanner:
         threads: int = 0,
         light: Light | None = None,
         seed: int = 0,
+        boxes: bool = False,
         exclude_mount: bool | None = None,
         for_viewport: bool = False,
+        whole_passes: bool = False,
+        before: Callable[[Stretch], Iterator[float]] = lambda _: iter(()),
     ) -> None:
         is_named = isinstance(pattern, Sensor) and pattern.name in sensor_names()
         is_sensor = isinstance(pattern, Sensor)
@@ -160,7 +175,10 @@ class Scanner:
         self._place = SceneView("scan", scene, bpy.context.view_layer, for_viewport=for_viewport)
         self._sensor = None if sensor is None else (sensor.name, sensor.session_uid)
         rate = scene.render.fps / scene.render.fps_base
-        self._stretches = tuple(stretches_of(pattern, rate, frames, steps_per_frame, since))
+        self._stretches = tuple(stretches_of(pattern, rate, frames, steps_per_frame, since, whole_passes))
+        self._before, self._boxes = before, BoxCollector() if boxes else None
+        self._frame = scene.frame_current_final
+        self.sweeps: list[Sweep] = []
         self._threads = threads
         self._labels = LabelReader("scan", labels)
         self._collector = Collector(rays_before(pattern, self._stretches))
@@ -178,7 +196,8 @@ class Scanner:
         """Returns the points of the finished scan."""
         errors = self._pose_error, self._scene_error
         complaints = complaints_of(self._collector.counts, self._limits)
-        return self._collector.point_cloud((*self._warnings, *complaints), *errors, self._labels.tables)
+        boxes = {} if self._boxes is None else self._boxes.columns()
+        return self._collector.point_cloud((*self._warnings, *complaints), *errors, self._labels.tables, boxes)
 
     def run(self, progress: Progress | None = None) -> bool:
         """Does all steps with one evaluated scene, which goes from frame to frame; False once `progress` returns it."""
@@ -204,6 +223,8 @@ class Scanner:
         sync = StretchSync(AttributeRequest(material_slots=True, shading=self._light is not None))
         try:
             for number, stretch in enumerate(self._stretches):
+                for _ in self._before(stretch):
+                    yield number / len(self._stretches)
                 for done in self._scan_stretch(sync, stretch):
                     yield (number + done) / len(self._stretches)
         finally:
@@ -228,12 +249,16 @@ class Scanner:
         shares = (rays.times - stretch.start) / max(stretch.end - stretch.start, MOST_SHORT)
         is_mount = None if self._mount is None else self._mount.find(sync.record)
         cast = TracedStretch(sync, snapshot, self._pattern, rays, path, shares, labels, self._threads, is_mount)
-        farthest = 0.0
+        farthest, first = 0.0, self._collector.point_count
         for traced, distance in cast.collect(self._collector, self._light, self._random):
             farthest = max(farthest, distance)
             left = max(0.0, 1.0 - traced / len(rays))
             yield 1.0 - (1.0 - before_rays) * left  # the last is exactly 1, for any rounding
         self._follow(path, farthest)
+        self.sweeps.append(Sweep(stretch, slice(first, self._collector.point_count), path))
+        if self._boxes is not None:
+            frame = self._frame if stretch.frame is None else stretch.frame + stretch.subframe
+            self._boxes.add(frame, stretch.start, cast, self._collector, first)
 
     def _read(self, sync: StretchSync, stretch: Stretch) -> tuple[View | None, Path, UpdateCommit, LabelReading]:
         """Reads Blender for an interval: the view of a camera grid, the sensor's path, the begun build, labels."""
@@ -254,7 +279,7 @@ class Scanner:
             poses = [matrix, matrix]
         else:
             poses = [_pose(sensor, moment)]
-            if stretch.frame is None:
+            if stretch.is_still:
                 building = sync.begin_moment(depsgraph, count)
             else:
                 which = sensor.name, sensor.session_uid  # its camera, even if a marker selects another one later

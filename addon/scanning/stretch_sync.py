@@ -312,7 +312,7 @@ class TracedStretch:
         origins, directions = self.path.place(rays.origins, rays.directions, self.shares)
         for first in range(0, len(rays), RAYS_IN_A_STEP):
             rows = slice(first, first + RAYS_IN_A_STEP)
-            times = self.shares[rows] if self._moves else 0.0
+            times = self.shares[rows] if self.moves else 0.0
             hits = snapshot.cast_rays(
                 origins[rows],
                 directions[rows],
@@ -341,7 +341,7 @@ class TracedStretch:
         origins, directions = self.path.place(rays.origins, rays.directions, self.shares)
         axes = axis_across(rays.directions)
         _, across = self.path.place(axes, axes, self.shares)
-        times = self.shares if self._moves else np.zeros(len(rays))
+        times = self.shares if self.moves else np.zeros(len(rays))
         caster = BeamCaster(light, random, self.sync, self.snapshot, VISIBLE_TO_CAMERA, self.threads)
         size = max(1, RAYS_IN_A_STEP // light.beam.rays)
         for first in range(0, len(rays), size):
@@ -361,7 +361,8 @@ class TracedStretch:
         collector.count(outcomes)
 
     @property
-    def _moves(self) -> bool:
+    def moves(self) -> bool:
+        """Whether anything moves in it."""
         return self.sync.record.motion.count > 0
 
     def _eyes(self, rows: slice) -> Float64Array | None:

@@ -18,7 +18,10 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Stretch:
-    """A part of the scan. frame: None for the current one. start, end: seconds since it began. next_...: its end."""
+    """A part of the scan. frame: None for the current one. start, end: seconds since it began. next_...: its end.
+
+    is_still: whether the scene and the sensor stand still in it.
+    """
 
     frame: int | None
     subframe: float
@@ -26,6 +29,7 @@ class Stretch:
     end: float
     next_frame: int = 0
     next_subframe: float = 0.0
+    is_still: bool = False
 
 
 def rays_before(pattern: Pattern, stretches: tuple[Stretch, ...]) -> int:
@@ -42,10 +46,11 @@ def stretches_of(
     frames: tuple[int, int] | None,
     steps_per_frame: int,
     since: int | None,
+    whole_passes: bool = False,
 ) -> Iterator[Stretch]:
-    """rate: frames a second. The rest: as `scan` takes it, which the errors name."""
+    """rate: frames a second. whole_passes: see `Scanner`. The rest: as `scan` takes it, which the errors name."""
     if frames is None:
-        yield Stretch(None, 0.0, 0.0, pattern.duration)
+        yield Stretch(None, 0.0, 0.0, pattern.duration, is_still=True)
         return
     first, last = frames
     if last < first:
@@ -54,6 +59,12 @@ def stretches_of(
     before = 0 if since is None else (first - since) * steps_per_frame
     if before < 0:
         raise ValueError(f"scan: since must be no later than the first of the frames {frames}, got {since}")
+    if whole_passes and not pattern.needs_camera:
+        for frame in range(first, last + 1):
+            number = frame - (first if since is None else since)
+            times = number * pattern.duration, (number + 1) * pattern.duration
+            yield Stretch(frame, 0.0, *times, frame, is_still=True)
+        return
     seconds = 1.0 / rate / steps_per_frame
     for number in range((last - first + 1) * steps_per_frame):
         frame, step = divmod(number, steps_per_frame)
@@ -89,6 +100,12 @@ class Path:
         way = self.first[:3, 3] + shares[:, None] * (self.last[:3, 3] - self.first[:3, 3])
         return self._turn(origins, shares) + way, self._turn(directions, shares)
 
+    def undo(self, positions: Float64Array, shares: Float64Array) -> Float64Array:
+        """(R, 3) positions of the world in the sensor's space, each at its share, 0 to 1, of the way."""
+        nowhere = np.zeros_like(positions)
+        axes = [self.place(nowhere, np.broadcast_to(axis, positions.shape), shares) for axis in np.eye(3)]
+        return np.stack([_along(positions - origins, axis) for origins, axis in axes], axis=1)
+
     def _turn(self, vectors: Float64Array, shares: Float64Array) -> Float64Array:
         """Rotates by a share of the rotation from the first pose's axes to the last one's (Rodrigues' formula)."""
         start = self.first[:3, :3]
@@ -108,12 +125,21 @@ class Path:
         return _turned(turned, start)
 
 
+@dataclass(frozen=True, slots=True)
+class Sweep:
+    """A scanned stretch. rows: of the cloud, its points. path: the sensor's poses."""
+
+    stretch: Stretch
+    rows: slice
+    path: Path
+
+
 def _along(vectors: Float64Array, axis: Float64Array) -> Float64Array:
-    """Returns (R,) the vectors' components along an axis.
+    """Returns (R,) the vectors' components along an axis, (3,), or each along its own, (R, 3).
 
     It does not use `@`: that calls a library that rounds differently on each processor, and starts threads.
     """
-    return vectors[:, 0] * axis[0] + vectors[:, 1] * axis[1] + vectors[:, 2] * axis[2]
+    return vectors[:, 0] * axis[..., 0] + vectors[:, 1] * axis[..., 1] + vectors[:, 2] * axis[..., 2]
 
 
 def _turned(vectors: Float64Array, linear: Float64Array) -> Float64Array:

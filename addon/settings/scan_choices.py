@@ -17,24 +17,43 @@ from typing import Any, NamedTuple
 
 @dataclass(frozen=True, slots=True)
 class CloudFormat:
-    """name: the ending without its dot. modules: of Python, that writing it imports."""
+    """A format of files of points.
+
+    name: the ending without its dot. modules: of Python, that writing it imports. extra: of the package, that has them.
+    has_boxes: whether its files may have boxes. is_drive: whether it has the camera's images, and no columns of labels.
+    """
 
     name: str
     label: str
     description: str
     modules: tuple[str, ...] = ()
+    extra: str = "data"
+    has_boxes: bool = False
+    is_drive: bool = False
 
 
 CLOUD_FORMATS = (
-    CloudFormat("npz", "NumPy", "NumPy archive (.npz) with all columns and names"),
+    CloudFormat("npz", "NumPy", "NumPy archive (.npz) with all columns and names", has_boxes=True),
     CloudFormat("ply", "PLY", "Binary polygon file (.ply) with all columns"),
     CloudFormat("las", "LAS", "LAS 1.4, the exchange format of surveyors"),
     CloudFormat("laz", "LAZ", "Compressed LAS. Needs the libraries laspy and lazrs", ("laspy", "lazrs")),
     CloudFormat("csv", "CSV", "Text table with commas"),
-    CloudFormat("parquet", "Parquet", "Compressed table. Needs the library pyarrow", ("pyarrow.parquet",)),
-    CloudFormat("h5", "HDF5", "One array per column. Needs the library h5py", ("h5py",)),
+    CloudFormat(
+        "parquet", "Parquet", "Compressed table. Needs the library pyarrow", ("pyarrow.parquet",), has_boxes=True
+    ),
+    CloudFormat("h5", "HDF5", "One array per column. Needs the library h5py", ("h5py",), has_boxes=True),
+    CloudFormat("kitti", "KITTI", "Points, images and 3D boxes of each frame, as KITTI has them", is_drive=True),
+    CloudFormat(
+        "mcap",
+        "ROS 2 Bag",
+        "Points, images and poses of each frame as a bag of ROS 2. Needs the library rosbags",
+        ("rosbags.rosbag2", "rosbags.typesys"),
+        extra="ros",
+        is_drive=True,
+    ),
 )
-MODULES = {f".{one.name}": one.modules for one in CLOUD_FORMATS}
+FORMATS = {f".{one.name}": one for one in CLOUD_FORMATS}
+KITTI, MCAP = ".kitti", ".mcap"
 
 
 # Point color items ---------------------------------------------------------------------------------------------------

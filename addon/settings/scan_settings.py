@@ -200,6 +200,19 @@ class PERFECT_BVH_PG_scan(bpy.types.PropertyGroup):
         items=[(one.name, one.label, one.description, number) for number, one in enumerate(CLOUD_FORMATS)],
         default="npz",
     )
+    category: bpy.props.StringProperty(
+        name="Category",
+        description=(
+            "The custom property whose value is the class of an object's 3D box; objects without it have no box. "
+            "The object's name if empty"
+        ),
+        default="",
+    )
+    use_boxes: bpy.props.BoolProperty(
+        name="3D Boxes",
+        description="Also write the 3D box of each object in reach, its number of points and its visible share",
+        default=False,
+    )
     frames_per_file: bpy.props.IntProperty(
         name="Frames per File",
         description="Maximum number of frames in a file. A scan that is stopped loses no more than one file",
