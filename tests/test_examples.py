@@ -24,6 +24,7 @@ PRINTED = {
     "bvhtree.py": r"polygon \d+ at 4\.\d+",
     "closest_points.py": r"\[ ?\S+ +0\. +\S+\] is [34]\.\d+ from \[.+\]",
     "compare_builders.py": r"\s*spatial( +\d\S*){4}",
+    "drive.py": r"\d{5,} points and [1-9]\d* boxes in the first of three frames",
     "label_image.py": r".+: \d+% of it is visible",
     "lidar.py": r"\d{5,} points on \d\d objects from \d{5,} rays",
     "mesh_costs.py": r".+ took longest to build: \d+ triangles, by \w+: .+",
@@ -40,6 +41,8 @@ PRINTED = {
     "xray.py": r"\d{4,} surfaces on 4096 rays; 1 of 1 meets a vertex",
     "tree_boxes.py": r"a random ray .+ is expected to cost [1-9]\d*\.\d visits and tests",
 }
+
+POSIX = pytest.mark.skipif(sys.platform == "win32", reason="the commands are those of a POSIX shell")
 
 
 @pytest.fixture(scope="module")
@@ -83,6 +86,34 @@ def test_the_gallery_shows_all_pictures(made: dict[str, gallery.Made]) -> None:
     assert [name for name in others if not (REPOSITORY / name).is_file()] == []
 
 
+@POSIX
+def test_the_drive_through_the_crowd_opens_in_pykitti_and_rosbags(
+    made: dict[str, gallery.Made], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from blender.drive_scene import pykitti
+
+    rosbags = pytest.importorskip("rosbags.highlevel", reason="rosbags is not installed: pip install '.[ros]'")
+    folder = made["drive.py"].files[0].parent
+    drive = pykitti(monkeypatch).odometry(str(folder / "kitti"), "00")
+    assert len(drive) == len(drive.poses) == 3
+    x, y, z = drive.poses[2][:3, 3]
+    assert (x, y) == pytest.approx((0.0, 0.0), abs=1e-5) and 0.01 < z < 0.5  # it sets out
+    labels = (folder / "kitti" / "training" / "label_2" / "000001.txt").read_text().splitlines()
+    assert {line.split()[0] for line in labels} == {"Pedestrian"} and len(labels) > 5
+    command = "perfect-bvh scan drive.blend -o bag --on Mount --format mcap --frames 1-2 --sensor spinning-16 -q"
+    run_shell(f"cd {folder}; {command.replace('-o bag', f'-o {tmp_path}/bag')}", tmp_path)
+    with rosbags.AnyReader([tmp_path / "bag"]) as bag:
+        assert {topic: info.msgcount for topic, info in bag.topics.items()} == {
+            "/points": 2, "/camera/image_raw": 2, "/camera/camera_info": 2, "/tf": 5,
+        }  # fmt: skip
+        sizes = [
+            bag.deserialize(raw, "sensor_msgs/msg/PointCloud2").width
+            for one, _, raw in bag.messages()
+            if one.topic == "/points"
+        ]
+    assert len(sizes) == 2 and min(sizes) > 1000
+
+
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
 def test_a_page_is_short_and_has_something_that_runs(page: Path) -> None:
     text = page.read_text(encoding="utf-8")
@@ -122,9 +153,6 @@ def run_shell(script: str, folder: Path) -> str:
     done = subprocess.run(run, cwd=folder, env=environment, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stdout + done.stderr
     return done.stdout
-
-
-POSIX = pytest.mark.skipif(sys.platform == "win32", reason="the commands are those of a POSIX shell")
 
 
 @POSIX
