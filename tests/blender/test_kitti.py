@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import combinations
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +11,7 @@ import numpy as np
 import perfect_bvh_addon
 import pytest
 from blender.command_lines import run
-from blender.drive_scene import HEIGHT, WIDTH, asked, pykitti, save_drive
+from blender.drive_scene import HEIGHT, SENSOR, WIDTH, asked, pykitti, save_drive
 from perfect_bvh_addon import label_image, load_sensor, scan
 
 FOLDERS = {"image_2": "png", "velodyne": "bin", "calib": "txt", "label_2": "txt"}
@@ -158,6 +159,7 @@ def test_boxes_hold_what_leans(file: Path, tmp_path: Path) -> None:
 
 def test_chunks_are_the_same_bytes_and_are_resumed(file: Path, tmp_path: Path, capfd: Any) -> None:
     folder = tmp_path / "out"
+    (tmp_path / "sensor.toml").write_text(SENSOR + "[noise]\nrange = 0.02\ndropout = 0.1\n")
     assert run(*asked(file, folder, "kitti", "--piece", 1)) == 0
     expected = contents(folder)
     assert {Path(name).parts[1] for name in expected if name.startswith("training")} == set(FOLDERS)
@@ -172,6 +174,24 @@ def test_chunks_are_the_same_bytes_and_are_resumed(file: Path, tmp_path: Path, c
     assert (folder / "training" / "image_2" / "000001.png").stat().st_mtime_ns == kept
     assert run(*asked(file, folder, "kitti", "--piece", 1, "--category", "class")) == 2
     assert "differs in 'category'" in capfd.readouterr().err
+
+
+def test_each_pass_has_its_own_noise(file: Path, tmp_path: Path) -> None:
+    bpy.ops.wm.open_mainfile(filepath=str(file))
+    for name in ("Ego", "Walker"):
+        bpy.data.objects[name].animation_data_clear()
+    bpy.ops.wm.save_mainfile()
+    assert run(*asked(file, tmp_path / "still", "kitti")) == 0
+    (tmp_path / "sensor.toml").write_text(SENSOR + "[noise]\nrange = 0.02\n")
+    assert run(*asked(file, tmp_path / "noisy", "kitti")) == 0
+    still, noisy = (
+        [np.fromfile(path, np.float32).reshape(-1, 4) for path in sorted((tmp_path / name).glob("training/*/*.bin"))]
+        for name in ("still", "noisy")
+    )
+    assert len(still) == 3 and (still[0] == still[1]).all() and (still[0] == still[2]).all()
+    for one, other in combinations(noisy, 2):
+        off = np.linalg.norm(one[:, :3], axis=1) - np.linalg.norm(other[:, :3], axis=1)
+        assert 0.015 < off.std() < 0.045
 
 
 def test_the_button_writes_the_same_bytes(file: Path, tmp_path: Path) -> None:
