@@ -262,7 +262,7 @@ def _add_labels(commands: argparse._SubParsersAction) -> None:
         default=["npz"],
         metavar="F",
         help="one or more of npz, npy, png, exr and bop (default: npz). With npy, png and exr, a .json file explains "
-        "the numbers. bop is a data set for pose estimation: depth, masks, poses and models in the folder bop",
+        "the numbers. bop is a data set for pose estimation: images, depth, masks, poses and models in the folder bop",
     )
     parser.add_argument(
         "--depth-scale",

@@ -62,6 +62,7 @@ def _check_coco() -> None:
 
 def labels_work(scene: bpy.types.Scene, _stop: StopRequest, arguments: argparse.Namespace) -> PieceWork:
     """Returns the chunks of labelled frames: the files of each frame, and its data for the file of COCO's format."""
+    from ..datasets.bop_work import BopWork
     from ..extract.scene_in_time import has_simulations
     from ..labels.bop import FORMAT
     from ..labels.piece_labels import BEFORE, WHAT, LabelPlan, LabelWork
@@ -85,4 +86,6 @@ def labels_work(scene: bpy.types.Scene, _stop: StopRequest, arguments: argparse.
     inputs = scene_inputs(arguments, *CHOICES, begins=begins)
     apply_settings(scene, arguments)
     view = SceneView("labels", scene, active_view_layer(scene), for_viewport=arguments.viewport)
-    return LabelWork(view, plan, PieceFolder(Path(arguments.output), inputs, BEFORE, WHAT))
+    return (BopWork if plan.has_bop else LabelWork)(
+        view, plan, PieceFolder(Path(arguments.output), inputs, BEFORE, WHAT)
+    )

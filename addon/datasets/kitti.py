@@ -111,7 +111,7 @@ def _numbers(matrix: Doubles) -> str:
 def label_lines(labels: Labels) -> list[str]:
     """Make a line for each object instance that the image shows and that has a category.
 
-    The 2D box is around all pixels whose rays meet the object, hidden or not. The 3D box is the smallest one around the
+    The 2D box is around all pixels whose rays hit the object, hidden or not. The 3D box is the smallest one around the
     object's oriented box that is turned about the camera's y axis alone: equal to it if both stand upright. An object's
     front is its side of -Y, as in Blender's front view.
     """

@@ -37,9 +37,9 @@ Row = dict[str, Any]
 Doubles = npt.NDArray[np.float64]
 
 
-def depth_name(frame: int) -> str:
-    """The file of a frame's depth."""
-    return f"{SCENE}/depth/{frame:06d}.png"
+def image_name(folder: str, frame: int) -> str:
+    """Return the name of a frame's file in the folder `rgb` or `depth`."""
+    return f"{SCENE}/{folder}/{frame:06d}.png"
 
 
 class Models:

@@ -63,7 +63,8 @@ class LabelPlan:
             files = [name for frame in frames for name in file_names(stem_of(frame), self.formats, **what)]
             files += [f"{stem}.coco.jsonl"] if self.has_coco else []
             if self.has_bop:
-                files += [*map(bop.depth_name, frames), f"{stem}.bop.jsonl", f"{stem}.bop_models.npz"]
+                files += [bop.image_name(folder, frame) for folder in ("rgb", "depth") for frame in frames]
+                files += [f"{stem}.bop.jsonl", f"{stem}.bop_models.npz"]
             found.append(Piece(frames, stem, tuple(files)))
         return found
 
@@ -113,9 +114,9 @@ class LabelWork(PieceWork):
                 if self._plan.has_bop:
                     of_things = sync.instance_rows(np.array([thing.instance_id for thing in labels.things], np.int32))
                     row, depth, left_out = bop.image_row(labels, sync.record, of_things, **how, models=models)
-                    bop.save_depth(self.place.path_of(bop.depth_name(frame)), depth)
+                    bop.save_depth(self.place.path_of(bop.image_name("depth", frame)), depth)
                     bop_rows.append(row)
-                    lacking = (*lacking, *left_out)
+                    lacking = (*lacking, *left_out, *self.picture(frame))
                 if self._plan.has_coco:
                     rows.append(image_row(labels, f"frame_{frame:04d}.png"))
                 warnings |= dict.fromkeys((*labels.warnings, *lacking))
@@ -130,6 +131,10 @@ class LabelWork(PieceWork):
             models.save(self.place.path_of(f"{piece.stem}.bop_models.npz"))
         self.place.finish(piece, warnings=list(warnings))
         yield Done({"frames": len(piece.frames)}, tuple(warnings))
+
+    def picture(self, frame: int) -> tuple[str, ...]:
+        """Writes BOP's image of a frame; returns what it lacks, as sentences. Only `BopWork` can render."""
+        raise NotImplementedError
 
     def join(self) -> None:
         """Writes the file of COCO's format, of these chunks, and the data of BOP's, of all chunks in the folder.

@@ -169,7 +169,7 @@ class PiecesJob:
         return f" file {self._outcome.number} of {len(self._work.pieces)}"
 
     def steps(self) -> Generator[float, None, None]:
-        """Yields the share done, 0 to 1; joins the pieces in the end."""
+        """Yields the share done, 0 to 1; joins the chunks in the end."""
         from ..pieces.work import do_pieces
 
         scene = self._work.view.find()

@@ -132,7 +132,7 @@ class Scanner:
     interval shows the scene as it was when its first step began.
 
     Args:
-        whole_passes: Whether each frame is one whole pass of the sensor, such as a turn, in the scene as it is at that
+        whole_passes: Whether each frame is one whole sweep of the sensor, such as a turn, in the scene as it is at that
             frame, instead of the part of it that a frame lasts. Times and ray_ids continue from pass to pass.
         before: Called before each interval; the work that it yields in is done before the interval is read.
 

@@ -115,6 +115,62 @@ def test_masks_are_those_of_each_object_alone(file: Path, tmp_path: Path) -> Non
         assert (image(folder / TRAIN / "mask" / f"000001_{place:06d}.png") > 0).tolist() == alone.tolist()
 
 
+def test_twenty_objects_in_a_room_have_exact_masks_and_an_image(tmp_path: Path) -> None:
+    """As BlenderProc's example of BOP: objects of a few models, thrown over the floor of a room."""
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    scene = bpy.context.scene
+    scene.render.resolution_x, scene.render.resolution_y = 160, 120
+    bpy.ops.object.camera_add(location=(0.0, -2.8, 2.4), rotation=(0.9, 0.0, 0.0))
+    scene.camera = bpy.context.object
+    bpy.ops.object.light_add(type="POINT", location=(0.0, 0.0, 2.8))
+    bpy.context.object.data.energy = 300.0
+    bpy.ops.mesh.primitive_cube_add(size=6.0, location=(0.0, 0.0, 3.0))
+    bpy.context.object.name = "Room"
+    bpy.ops.mesh.primitive_torus_add(major_radius=0.3, minor_radius=0.1)
+    bpy.ops.mesh.primitive_monkey_add(size=0.6)
+    bpy.ops.mesh.primitive_cylinder_add(radius=0.2, depth=0.7)
+    bpy.ops.mesh.primitive_cube_add(size=0.45)
+    models = [obj for obj in scene.objects if obj.type == "MESH" and obj.name != "Room"]
+    random = np.random.default_rng(4)
+    things = [
+        *models,
+        *(bpy.data.objects.new(f"Thing {i}", models[i % 4].data) for i in range(16)),
+    ]
+    for obj in things:
+        if obj.name not in scene.objects:
+            scene.collection.objects.link(obj)
+        obj.location = (*random.uniform((-1.3, -1.2), (1.3, 1.2)), random.uniform(0.2, 0.8))
+        obj.rotation_euler = random.uniform(0.0, 6.3, 3)
+        obj["class"] = obj.data.name
+    thrown = {obj.name for obj in things}
+    path = tmp_path / "room.blend"
+    bpy.ops.wm.save_as_mainfile(filepath=str(path))
+    folder = tmp_path / "out"
+    assert run("labels", path, "-o", folder, "--format", "bop", "npz", "--no-coco", "-q") == 0
+    with np.load(folder / "labels_0001.npz") as arrays:
+        names = [thing["name"] for thing in json.loads(str(arrays["things"]))]
+    facts = read(folder, "gt_info")["1"]
+    assert thrown <= set(names)
+    assert len({pose["obj_id"] for pose in read(folder, "gt")["1"]}) == 5
+    picture = image(folder / TRAIN / "rgb" / "000001.png")
+    assert picture.shape[:2] == (120, 160)
+    assert picture[..., :3].std() > 5.0  # it shows something
+    seen = np.zeros((120, 160), int)
+    bpy.ops.wm.open_mainfile(filepath=str(path))
+    for place, name in enumerate(names):
+        for other in bpy.data.objects:
+            other.hide_render = other.type == "MESH" and other.name != name
+        alone = label_image().thing_ids >= 0
+        mask, visible = (
+            image(folder / TRAIN / each / f"000001_{place:06d}.png") > 0 for each in ("mask", "mask_visib")
+        )
+        assert mask.tolist() == alone.tolist()
+        assert not (visible & ~mask).any()
+        assert facts[place]["px_count_visib"] == visible.sum()
+        seen += visible
+    assert (seen == 1).all()
+
+
 def test_a_later_run_of_other_frames_keeps_the_earlier_ones(file: Path, tmp_path: Path, capfd: Any) -> None:
     folder = tmp_path / "out"
     common = ("labels", file, "-o", folder, "--format", "bop", "--no-coco", "--depth-scale", "0.0001")
