@@ -35,14 +35,11 @@ def run_labels(arguments: argparse.Namespace) -> int:
 
 def _check_formats(arguments: argparse.Namespace) -> None:
     from ..labels import bop
-    from ..labels.files import DEPTH_SCALE, FORMATS, check_formats, check_png
+    from ..labels.files import DEPTH_SCALE, FORMATS, check_formats
 
-    has_bop = bop.FORMAT in arguments.format
     try:
         check_formats([name for name in arguments.format if name != bop.FORMAT], arguments.labels)
         arguments.format = [name for name in (*FORMATS, bop.FORMAT) if name in arguments.format]  # in any order
-        if has_bop:
-            check_png()
     except (ValueError, ImportError) as error:
         raise CommandError(f"--format: {error}") from error
     if arguments.depth_scale is not None and not {"png", bop.FORMAT} & set(arguments.format):

@@ -131,7 +131,7 @@ def _parted(linear: Doubles) -> tuple[Doubles, Doubles]:
 
 
 def save_depth(path: Path, depth: npt.NDArray[np.uint16]) -> None:
-    """Write the depth of an image. Raises OSError, ImportError."""
+    """Write the depth of an image. Raises OSError."""
     path.parent.mkdir(parents=True, exist_ok=True)
     with replacing(path) as name:
         write_grey(name, depth)
@@ -146,7 +146,7 @@ def join_rows(rows: Callable[[], Iterable[Row]], models: Iterable[Path], folder:
         folder: Of the data set. Its existing masks and models are removed.
 
     Raises:
-        OSError, ImportError.
+        OSError.
     """
     scene, model_folder = folder / SCENE, folder / FORMAT / "models"
     for old in (scene / "mask", scene / "mask_visib", model_folder):

@@ -16,6 +16,8 @@ import difflib
 import json
 import os
 import re
+import struct
+import zlib
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -106,7 +108,7 @@ def write_exr(path: Path, channels: Channels) -> None:
 
 
 # Png -----------------------------------------------------------------------------------------------------------------
-# Images of labels as PNG files of 16 bits of grey, by Pillow. Does not depend on Blender.
+# Images of labels as PNG files of 16 bits of grey. Needs no library, and does not depend on Blender.
 #
 # Depth as in BOP and KITTI: whole steps of a scale, 0 where nothing was hit. Ids are rows and numbers + 1, 0 for
 # nothing. Files contain no gamma or colour profile, so that readers return the numbers unchanged.
@@ -114,16 +116,8 @@ def write_exr(path: Path, channels: Channels) -> None:
 
 Uint16Array = npt.NDArray[np.uint16]
 MOST = 65535
+_UP, _MOST_BYTES = 2, 1 << 30  # the filter that subtracts the row above; of a chunk
 NOTHING_IN_SIGHT = 1e9  # depths beyond are of rays that hit nothing
-
-
-def check_png() -> None:
-    """Raises ImportError with what to install."""
-    _pillow()
-
-
-def _pillow() -> Any:
-    return data_library("PIL.Image", "PNG files need Pillow")
 
 
 def grey_images(labels: Labels, depth_scale: float, plain: Mapping[str, str]) -> tuple[dict[str, Uint16Array], int]:
@@ -191,9 +185,19 @@ def _png_ids(name: str, values: npt.NDArray[np.int32]) -> Uint16Array:
 
 
 def write_grey(path: Path, image: Uint16Array | npt.NDArray[np.uint8]) -> None:
-    """Writes (H, W), row 0 on top; the same bytes for the same image. Raises ImportError without Pillow, OSError."""
+    """Writes (H, W), row 0 on top; the same bytes for the same image. Raises OSError."""
+    height, width = image.shape
+    rows = np.ascontiguousarray(image, f">u{image.itemsize}").view(np.uint8)
+    lines = np.full((height, 1 + rows.shape[1]), _UP, np.uint8)
+    lines[:, 1:] = np.diff(rows, axis=0, prepend=np.uint8(0))
+    packed = zlib.compress(lines.tobytes(), 1)  # a frame has several images: speed over size
+    chunks = [(b"IHDR", struct.pack(">IIBBBBB", width, height, 8 * image.itemsize, 0, 0, 0, 0))]
+    chunks += [(b"IDAT", packed[at : at + _MOST_BYTES]) for at in range(0, len(packed), _MOST_BYTES)]
     with path.open("wb") as file:
-        _pillow().fromarray(image).save(file, format="PNG", compress_level=1)  # a frame has several: speed over size
+        file.write(b"\x89PNG\r\n\x1a\n")
+        for kind, content in (*chunks, (b"IEND", b"")):
+            file.write(struct.pack(">I", len(content)) + kind + content)
+            file.write(struct.pack(">I", zlib.crc32(kind + content)))
 
 
 # Files ---------------------------------------------------------------------------------------------------------------
@@ -242,8 +246,6 @@ def check_formats(formats: Sequence[str], labels: Iterable[str] = ()) -> None:
             raise ValueError(f"formats must be some of {', '.join(FORMATS)}, got {name!r}{hint}")
     if "exr" in formats:
         check_exr()
-    if "png" in formats:
-        check_png()
     if set(formats) - {"npz"}:
         plain_names(labels)
 

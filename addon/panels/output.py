@@ -10,6 +10,7 @@ from ..settings.modes import mode_of_render
 from ..settings.preferences import denoising_data_settings
 from ..settings.scan_choices import FORMATS, OTHER
 from ..statistics.messages import notes_of
+from ..support.files import how_to_get
 from .common import TABS, RenderPanel, SidebarPanel, draw_lines, draw_messages_of, draw_purpose, settings_layout
 
 # The settings of the Scan button's sensor and of its points, and the button.
@@ -82,8 +83,6 @@ def _draw_files(context: bpy.types.Context, layout: bpy.types.UILayout, settings
     layout.prop(settings, "use_files")
     if not settings.use_files:
         return
-    from ..scanning.formats import how_to_get  # here: it needs the engine, which may be missing
-
     column = layout.column(align=True)
     column.prop(settings, "folder")
     column.prop(settings, "file_format")
@@ -91,12 +90,18 @@ def _draw_files(context: bpy.types.Context, layout: bpy.types.UILayout, settings
         column.prop(settings, "category")
     elif FORMATS[f".{settings.file_format}"].has_boxes:
         column.prop(settings, "use_boxes")
-    missing = how_to_get(f".{settings.file_format}")
-    if missing is not None:
-        draw_lines(context, layout, missing, "ERROR", TABS)
+    modules = FORMATS[f".{settings.file_format}"].modules
+    _draw_missing(context, layout, f"{settings.file_format.upper()} files", *modules)
     if settings.frames != "CURRENT":
         layout.prop(settings, "frames_per_file")
     layout.prop(settings, "use_resume")
+
+
+def _draw_missing(context: bpy.types.Context, layout: bpy.types.UILayout, what: str, *modules: str) -> None:
+    """Says before the work which libraries are missing."""
+    missing = how_to_get(what, *modules)
+    if missing is not None:
+        draw_lines(context, layout, missing, "ERROR", TABS)
 
 
 class PERFECT_BVH_PT_label_images(SidebarPanel, bpy.types.Panel):
@@ -123,7 +128,11 @@ class PERFECT_BVH_PT_label_images(SidebarPanel, bpy.types.Panel):
         layout.prop(settings, "category")
         layout.prop(settings, "layers")
         layout.column(align=True).prop(settings, "formats")
+        if "exr" in settings.formats:
+            _draw_missing(context, layout, "EXR files", "OpenEXR")
         layout.prop(settings, "use_coco")
+        if settings.use_coco:
+            _draw_missing(context, layout, "COCO files", "pycocotools")
         layout.prop(settings, "folder")
         layout.prop(settings, "use_resume")
         layout.operator("perfect_bvh.label_images", text="Start Labels", icon="IMAGE_DATA")

@@ -8,7 +8,6 @@ where a format has a place for them.
 from __future__ import annotations
 
 import csv
-import importlib.util
 import io
 import json
 import os
@@ -21,7 +20,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ..settings.scan_choices import FORMATS, KITTI
-from ..support.files import data_library, how_to_install, replacing
+from ..support.files import data_library, replacing
 from .las import LasPoints, write_las
 from .point_cloud import AXES, COLUMNS, SINGULAR, PointCloud, column_names
 
@@ -141,15 +140,6 @@ def check_format(
         if is_refused:
             raise ValueError(f"{suffix[1:]} {reason}")
     label_columns(labels, suffix)
-
-
-def how_to_get(suffix: str) -> str | None:
-    """Returns how to install a format's missing libraries, in a sentence; None if all are installed. Fast."""
-    names = dict.fromkeys(module.partition(".")[0] for module in FORMATS[suffix].modules)
-    missing = [name for name in names if importlib.util.find_spec(name) is None]
-    if not missing:
-        return None
-    return f"{suffix[1:].upper()} files need {' and '.join(missing)}. {how_to_install(*missing)}"
 
 
 def _library(name: str) -> Any:

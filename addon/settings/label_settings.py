@@ -11,7 +11,7 @@ from .scan_settings import MOST, PATH_OPTIONS
 FORMATS = (
     ("npz", "NumPy", "One .npz file per frame with all images, masks and names"),
     ("npy", "NumPy Arrays", "One .npy file per image, which programs can map into memory"),
-    ("png", "PNG", "Ids and depth as images of 16 bits. Needs the library Pillow"),
+    ("png", "PNG", "Ids and depth as images of 16 bits"),
     ("exr", "OpenEXR", "One file of layers per frame. Needs the library OpenEXR"),
 )
 

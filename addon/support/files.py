@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import errno
 import importlib
+import importlib.util
 import ntpath
 import os
 import re
@@ -42,7 +43,7 @@ def data_library(name: str, who_needs: str) -> Any:
     """Imports a module of the extra `data`.
 
     Args:
-        name: Of the module, such as "PIL.Image".
+        name: Of the module, such as "pycocotools.mask".
         who_needs: The start of the message, such as "EXR files need OpenEXR".
 
     Raises:
@@ -51,11 +52,18 @@ def data_library(name: str, who_needs: str) -> Any:
     try:
         return importlib.import_module(name)
     except ImportError as error:
-        package = PACKAGES.get(name.partition(".")[0], name.partition(".")[0])
-        raise ImportError(f"{who_needs}. {how_to_install(package)}") from error
+        raise ImportError(f"{who_needs}. {how_to_install(name.partition('.')[0])}") from error
 
 
-PACKAGES = {"PIL": "pillow"}  # whose names differ from their modules'
+def how_to_get(what: str, *modules: str) -> str | None:
+    """Says that `what`, such as "EXR files", needs missing libraries, and how to install them; None if none is. Fast.
+
+    Args:
+        modules: Of the libraries, such as "pycocotools.mask".
+    """
+    names = dict.fromkeys(module.partition(".")[0] for module in modules)
+    missing = [name for name in names if importlib.util.find_spec(name) is None]
+    return f"{what} need {' and '.join(missing)}. {how_to_install(*missing)}" if missing else None
 
 
 def how_to_install(*packages: str) -> str:

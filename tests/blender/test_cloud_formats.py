@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import json
 import math
 from dataclasses import replace
@@ -26,6 +27,7 @@ from perfect_bvh_addon.scanning.formats import (  # noqa: E402
     label_columns,
 )
 from perfect_bvh_addon.scanning.point_cloud import COLUMNS, SINGULAR  # noqa: E402
+from perfect_bvh_addon.support.files import how_to_get  # noqa: E402
 from perfect_bvh_addon.sync.lookup import LabelColumn, LabelTable  # noqa: E402
 
 ODD = "Größe / a name of more than 32 bytes"
@@ -191,7 +193,7 @@ def test_formats_without_a_library(tmp_path: Path, monkeypatch: pytest.MonkeyPat
 
     monkeypatch.setattr(formats, "_library", refuse)
     check_format(suffix)
-    assert formats.how_to_get(suffix) is None
+    assert how_to_get("files", *formats.MODULES[suffix]) is None
     assert save_cloud(cloud(), tmp_path / f"points{suffix}").stat().st_size > 10_000
 
 
@@ -252,7 +254,7 @@ def test_what_cannot_be_written_is_named(tmp_path: Path, monkeypatch: pytest.Mon
     def without(name: str) -> Any:
         raise ImportError(name)
 
-    monkeypatch.setattr(formats.importlib, "import_module", without)
+    monkeypatch.setattr(importlib, "import_module", without)
     with pytest.raises(ImportError, match=r"laspy \(perfect-bvh\[data\]\)\. .* -m pip install laspy"):
         check_format(".laz")
     check_format(".npz")

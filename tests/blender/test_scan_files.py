@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.util
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -318,7 +319,7 @@ def test_a_format_without_its_library_is_named_with_how_to_get_it(small_file: Pa
         raise ImportError(f"this format needs {name}: pip install 'perfect-bvh[data]'")
 
     monkeypatch.setattr(formats, "_library", library)
-    monkeypatch.setattr(formats.importlib.util, "find_spec", lambda name: None)
+    monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
     scan_settings().file_format = "laz"
     with pytest.raises(RuntimeError, match="Laz: this format needs laspy: pip install"):
         bpy.ops.perfect_bvh.scan()
