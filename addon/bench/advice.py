@@ -13,7 +13,7 @@ FIXED_POLICIES = ("refit", "rebuild")
 ALL_POLICIES = (*FIXED_POLICIES, "governed")
 # The governor's actions on trees other than refits.
 RESTRUCTURED = ("rebuilt", "partly_rebuilt", "rotated")
-NOTHING_MOVES = "Nothing moves in these frames: trees are built once and kept."
+NOTHING_MOVES = "Nothing moves in these frames: BVHs are built once and kept."
 NOTICEABLE = 1.05  # a difference below that is not worth a change
 # Of builders, as the panel Compare lists them.
 LABELS = {
@@ -87,7 +87,7 @@ def _builder_advice(figures: Figures) -> str:
     dearer = rows[best]["build_ms"]["typical"] / rows["auto"]["build_ms"]["typical"]
     return (
         f"{LABELS[best]} makes rays {faster:.2f} times as fast and takes {dearer:.1f} times as long to build. "
-        f"Scripts choose it with BuildConfig(builder={best!r})."
+        "The panel Compare shows both."
     )
 
 
@@ -106,7 +106,7 @@ def _time_advice(figures: Figures) -> str:
         rays *= step
     return (
         f"{LABELS[few]} takes the least time in all up to about {_rays(rays)} rays, {LABELS[many]} beyond. "
-        "Renders and scans choose by their rays; scripts pass expected_rays to update()."
+        "Renders and scans choose by their number of rays."
     )
 
 
@@ -154,21 +154,20 @@ def _decay_advice(figures: Figures) -> str:
     shares = [frame_visits(row, "refit") / frame_visits(row, "rebuild") for row in rows]
     worst = max(range(len(rows)), key=lambda place: shares[place])
     if shares[worst] < NOTICEABLE:
-        decay = "Refitted trees stay as good as new ones."
+        decay = "Refitted BVHs stay as good as new ones."
     else:
         decay = (
-            f"Refitted trees are slowest in frame {rows[worst]['frame']}: {shares[worst]:.2f} times what new ones cost."
+            f"Refitted BVHs are slowest in frame {rows[worst]['frame']}: {shares[worst]:.2f} times what new ones cost."
         )
     frames = [row["frame"] for row in rows[1:] if set(RESTRUCTURED) & set(row["policies"]["governed"]["actions"])]
     if frames:
-        done = (
-            f"The governor improved or rebuilt trees in {len(frames)} of {len(rows) - 1} frames, first in {frames[0]}."
-        )
+        count = f"{len(frames)} of {len(rows) - 1} frames"
+        done = f"Automatic updates improved or rebuilt BVHs in {count}, first in {frames[0]}."
     else:
-        done = "The governor rebuilt no tree."
+        done = "Automatic updates rebuilt none."
     return (
-        f"In frame {rows[-1]['frame']} a ray visits {refit} nodes and primitives in trees that are only refitted, "
-        f"{governed} in governed ones, {rebuild} in new ones. {decay} {done}"
+        f"In frame {rows[-1]['frame']} a ray visits {refit} nodes and primitives in BVHs that are only refitted, "
+        f"{governed} with automatic updates, {rebuild} in new ones. {decay} {done}"
     )
 
 

@@ -33,7 +33,7 @@ class PERFECT_BVH_OT_bench(Ticking, bpy.types.Operator):
     bl_idname = "perfect_bvh.bench"
     bl_label = "Benchmark This Scene"
     bl_description = (
-        "Measure what builders and update policies cost and gain in this scene, and show a table with bars. "
+        "Measure what BVH builders and update policies cost and gain in this scene, and show a table with bars. "
         "If matplotlib is installed, the Image Editor also shows charts"
     )
     bl_options: ClassVar = {"REGISTER"}
@@ -192,7 +192,10 @@ class PERFECT_BVH_OT_compare(Ticking, bpy.types.Operator):
 
     bl_idname = "perfect_bvh.compare"
     bl_label = "Compare"
-    bl_description = "Build two trees of the active object, and show them side by side with their costs"
+    bl_description = (
+        "Build two BVHs of the active object, and show them side by side. SAH is the expected cost of a ray: lower is "
+        "better"
+    )
     bl_options: ClassVar = {"REGISTER"}
 
     # Blender evaluates these annotations, and what they are of needs the native engine.
@@ -270,14 +273,14 @@ class PERFECT_BVH_OT_end_comparison(Checked, bpy.types.Operator):
 
     bl_idname = "perfect_bvh.end_comparison"
     bl_label = "End Comparison"
-    bl_description = "Show the scene again instead of the two trees"
+    bl_description = "Show the scene again instead of the two BVHs"
     bl_options: ClassVar = {"INTERNAL"}
 
     @classmethod
     def _find_complaint(cls, context: bpy.types.Context) -> str | None:
         from ..view3d.compare import compare_view
 
-        return "No trees are compared" if compare_view.shown() is None else None
+        return "No BVHs are compared" if compare_view.shown() is None else None
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         from ..view3d.compare import compare_view

@@ -243,7 +243,7 @@ class FilesJob(PiecesJob):
         """Points to be added, with the names of their objects, and warnings."""
         warnings, kept = list(self._outcome.warnings), self._outcome.kept
         if self._keeps and kept:
-            warnings.append(f"The points of {kept} existing chunks are not added; turn off Resume to add all")
+            warnings.append(f"The points of {kept} existing files are not added; turn off Resume to add all")
         return [(name, cloud) for name, cloud in self._clouds if len(cloud)], warnings
 
     def ray_outcomes(self) -> RayCounts:
@@ -255,7 +255,7 @@ class FilesJob(PiecesJob):
     def summary(self, names: list[str], seconds: float) -> str:
         """Returns a sentence about the result. names: of the new objects."""
         added = f", {len(names)} objects" if self._keeps else ""
-        count = self._outcome.words(len(self._work.pieces), "chunks written")
+        count = self._outcome.words(len(self._work.pieces), "files written")
         points = self._work.summary(self._outcome)[0]
         return f"{self._folder}: {count}; {points}{added}, {duration(1e3 * seconds)}"
 

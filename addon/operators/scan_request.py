@@ -169,7 +169,7 @@ class ScannedFile:
         """Raises ValueError if the scene was edited since. frame: the first whose chunks are not written."""
         if self.was_edited:
             raise ValueError(
-                f"The scene was edited during the scan: the chunks from frame {frame} on are not written. Start again, "
+                f"The scene was edited during the scan: the files from frame {frame} on are not written. Start again, "
                 "after saving it if scripts have edited it"
             )
 

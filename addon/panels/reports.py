@@ -244,7 +244,11 @@ class PERFECT_BVH_PT_compare(StudyPanel, bpy.types.Panel):
         from ..view3d.compare import compare_view
 
         layout = settings_layout(self)
-        draw_purpose(context, layout, "Two BVHs of the active object side by side, with the expected cost of a ray")
+        draw_purpose(
+            context,
+            layout,
+            "Two BVHs of the active object side by side, with the expected cost of a ray (SAH): lower is better",
+        )
         compare = context.scene.perfect_bvh.compare
         column = layout.column(align=True)
         column.prop(compare, "left")

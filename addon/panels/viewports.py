@@ -60,7 +60,8 @@ class PERFECT_BVH_PT_display(StudyPanel, bpy.types.Panel):
 
     def draw(self, context: bpy.types.Context) -> None:
         layout = settings_layout(self)
-        draw_purpose(context, layout, "Boxes of the BVHs over this viewport, level by level")
+        text = "Boxes of the BVHs over this viewport, level by level. SAH is the expected cost of a ray: lower is better"
+        draw_purpose(context, layout, text)
         settings = overlay_settings(context.space_data)
         if not context.space_data.overlay.show_overlays:
             draw_lines(context, layout, "Overlays are off in this viewport", icon="INFO", inset=TABS)

@@ -79,7 +79,7 @@ class PERFECT_BVH_AP_preferences(bpy.types.AddonPreferences):
 
     threads: bpy.props.IntProperty(
         name="Threads",
-        description="Number of threads that build trees and cast rays; 0 for all cores. Results do not depend on it",
+        description="Number of threads that build BVHs and cast rays; 0 for all cores. Results do not depend on it",
         default=0,
         min=0,
         max=1024,
@@ -89,7 +89,7 @@ class PERFECT_BVH_AP_preferences(bpy.types.AddonPreferences):
     cache_size: bpy.props.IntProperty(
         name="Cache (MB)",
         description=(
-            "Memory in megabytes for the trees and images of all scenes and view layers; 0 for no limit. Beyond that "
+            "Memory in megabytes for the BVHs and images of all scenes and view layers; 0 for no limit. Beyond that "
             "the least recently used data is dropped and read again when it is shown"
         ),
         default=DEFAULT_CACHE_SIZE,

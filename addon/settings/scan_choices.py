@@ -36,7 +36,9 @@ CLOUD_FORMATS = (
     CloudFormat("npz", "NumPy", "NumPy archive (.npz) with all columns and names", has_boxes=True),
     CloudFormat("ply", "PLY", "Binary polygon file (.ply) with all columns"),
     CloudFormat("las", "LAS", "LAS 1.4, the exchange format of surveyors"),
-    CloudFormat("laz", "LAZ", "Compressed LAS. Needs the libraries laspy and lazrs", ("laspy", "lazrs")),
+    CloudFormat(
+        "laz", "LAZ", "Compressed LAS. Needs the libraries laspy and lazrs; LAS needs none", ("laspy", "lazrs")
+    ),
     CloudFormat("csv", "CSV", "Text table with commas"),
     CloudFormat(
         "parquet", "Parquet", "Compressed table. Needs the library pyarrow", ("pyarrow.parquet",), has_boxes=True

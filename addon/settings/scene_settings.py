@@ -98,7 +98,7 @@ class PERFECT_BVH_PG_settings(bpy.types.PropertyGroup):
         name="Label Images", description="Settings of the Label Images button", type=PERFECT_BVH_PG_label_images
     )
     compare: bpy.props.PointerProperty(
-        name="Compare", description="The two trees of the active object to compare", type=PERFECT_BVH_PG_compare
+        name="Compare", description="The two BVHs of the active object to compare", type=PERFECT_BVH_PG_compare
     )
 
     mode: bpy.props.EnumProperty(

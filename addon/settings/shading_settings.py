@@ -29,7 +29,7 @@ class PERFECT_BVH_PG_shading(bpy.types.PropertyGroup):
         update=redraw_for_setting,
     )
     overlay: bpy.props.PointerProperty(
-        name="Overlay", description="The boxes of the trees that this viewport shows", type=PERFECT_BVH_PG_overlay
+        name="Overlay", description="The boxes of the BVHs that this viewport shows", type=PERFECT_BVH_PG_overlay
     )
 
 

@@ -15,18 +15,21 @@ class PERFECT_BVH_PG_overlay(bpy.types.PropertyGroup):
     """Which boxes of the trees are drawn in a 3D viewport."""
 
     show_top_level: bpy.props.BoolProperty(
-        name="Top Level", description="Draw the tree over all instances", default=False, update=redraw_for_setting
+        name="Top Level",
+        description="Draw the boxes of the BVH over all instances",
+        default=False,
+        update=redraw_for_setting,
     )
     show_active: bpy.props.BoolProperty(
         name="Active Object",
-        description="Draw the tree over the active object's triangles",
+        description="Draw the boxes of the BVH over the active object's triangles",
         default=False,
         update=redraw_for_setting,
     )
     level: bpy.props.IntProperty(
         name="Level",
         description=(
-            "Depth in the tree: 0 is the box around everything, and each box contains up to eight others. "
+            "Depth in the BVH: 0 is the box around everything, and each box contains up to eight others. "
             "Leaves that end above are drawn as well"
         ),
         default=2,
@@ -45,9 +48,14 @@ class PERFECT_BVH_PG_overlay(bpy.types.PropertyGroup):
         name="Color",
         description="Meaning of the boxes' colors",
         items=[
-            ("LEVEL", "Level", "Depth of a box in the tree", 0),
+            ("LEVEL", "Level", "Depth of a box in the BVH", 0),
             ("OVERLAP", "Overlap", "Overlap with sibling boxes: blue none, red all of the box", 1),
-            ("COST", "Cost", "Expected cost of a box for a random ray: blue least, red most", 2),
+            (
+                "COST",
+                "Cost",
+                "Expected cost of a ray in a box: blue least, red most. The sum is the SAH",
+                2,
+            ),
         ],
         default="LEVEL",
         update=redraw_for_setting,
@@ -82,8 +90,20 @@ class TreeChoice:
 CHOICES = (
     TreeChoice("AUTO", "Automatic", "The engine's choice", "auto", 0),
     TreeChoice("MEDIAN", "Median Split", "Two halves of equal count, regardless of the cost for rays", "median", 1),
-    TreeChoice("SWEEP", "Full Sweep", "The surface area heuristic at every possible plane of each node", "sweep", 2),
-    TreeChoice("BINNED", "Binned", "The surface area heuristic at a fixed number of planes", "binned", 3),
+    TreeChoice(
+        "SWEEP",
+        "Full Sweep",
+        "The surface area heuristic (SAH), the expected cost of a ray, at every possible plane of each node",
+        "sweep",
+        2,
+    ),
+    TreeChoice(
+        "BINNED",
+        "Binned",
+        "The surface area heuristic (SAH), the expected cost of a ray, at a fixed number of planes",
+        "binned",
+        3,
+    ),
     TreeChoice("SPATIAL", "Spatial Splits", "Cuts long triangles where that is cheaper", "spatial", 4),
     TreeChoice("FAST", "Fast", "The shortest build time, by clustering along a space-filling curve", "fast", 5),
     TreeChoice("OPTIMIZED", "Optimized", "Binned, then improved by moving nodes to better positions", "binned", 6, 100),
@@ -108,10 +128,10 @@ class PERFECT_BVH_PG_compare(bpy.types.PropertyGroup):
     """Which two trees of the active object are compared."""
 
     left: bpy.props.EnumProperty(
-        name="Left", description="Builder of the tree on the left", items=_ITEMS, default="MEDIAN"
+        name="Left", description="Builder of the BVH on the left", items=_ITEMS, default="MEDIAN"
     )
     right: bpy.props.EnumProperty(
-        name="Right", description="Builder of the tree on the right", items=_ITEMS, default="BINNED"
+        name="Right", description="Builder of the BVH on the right", items=_ITEMS, default="BINNED"
     )
 
 

@@ -224,7 +224,7 @@ def statistics_rows(statistics: FrameStatistics) -> list[tuple[str, str]]:
         ("Build", duration(report.commit_milliseconds)),
         ("Trace", duration(statistics.trace_milliseconds)),
         *([("Denoise", duration(statistics.denoise_milliseconds))] if statistics.denoiser else []),
-        ("Samples", f"{statistics.samples:.4g} a pixel"),
+        ("Samples", f"{statistics.samples:.4g} per pixel"),
         ("Camera Rays", rate(statistics.rays_per_second)),
         ("Instances", f"{report.commit.instance_count:,}"),
         ("Memory", memory(report.byte_count)),
@@ -232,7 +232,7 @@ def statistics_rows(statistics: FrameStatistics) -> list[tuple[str, str]]:
     for action in ("built", "rebuilt", "refitted", "rotated", "partly_rebuilt"):
         count = sum(mesh.action == action for mesh in report.commit.meshes)
         if count:
-            rows.append((action.replace("_", " ").title(), f"{count:,} of {count_meshes(report):,} trees"))
+            rows.append((action.replace("_", " ").title(), f"{count:,} of {count_meshes(report):,} BVHs"))
     return rows
 
 

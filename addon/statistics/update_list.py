@@ -36,7 +36,7 @@ class PERFECT_BVH_PG_update(bpy.types.PropertyGroup):
 
     state: bpy.props.StringProperty(name="State", description="The action on the objects")
     short_name: bpy.props.StringProperty(name="Short Name", description="The name in narrow panels")
-    time: bpy.props.StringProperty(name="Time", description="Time for the tree of the mesh")
+    time: bpy.props.StringProperty(name="Time", description="Time for the BVH of the mesh")
     share: bpy.props.StringProperty(name="Share", description="Share of the camera rays' work")
     is_changed: bpy.props.BoolProperty(name="Changed", description="Whether anything was updated")
     number: bpy.props.IntProperty(name="Number", description="Position of the update in the list")

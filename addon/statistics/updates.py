@@ -261,28 +261,28 @@ DONE: dict[State, str] = {
     "replaced": "Shows another mesh",
     "added": "Added",
     "removed": "Removed",
-    "refitted": "The tree was refitted",
-    "rotated": "The tree was refitted and improved by rotations",
-    "partly_rebuilt": "The tree was refitted, and parts of it were rebuilt",
-    "rebuilt": "The tree was rebuilt",
-    "built": "A tree was built",
+    "refitted": "The BVH was refitted",
+    "rotated": "The BVH was refitted and improved by rotations",
+    "partly_rebuilt": "The BVH was refitted, and parts of it were rebuilt",
+    "rebuilt": "The BVH was rebuilt",
+    "built": "A BVH was built",
 }
 _WHY: dict[State, str] = {
     "kept": "nothing has changed",
     "masked": "it is visible to other kinds of rays than before",
-    "moved": "its transform changed; the tree of its mesh is kept",
-    "recounted": "there are more or fewer of them than before; the tree of the mesh is kept",
-    "replaced": "the tree of that mesh existed already",
-    "added": "the tree of its mesh existed already",
+    "moved": "its transform changed; the BVH of its mesh is kept",
+    "recounted": "there are more or fewer of them than before; the BVH of the mesh is kept",
+    "replaced": "the BVH of that mesh existed already",
+    "added": "the BVH of its mesh existed already",
     "removed": "deleted, unlinked or hidden",
 }
 _ADVICE: dict[State, str] = {
     "kept": sentence(NOTHING),
     "masked": f"{sentence(NOTHING)}: this takes hardly any time",
     "moved": f"{sentence(NOTHING)}: moving whole objects takes hardly any time",
-    "recounted": f"{sentence(NOTHING)}: instances share one tree",
-    "replaced": f"{sentence(NOTHING)}: objects share the tree of one mesh",
-    "added": f"{sentence(NOTHING)}: objects share the tree of one mesh",
+    "recounted": f"{sentence(NOTHING)}: instances share one BVH",
+    "replaced": f"{sentence(NOTHING)}: objects share the BVH of one mesh",
+    "added": f"{sentence(NOTHING)}: objects share the BVH of one mesh",
     "removed": sentence(NOTHING),
     "unseen": "To see it in the image, show it, and enable a kind of ray in its Ray Visibility",
 }
@@ -305,12 +305,12 @@ def what_to_do(row: UpdateRow) -> str:
     if mesh.usage == "changing":
         return _about_changing(mesh.remade_by, mesh.usage_reason)
     if row.state == "built":
-        return f"{sentence(NOTHING)}: the tree is kept until the mesh changes"
+        return f"{sentence(NOTHING)}: the BVH is kept until the mesh changes"
     if mesh.action == "replaced":
         culprit = mesh.remade_by or "An edit or a script"
         return f"{culprit} changed the mesh: {NOTHING}, unless this happens in every frame"
     if row.state == "rebuilt":
-        return f"{sentence(NOTHING)}: a new tree pays off here"
+        return f"{sentence(NOTHING)}: a new BVH pays off here"
     return f"{sentence(mesh.usage_reason)}: refitting is fast here, {NOTHING}"
 
 

@@ -161,12 +161,12 @@ def test_advice_tells_of_trees_that_decay() -> None:
     first = frame_of(1, "built", 20.0)
     worse = advice({"frames": [first, frame_of(3, "refitted", 60.0), frame_of(5, "rebuilt", 41.25)]})["decay"]
     assert worse == (
-        "In frame 5 a ray visits 41.2 nodes and primitives in trees that are only refitted, 20.0 in governed ones, "
-        "20.0 in new ones. Refitted trees are slowest in frame 3: 3.00 times what new ones cost. "
-        "The governor improved or rebuilt trees in 1 of 2 frames, first in 5."
+        "In frame 5 a ray visits 41.2 nodes and primitives in BVHs that are only refitted, 20.0 with automatic "
+        "updates, 20.0 in new ones. Refitted BVHs are slowest in frame 3: 3.00 times what new ones cost. "
+        "Automatic updates improved or rebuilt BVHs in 1 of 2 frames, first in 5."
     )
     same = advice({"frames": [first, frame_of(2, "refitted", 20.5)]})["decay"]
-    assert same.endswith("Refitted trees stay as good as new ones. The governor rebuilt no tree.")
+    assert same.endswith("Refitted BVHs stay as good as new ones. Automatic updates rebuilt none.")
     still = frame_of(2, "refitted", 20.0)
     still["policies"]["governed"]["actions"] = []
     assert advice({"frames": [first, still]})["decay"].startswith("Nothing moves")

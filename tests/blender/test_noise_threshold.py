@@ -56,7 +56,7 @@ def test_a_render_has_fewer_samples_where_that_is_enough(scene: bpy.types.Scene,
     frame = render()
     assert 16 <= frame.statistics.samples < 64
     assert frame.statistics.camera_rays == pytest.approx(frame.statistics.samples * WIDTH * HEIGHT)
-    assert dict(statistics_rows(frame.statistics))["Samples"] == f"{frame.statistics.samples:.4g} a pixel"
+    assert dict(statistics_rows(frame.statistics))["Samples"] == f"{frame.statistics.samples:.4g} per pixel"
     difference = np.abs(frame.images["combined"] - whole.images["combined"])
     assert 0.0 < difference.mean() < 0.02
     assert np.isfinite(frame.images["combined"]).all()

@@ -189,7 +189,7 @@ def test_esc_leaves_whole_pieces_and_start_goes_on(small_file: Path) -> None:
             break
     assert contents(folder) == expected and window.progress[-1] == 100.0
     ((kind, report),) = operator.reports
-    assert kind == "INFO" and report.startswith(f"{folder}: 1 of 3 chunks written, 2 existed; ")
+    assert kind == "INFO" and report.startswith(f"{folder}: 1 of 3 files written, 2 existed; ")
 
 
 def test_the_status_bar_tells_which_piece_is_worked_on(small_file: Path) -> None:
@@ -252,7 +252,7 @@ def test_points_are_added_as_well_if_that_is_chosen_an_object_a_piece(small_file
         if operator.modal(window, TIMER) != {"RUNNING_MODAL"}:
             break
     assert [kind for kind, _ in operator.reports] == ["WARNING", "INFO"]
-    assert operator.reports[0][1].startswith("The points of 3 existing chunks are not added")
+    assert operator.reports[0][1].startswith("The points of 3 existing files are not added")
 
 
 def test_a_scene_that_is_not_saved_is_recognised_until_it_is_edited(small_file: Path, monkeypatch: Any) -> None:
@@ -283,7 +283,7 @@ def test_an_edit_during_the_scan_ends_it_with_the_pieces_before(small_file: Path
         if operator.modal(window, TIMER) != {"RUNNING_MODAL"}:
             break
     ((kind, report),) = operator.reports
-    assert kind == "ERROR" and "edited during the scan: the chunks from frame" in report
+    assert kind == "ERROR" and "edited during the scan: the files from frame" in report
     assert "points_0005-0006.npz" not in contents(folder)
 
 

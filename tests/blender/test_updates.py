@@ -169,7 +169,7 @@ def test_a_modifier_that_makes_other_triangles_is_named_with_what_to_do(scene: A
         if row_named(found, "Wall").mesh.action == "replaced":
             break
     row = row_named(found, "Wall")
-    assert what_was_done(row).startswith("The tree was rebuilt in ") and what_was_done(row).endswith("replaced")
+    assert what_was_done(row).startswith("The BVH was rebuilt in ") and what_was_done(row).endswith("replaced")
     expected = "Window Cut changes the mesh in every frame: apply or bake it for faster updates"
     assert what_to_do(row) == expected
     sync.close()

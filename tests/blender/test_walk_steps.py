@@ -88,7 +88,7 @@ def test_sentences_tell_what_happens(crowd: perfect_bvh.Snapshot) -> None:
     ray, steps = walk_down(crowd)
     sentences = [step.sentence for step in steps]
     assert sentences[0].startswith("Enters the root box of the top level and tests ")
-    assert any(sentence.startswith("Enters the tree of Ball.") for sentence in sentences)
+    assert any(sentence.startswith("Enters the BVH of Ball.") for sentence in sentences)
     assert any("triangles of a leaf at level" in sentence and ": hit at " in sentence for sentence in sentences)
     assert any(sentence.startswith("Drops ") and "behind the hit" in sentence for sentence in sentences)
     row = ray.walk.hit_row

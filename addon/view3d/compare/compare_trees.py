@@ -229,7 +229,7 @@ def _build(
         return scene, mesh, scene.commit(progress=progress).meshes[0]
     if first is None or not are_refittable(first, shown):
         raise ValueError(
-            f"{shown.name} has different triangles in the first frame, whose tree cannot be refitted to these"
+            f"{shown.name} has different triangles in the first frame, whose BVH cannot be refitted to these"
         )
     scene = with_policy(perfect_bvh.Scene(), "refit")
     mesh = scene.add_mesh(first.mesh.positions, first.mesh.triangles, build=config, usage="deforming")

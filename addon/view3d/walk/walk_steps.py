@@ -232,7 +232,7 @@ class WalkWords:
     def _instance(self, row: int) -> str:
         if self.walk.events[row] == WalkEvent.SKIP_INSTANCE:
             return f"Passes {self._tree(row)}, which is not visible to it"
-        return f"Enters the tree of {self._tree(row)}, with the ray in its space"
+        return f"Enters the BVH of {self._tree(row)}, with the ray in its space"
 
     def _at(self, t: float) -> str:
         return "" if self.length is None or not np.isfinite(t) else f" at {self.length(float(t))}"
