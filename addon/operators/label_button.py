@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from ..labels.piece_labels import LabelPlan
 
 PIECE = 10  # frames: the largest loss by a cancellation
-OBJECTS, DEPTH = "Labels: Objects", "Labels: Depth"  # of the images
+OBJECTS, MASK, DEPTH = "Labels: Objects", "Labels: Mask", "Labels: Depth"  # of the images
 
 
 class PERFECT_BVH_OT_label_images(JobOperator, bpy.types.Operator):
@@ -70,7 +70,7 @@ class PERFECT_BVH_OT_label_images(JobOperator, bpy.types.Operator):
     def _finish(self, context: bpy.types.Context) -> set[str]:
         for warning in self._job.warnings:
             self._complain(warning, "WARNING")
-        images = make_images(self._job.last)
+        images = make_images(self._job.last, "" if context.object is None else context.object.name)
         if images and not bpy.app.background:
             _show_soon(images[0])
         self.report({"INFO"}, self._job.summary(time.perf_counter() - self._started))
@@ -148,8 +148,12 @@ def plan_of(scene: bpy.types.Scene) -> LabelPlan:
     )
 
 
-def make_images(labels: Labels | None) -> list[bpy.types.Image]:
-    """Puts labels into images of Blender's: objects as colours, depth from white (near) to black."""
+def make_images(labels: Labels | None, name: str) -> list[bpy.types.Image]:
+    """Puts labels into images of Blender's: objects as colours, depth from white (near) to black, a mask.
+
+    The mask is that of the object of this `name`, or of the one with most pixels: white where it is seen, grey where
+    others hide it.
+    """
     if labels is None:
         return []
     from ..scanning.point_data import colors_of_column
@@ -157,13 +161,19 @@ def make_images(labels: Labels | None) -> list[bpy.types.Image]:
     height, width = labels.thing_ids.shape
     colors = colors_of_column(labels.thing_ids.ravel(), "ids").reshape(height, width, 4)
     is_there = labels.thing_ids >= 0
-    depth = np.zeros((height, width, 4), np.float32)
-    depth[..., 3] = 1.0
+    depth, mask = np.zeros((2, height, width, 4), np.float32)
+    depth[..., 3] = mask[..., 3] = 1.0
+    if labels.things:
+        largest = labels.things[int(labels.visible.areas.argmax())].name
+        wanted = name if name in {thing.name for thing in labels.things} else largest
+        for number in (number for number, thing in enumerate(labels.things) if thing.name == wanted):
+            shades = np.where(labels.visible.image_of(number), 1.0, 0.4 * labels.amodal.image_of(number))
+            mask[..., :3] = np.maximum(mask[..., :3], shades[..., None])
     if is_there.any():
         near, far = labels.depth[is_there].min(), labels.depth[is_there].max()
         grey = 1.0 - 0.9 * (labels.depth - near) / max(float(far - near), 1e-9)
         depth[..., :3] = np.where(is_there, grey, 0.0)[..., None]
-    return [_store(OBJECTS, colors), _store(DEPTH, depth)]
+    return [_store(OBJECTS, colors), _store(MASK, mask), _store(DEPTH, depth)]
 
 
 def _show_soon(image: bpy.types.Image) -> None:

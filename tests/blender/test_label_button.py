@@ -14,7 +14,7 @@ from blender.command_lines import run  # noqa: E402
 from blender.drawn_texts import drawn  # noqa: E402
 from blender.long_builds import ESCAPE, TIMER, FakeOperator, FakeWindow, patiently  # noqa: E402
 from perfect_bvh_addon import panels  # noqa: E402
-from perfect_bvh_addon.operators.label_button import DEPTH, OBJECTS, PERFECT_BVH_OT_label_images  # noqa: E402
+from perfect_bvh_addon.operators.label_button import DEPTH, MASK, OBJECTS, PERFECT_BVH_OT_label_images  # noqa: E402
 
 COUNT = 3  # frames of the file
 
@@ -60,6 +60,10 @@ def test_the_button_writes_what_the_command_line_writes(scene_file: Path, tmp_pa
     assert tuple(objects.size) == tuple(depth.size) == (64, 48)
     colors = {tuple(np.round(pixel, 4)) for pixel in np.array(objects.pixels[:]).reshape(-1, 4)}
     assert len(colors) == 2  # the cube and the plane
+    mask = np.array(bpy.data.images[MASK].pixels[:]).reshape(48, 64, 4)[::-1, :, 0]
+    last = arrays(tmp_path / "panel" / f"labels_{COUNT:04}.npz")
+    plane, cube = (last["thing_ids"] == number for number in range(2))
+    assert (mask[plane] == 1.0).all() and (mask[cube] == np.float32(0.4)).mean() > 0.0 and mask[~plane].max() < 0.5
     assert bpy.context.scene.frame_current == 1
     arguments = ("--frames", f"1-{COUNT}", "--layers", "2", "--no-coco", "-q")
     assert run("labels", scene_file, "-o", tmp_path / "command", *arguments) == 0
