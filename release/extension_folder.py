@@ -1,4 +1,4 @@
-"""Makes the folder that Blender's tool packs as the extension: the add-on, its licence and wheels.
+"""Makes the folder that Blender's tool packs as the extension: the add-on, its licence, manual and wheels.
 
 python release/extension_folder.py FOLDER WHEELS
 
@@ -13,6 +13,7 @@ import shutil
 import sys
 from pathlib import Path
 
+from manual import write_manual
 from wheel_platforms import PLATFORMS
 
 REPOSITORY = Path(__file__).resolve().parent.parent
@@ -23,6 +24,7 @@ def make_folder(folder: Path, wheels: list[Path]) -> None:
     shutil.rmtree(folder, ignore_errors=True)
     shutil.copytree(REPOSITORY / "addon", folder, ignore=shutil.ignore_patterns("__pycache__"))
     shutil.copy(REPOSITORY / "LICENSE", folder)
+    write_manual(folder / "manual")
     (folder / "wheels").mkdir()
     for wheel in wheels:
         shutil.copy(wheel, folder / "wheels")

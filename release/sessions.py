@@ -22,6 +22,7 @@ WHEEL_TOOLS = (*BUILD_BACKEND, "ziglang==0.17.1", "zopflipy==1.14")
 BLENDER = "bpy==5.0.1"
 BUILD = "build==1.6.1"
 TQDM = "tqdm==4.70.1"  # the command line's progress bar, in the zip
+MARKDOWN = "markdown==3.11.3"  # makes the manual in the zip
 TWINE = "twine==7.0.0"
 
 
@@ -32,7 +33,7 @@ def extension(session: nox.Session) -> None:
     All platforms and Pythons, or those after `--`: `-- linux-x64 windows-x64:3.11` makes two zips, the second for one
     Python only.
     """
-    session.install(*BUILD_TOOLS, *WHEEL_TOOLS, BLENDER)
+    session.install(*BUILD_TOOLS, *WHEEL_TOOLS, MARKDOWN, BLENDER)
     for built in Path("dist").glob("perfect_bvh-*.zip"):
         built.unlink()
     shutil.rmtree("dist/wheels", ignore_errors=True)

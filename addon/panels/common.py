@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import ClassVar
 
 import blf
@@ -16,6 +17,7 @@ from ..statistics.messages import Message, messages_of
 MARGIN, SHORTEST_LINE = 58, 114
 FONT = 0
 TABS = 20  # of a sidebar's width
+MANUAL = Path(__file__).parents[1] / "manual"  # which the extension brings
 
 
 class RenderPanel:
@@ -47,10 +49,14 @@ class SidebarPanel:
     bl_space_type = "VIEW_3D"
     bl_region_type = "UI"
     bl_category = "Perfect BVH"
+    page: ClassVar[str]  # of the manual, with the heading
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
         return native_error() is None
+
+    def draw_header_preset(self, context: bpy.types.Context) -> None:
+        draw_manual(self.layout, self.page)
 
 
 class StudyPanel(SidebarPanel):
@@ -58,6 +64,15 @@ class StudyPanel(SidebarPanel):
 
     bl_category = "BVH"
     bl_options: ClassVar = {"DEFAULT_CLOSED"}
+
+
+def draw_manual(layout: bpy.types.UILayout, page: str, text: str = "") -> None:
+    """Draws a button that opens a page of the manual in the browser; none where the manual is not installed."""
+    name, _, heading = page.partition("#")
+    path = MANUAL / f"{name}.html"
+    if path.exists():
+        button = layout.operator("wm.url_open", text=text, icon="HELP", emboss=bool(text))
+        button.url = f"{path.as_uri()}#{heading}" if heading else path.as_uri()
 
 
 def settings_layout(panel: bpy.types.Panel) -> bpy.types.UILayout:

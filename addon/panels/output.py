@@ -20,6 +20,7 @@ class PERFECT_BVH_PT_scan(SidebarPanel, bpy.types.Panel):
     """The sensor, its object, and the output of the points."""
 
     bl_label = "Scan"
+    page = "blender#the-sidebars-tab-perfect-bvh-scan-and-label-images"
 
     def draw(self, context: bpy.types.Context) -> None:
         layout = settings_layout(self)
@@ -108,6 +109,7 @@ class PERFECT_BVH_PT_label_images(SidebarPanel, bpy.types.Panel):
     """The settings and the button of label images."""
 
     bl_label = "Label Images"
+    page = "how_to/label_images"
     bl_options: ClassVar = {"DEFAULT_CLOSED"}
 
     def draw(self, context: bpy.types.Context) -> None:

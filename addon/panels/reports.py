@@ -159,6 +159,7 @@ class PERFECT_BVH_PT_updates(StudyPanel, bpy.types.Panel):
     """The list, and two sentences about its active row."""
 
     bl_label = "Scene Updates"
+    page = "how_to/mesh_costs"
 
     def draw(self, context: bpy.types.Context) -> None:
         layout, scene = self.layout, context.scene
@@ -239,6 +240,7 @@ class PERFECT_BVH_PT_compare(StudyPanel, bpy.types.Panel):
     """The two trees to compare, and the button."""
 
     bl_label = "Compare"
+    page = "how_to/compare_builders"
 
     def draw(self, context: bpy.types.Context) -> None:
         from ..view3d.compare import compare_view
@@ -344,6 +346,7 @@ class PERFECT_BVH_PT_bench(StudyPanel, bpy.types.Panel):
     """The button of the benchmark, and its results."""
 
     bl_label = "Benchmark"
+    page = "how_to/refitting"
 
     def draw(self, context: bpy.types.Context) -> None:
         text = "Find out in about a minute which BVH builder and update policy suit this scene"

@@ -15,6 +15,7 @@ from .common import (
     SidebarPanel,
     StudyPanel,
     draw_lines,
+    draw_manual,
     draw_messages_of,
     draw_purpose,
     settings_layout,
@@ -57,6 +58,7 @@ class PERFECT_BVH_PT_display(StudyPanel, bpy.types.Panel):
     """The same settings in the sidebar, where Compare shows boxes of the same level in the same colors."""
 
     bl_label = "Display"
+    page = "blender#the-sidebars-tab-bvh-see-what-a-scene-costs"
 
     def draw(self, context: bpy.types.Context) -> None:
         layout = settings_layout(self)
@@ -140,6 +142,7 @@ class PERFECT_BVH_PT_render_view(SidebarPanel, bpy.types.Panel):
     """The button, and the size of the image."""
 
     bl_label = "Render View to Image"
+    page = "blender#viewports"
     bl_options: ClassVar = {"DEFAULT_CLOSED"}
 
     def draw(self, context: bpy.types.Context) -> None:
@@ -151,8 +154,8 @@ class PERFECT_BVH_PT_render_view(SidebarPanel, bpy.types.Panel):
 RENDER_VIEW_CLASSES = (PERFECT_BVH_PT_render_view,)
 
 
-# View menu -----------------------------------------------------------------------------------------------------------
-# The View menu of 3D viewports, where Blender renders viewports to images as well.
+# Menus ---------------------------------------------------------------------------------------------------------------
+# The View menu of 3D viewports, where Blender renders viewports to images as well, and the Help menu.
 
 
 def _draw(menu: bpy.types.Menu, context: bpy.types.Context) -> None:
@@ -161,11 +164,18 @@ def _draw(menu: bpy.types.Menu, context: bpy.types.Context) -> None:
         menu.layout.operator("perfect_bvh.preview", icon="RENDER_STILL")
 
 
+def _draw_help(menu: bpy.types.Menu, context: bpy.types.Context) -> None:
+    menu.layout.separator()
+    draw_manual(menu.layout, "blender", "Perfect BVH Manual")
+
+
 def register() -> None:
     bpy.types.VIEW3D_MT_view.append(_draw)
+    bpy.types.TOPBAR_MT_help.append(_draw_help)
 
 
 def unregister() -> None:
+    bpy.types.TOPBAR_MT_help.remove(_draw_help)
     bpy.types.VIEW3D_MT_view.remove(_draw)
 
 
@@ -188,6 +198,7 @@ class PERFECT_BVH_PT_walk_ray(StudyPanel, bpy.types.Panel):
     """The controls of the walk. The viewport shows the current step."""
 
     bl_label = "Walk a Ray"
+    page = "blender#the-sidebars-tab-bvh-see-what-a-scene-costs"
 
     def draw(self, context: bpy.types.Context) -> None:
         from ..view3d.walk import walk_view
