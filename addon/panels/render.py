@@ -192,7 +192,7 @@ def _draw_samples(layout: bpy.types.UILayout, settings: bpy.types.bpy_struct, ki
     value.prop(settings, f"{kind}noise_threshold", text="")
     column = layout.column(align=True)
     _draw_max(column, settings, kind, "Max Samples" if is_noisy and is_adaptive else "Samples")
-    if is_adaptive:
+    if is_adaptive and not kind:
         least = column.row()
         least.active = is_noisy
         least.prop(settings, f"{kind}min_samples", text="Min Samples")
