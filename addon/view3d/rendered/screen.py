@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -112,6 +113,44 @@ def texture_of(image: Image, mode: str) -> gpu.types.GPUTexture:
     return gpu.types.GPUTexture((width, height), format="RGBA16F", data=buffer)
 
 
+# Blender's own shader blurs a coarse image's pixels into each other, so that its noise becomes dots.
+_VERTEX_SOURCE = "void main() { place = pos; gl_Position = matrix * vec4(corner + pos * size, 0.0, 1.0); }"
+_FRAGMENT_SOURCE = "void main() { shown = texelFetch(image, ivec2(place * vec2(textureSize(image, 0))), 0); }"
+
+
+@functools.cache
+def _crisp_shader() -> gpu.types.GPUShader:
+    import gpu
+
+    between = gpu.types.GPUStageInterfaceInfo("perfect_bvh_crisp")
+    between.smooth("VEC2", "place")
+    info = gpu.types.GPUShaderCreateInfo()
+    for kind, name in (("MAT4", "matrix"), ("VEC2", "corner"), ("VEC2", "size")):
+        info.push_constant(kind, name)
+    info.sampler(0, "FLOAT_2D", "image")
+    info.vertex_in(0, "VEC2", "pos")
+    info.vertex_out(between)
+    info.fragment_out(0, "VEC4", "shown")
+    info.vertex_source(_VERTEX_SOURCE)
+    info.fragment_source(_FRAGMENT_SOURCE)
+    return gpu.shader.create_from_info(info)
+
+
+def _draw_crisp(texture: gpu.types.GPUTexture, corner: tuple[float, float], size: tuple[float, float]) -> None:
+    """Draws a texture's pixels as squares of one color. corner: the lower left one, in pixels of the region."""
+    import gpu
+    from gpu_extras.batch import batch_for_shader
+
+    shader = _crisp_shader()
+    batch = batch_for_shader(shader, "TRI_STRIP", {"pos": ((0, 0), (1, 0), (0, 1), (1, 1))})
+    shader.bind()
+    shader.uniform_float("matrix", gpu.matrix.get_projection_matrix() @ gpu.matrix.get_model_view_matrix())
+    shader.uniform_float("corner", corner)
+    shader.uniform_float("size", size)
+    shader.uniform_sampler("image", texture)
+    batch.draw(shader)
+
+
 @dataclass(frozen=True, slots=True)
 class ScreenPatch:
     """Some rows on the graphics card. number: of the change that it shows. shape: (rows, columns) of its pixels."""
@@ -156,7 +195,11 @@ def draw_patches(
     for place, patch in image.patches.items():
         rows, columns = (length * place.divisor for length in patch.shape)
         bottom = image.size[1] - place.rows[0] - rows
-        draw_texture_2d(patch.texture, (0, bottom * higher), columns * wider, rows * higher)
+        corner, size = (0.0, bottom * higher), (columns * wider, rows * higher)
+        if place.divisor > 1:
+            _draw_crisp(patch.texture, corner, size)
+        else:
+            draw_texture_2d(patch.texture, corner, *size)
     engine.unbind_display_space_shader()
     gpu.state.blend_set("NONE")
 
