@@ -38,6 +38,7 @@ def registered_without_windows(monkeypatch: pytest.MonkeyPatch) -> Iterator[None
     monkeypatch.setattr(screen_image, "texture_of", lambda image, mode: image)
     monkeypatch.setattr(viewport, "draw_patches", lambda screen, scene, image, size: screen.append(whole_of(image)))
     monkeypatch.setattr(viewport, "AWAITING_SECONDS", PATIENCE)  # does not depend on the machine's speed
+    monkeypatch.setattr(viewport, "BURST_SECONDS", 0.0)
     monkeypatch.setattr(viewport, "camera_of", lambda *_: (camera, None))
     monkeypatch.setattr(pending_commit, "BUILDING_SECONDS", 0.05)
     perfect_bvh_addon.register()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gc
 import threading
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -69,6 +70,42 @@ def test_a_redraw_traces_nothing_and_awaits_only_the_first_image(cube, gate: Gat
     assert shown.viewport.has_news
     np.testing.assert_array_equal(shown.finish(), fresh())
     assert not shown.viewport.is_working
+
+
+def test_views_that_follow_each_other_are_refined_once_they_rest(cube, gate: Gate, monkeypatch) -> None:
+    """The first image of each is shown at once; the next one is expected after a pause like the last."""
+    now = [0.0]
+    monkeypatch.setattr(viewport, "BURST_SECONDS", 10.0)
+    monkeypatch.setattr(viewport, "time", SimpleNamespace(perf_counter=lambda: now[0]))
+    bpy.context.scene.perfect_bvh.use_viewport_denoising = False  # which would be news
+    TracingGate(monkeypatch)
+    shown = Shown()
+    shown.redraw()
+    assert is_tracing(), "the first view is not one of many"
+    for now[0] in (100.0, 104.0):
+        move(cube, now[0])
+        shown.update()
+        assert shown.redraw() and np.isfinite(shown.screen[-1]).all()
+        assert shown.viewport._tracer.is_running == (now[0] == 100.0)
+    wait_for_the_end_of_tracing()
+    now[0] = 109.9
+    assert not shown.viewport.has_news, "it goes on while the next change is expected"
+    now[0] = 110.1
+    assert shown.viewport.has_news
+
+
+@pytest.mark.parametrize("is_playing", [True, False])
+def test_frames_that_play_are_traced_no_further_than_shown(cube, gate: Gate, monkeypatch, is_playing: bool) -> None:
+    TracingGate(monkeypatch)
+    shown = Shown()
+    shown.context.screen.is_animation_playing = is_playing
+    for x in (1.0, 2.0):
+        move(cube, x)
+        shown.update()
+        shown.redraw()
+        assert shown.viewport._tracer.is_running != is_playing
+    shown.viewport.stop()
+    wait_for_the_end_of_tracing()
 
 
 def test_an_edit_stops_what_is_traced_before_it_is_read(cube, gate: Gate, monkeypatch) -> None:

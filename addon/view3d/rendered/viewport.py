@@ -12,6 +12,7 @@ Modules that need the native engine are imported where they are used: without it
 from __future__ import annotations
 
 import math
+import time
 import traceback
 import weakref
 from dataclasses import dataclass, replace
@@ -39,6 +40,8 @@ if TYPE_CHECKING:
 # The first image after a change is drawn in the next redraw, if it takes no longer than this; while an animation plays,
 # for any time. Its resolution is chosen so that it takes much less.
 AWAITING_SECONDS = 0.1
+# Changes that follow each other as fast as that are strokes, drags and orbits: the next one comes as soon.
+BURST_SECONDS = 0.5
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,6 +73,7 @@ class Viewport:
         self._screen = ScreenImage()
         self._shown: tuple[Refinement | None, int, bool] = (None, 0, False)  # whose news, their number, its end
         self._remembered = 0  # 1: the cost of the first full image, 2: that of the last one
+        self._changed_at = self._goes_on_at = float("-inf")  # by the clock: the last new view, when it may be refined
         self._told: BaseException | None = None
         self.region_pointer = 0
         """The address of the region that was drawn last."""
@@ -157,7 +161,13 @@ class Viewport:
             return
         self._tracer.trace(refinement)
         if view_is_new:
+            now = time.perf_counter()
+            pause, self._changed_at = now - self._changed_at, now
             self._tracer.wait_for_image(math.inf if is_playing else AWAITING_SECONDS)
+            # More of a view that is soon replaced would hardly be seen, but slow down Blender, which makes the next.
+            if (is_playing or pause < BURST_SECONDS) and refinement.canvas.has_image.is_set():
+                self._goes_on_at = now + 1.5 * pause
+                self._tracer.stop()
 
     def _show(self, refinement: Refinement) -> None:
         """Fetch new parts. The previous image stays while there are none."""
@@ -204,7 +214,8 @@ class Viewport:
         if self._trees.is_building or refinement is None:
             return self._trees.is_building
         news = (refinement, refinement.canvas.number, self._has_ended(refinement))
-        return news != self._shown or not self._tracer.is_running  # one that was stopped goes on in a redraw
+        # One that was stopped goes on in a redraw.
+        return news != self._shown or (not self._tracer.is_running and time.perf_counter() >= self._goes_on_at)
 
     @property
     def is_denoised(self) -> bool:
