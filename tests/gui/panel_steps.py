@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import partial
+from pathlib import Path
+from urllib.parse import urlsplit
+from urllib.request import url2pathname
 
 import bpy
 from addon_state import MODULE, close_image_windows, is_working, module, settings
@@ -12,6 +15,7 @@ from buttons import (
     HEADER_HEIGHT,
     STEP,
     Button,
+    button_under_mouse,
     change,
     find_and_press,
     header_height,
@@ -22,9 +26,9 @@ from buttons import (
     with_panel_open,
 )
 from drawn import drawn, note_pressed, pressed
-from driver import Step, at_rest, check, redrawn, screenshot, wait_until
+from driver import Step, StepError, at_rest, check, redrawn, screenshot, wait_until
 from gates import gate_of_steps
-from hands import click, hover, press_here, press_key, set_viewport_size
+from hands import click, handled, hover, press_here, press_key, set_viewport_size
 from panels import (
     PANELS,
     change_all,
@@ -34,8 +38,8 @@ from panels import (
     open_panel,
     open_sidebar,
 )
-from places import area_of, main_area, middle_of, region_of
-from studies import with_study
+from places import area_of, main_area, middle_of, panel_region, region_of
+from studies import FIRST_HEADER, with_study
 
 MAIN_BUTTONS = [
     "render.engine",
@@ -96,11 +100,11 @@ def press_the_main_panels_buttons() -> Step:
 
 def press_sampling_film_and_performance() -> Step:
     render = bpy.context.scene.render
-    sampling = {"viewport_samples": "3", "samples": "4", "time_limit": "9"}
+    sampling = {"viewport_samples": "3", "samples": "4", "min_samples": "7", "time_limit": "9"}
     switches = dict.fromkeys(("use_render_samples", "use_denoising", "use_viewport_denoising"))
     settings().viewport_samples = 7  # different from the render's samples
     for kind, text in (("", "0.05"), ("viewport_", "0.5")):
-        sampling |= {f"{kind}noise_threshold": text, f"{kind}min_samples": "7"}
+        sampling[f"{kind}noise_threshold"] = text
     yield from open_panel("Sampling", change_all(settings(), sampling | switches))
     yield from open_panel("Sampling", switch_thresholds)
     yield from open_panel("Sampling", lambda buttons: work_below(buttons, 0, change_all(settings(), {"seed": "5"})))
@@ -162,6 +166,27 @@ def fill_in_the_scan_panel() -> Step:
     scan.pattern, scan.frames, scan.use_files, scan.folder = "CAMERA", "CURRENT", False, ""
     scan.labels = ""
     scan.use_points = scan.use_resume = True
+
+
+def find_the_manual() -> Step:
+    """The question mark in the header of a panel opens a page that is on the disk, which needs no network."""
+
+    def work(_: list[Button]) -> Step:
+        area = area_of("VIEW_3D")
+        region = panel_region(area)
+        for column in range(96, 60, -1):
+            hover(region.x + region.width * column / 100, region.y + region.height - FIRST_HEADER)
+            yield from handled()
+            found = button_under_mouse(area) or ""
+            if "wm.url_open" in found:
+                break
+        else:
+            raise StepError("the header of Scan has no button that opens the manual")
+        path = url2pathname(urlsplit(found.split('"')[1]).path)
+        check(Path(path).is_file(), f"{found} opens nothing")
+        screenshot("manual")
+
+    yield from open_sidebar("Manual", work)
 
 
 def press_simplify() -> Step:

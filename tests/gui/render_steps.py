@@ -95,8 +95,14 @@ def start_render() -> None:
 
 def render() -> Step:
     events.clear()
+    status, texts = module("engine").RenderStatus, []
+    send = status._send
+    status._send = lambda shown, text: (texts.append(text), send(shown, text))
     start_render()
     yield from wait_until(lambda: "render_complete" in events, "the render does not end")
+    status._send = send
+    stages = {text.rpartition(" | ")[2].split()[0] for text in texts}
+    check({"Reading", "Sample"} <= stages, f"the render says {texts}")
     check(
         module("statistics.last_result").last_statistics(bpy.context.scene) is not None, "no statistics of the render"
     )

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import shutil
+import tempfile
 from collections.abc import Callable
+from pathlib import Path
 
 import bpy
 from addon_state import forget_reports, is_working, module, settings, wait_for_report
@@ -64,6 +67,24 @@ def add_a_sensor() -> Step:
     scan.pattern, cursor.location = before, place
     scan.max_distance = 100.0
     yield from redrawn()
+
+
+def scan_to_ply() -> Step:
+    """A file for other programs, which an ordinary Blender writes without a library."""
+    scan, folder = settings().scan, Path(tempfile.mkdtemp())
+    scan.width, scan.height, scan.use_points, scan.use_files = 64, 48, False, True
+    scan.folder, scan.file_format = str(folder), "ply"
+
+    def finish() -> Step:
+        yield from wait_until(lambda: not is_working(), "the scan does not end")
+        yield from wait_for_report("1 of 1 files written")
+
+    yield from press_scan(finish)
+    (made,) = folder.glob("*.ply")
+    check(made.read_bytes().startswith(b"ply\nformat binary_little_endian"), f"{made} is no PLY file")
+    shutil.rmtree(folder)
+    scan.width, scan.height, scan.use_points, scan.use_files = 640, 360, True, False
+    scan.folder, scan.file_format = "", "npz"
 
 
 def color_points_anew() -> Step:

@@ -24,6 +24,7 @@ import motion_steps
 import overlay_steps
 import panel_steps
 import preferences_steps
+import redraw_steps
 import render_steps
 import scan_steps
 import split_view_steps
@@ -43,6 +44,7 @@ STEPS = (
     panel_steps.press_curves,
     motion_steps.press_motion_blur,
     panel_steps.fill_in_the_scan_panel,
+    panel_steps.find_the_manual,
     panel_steps.press_simplify,
     panel_steps.press_the_panorama,
     panel_steps.bench,
@@ -60,6 +62,7 @@ STEPS = (
     scan_steps.stop_a_scan,
     scan_steps.stop_a_scan_while_it_builds,
     scan_steps.scan,
+    scan_steps.scan_to_ply,
     scan_steps.add_a_sensor,
     label_steps.label_images,
     bad_use_steps.scan_onto_bad_disks,
@@ -89,6 +92,10 @@ STEPS = (
     viewport_steps.look_through_the_camera,
     viewport_steps.restrict_to_a_border,
     viewport_steps.play,
+    redraw_steps.draw_crisp_pixels,
+    redraw_steps.play_beside_cycles,
+    redraw_steps.sculpt,
+    redraw_steps.switch_with_100000_instances,
     viewport_steps.edit_and_undo,
     viewport_steps.edit_lights_and_materials,
     viewport_steps.build_beside_the_viewport,
