@@ -90,10 +90,17 @@ def text_width(text: str) -> float:
 
 
 def wrapped(context: bpy.types.Context, text: str, inset: float = 0.0) -> list[str]:
-    """Wraps `text` to the width of the panel that is being drawn. inset: the unavailable part of the width."""
+    """Wraps `text` to the width of the panel that is being drawn; paths that are longer than a line go on in the next.
+
+    inset: the unavailable part of the width.
+    """
     width = max(SHORTEST_LINE, context.region.width / context.preferences.system.ui_scale - MARGIN - inset)
     lines: list[str] = []
     for word in text.split():
+        while len(word) > 1 and text_width(word) > width:
+            end = max((end for end in range(2, len(word)) if text_width(word[:end]) <= width), default=1)
+            lines.append(word[:end])
+            word = word[end:]
         longer = f"{lines[-1]} {word}" if lines else word
         if lines and text_width(longer) <= width:
             lines[-1] = longer

@@ -116,7 +116,7 @@ class PERFECT_BVH_PT_label_images(SidebarPanel, bpy.types.Panel):
         layout = settings_layout(self)
         draw_purpose(context, layout, "Images of the object, category and depth of each pixel, as training data")
         settings = context.scene.perfect_bvh.label_images
-        layout.prop(settings, "camera")
+        layout.prop(settings, "camera", placeholder="Scene Camera")
         layout.prop(settings, "frames")
         column = layout.column(align=True)
         if settings.frames == "RANGE":

@@ -153,7 +153,7 @@ class PERFECT_BVH_PT_sampling_viewport(EnginePanel, bpy.types.Panel):
         layout = settings_layout(self)
         settings = context.scene.perfect_bvh
         _draw_samples(layout, settings, "viewport_")
-        _draw_denoising(layout, settings, "use_viewport_denoising")
+        _draw_denoising(context, layout, settings, "use_viewport_denoising")
 
 
 class PERFECT_BVH_PT_sampling_render(EnginePanel, bpy.types.Panel):
@@ -168,7 +168,7 @@ class PERFECT_BVH_PT_sampling_render(EnginePanel, bpy.types.Panel):
         settings = context.scene.perfect_bvh
         _draw_samples(layout, settings, "")
         layout.prop(settings, "time_limit")
-        _draw_denoising(layout, settings, "use_denoising")
+        _draw_denoising(context, layout, settings, "use_denoising")
 
 
 class PERFECT_BVH_PT_sampling_advanced(EnginePanel, bpy.types.Panel):
@@ -208,7 +208,9 @@ def _draw_max(layout: bpy.types.UILayout, settings: bpy.types.bpy_struct, kind: 
         layout.prop(settings, "viewport_samples", text=" ")
 
 
-def _draw_denoising(layout: bpy.types.UILayout, settings: bpy.types.bpy_struct, name: str) -> None:
+def _draw_denoising(
+    context: bpy.types.Context, layout: bpy.types.UILayout, settings: bpy.types.bpy_struct, name: str
+) -> None:
     """A switch that says by what."""
     column = layout.column(heading="Denoise")
     column.active = _is_noisy(settings)
@@ -216,7 +218,7 @@ def _draw_denoising(layout: bpy.types.UILayout, settings: bpy.types.bpy_struct, 
     is_built_in = not denoiser.startswith("OpenImageDenoise")
     column.prop(settings, name, text="Built-in Filter" if is_built_in else denoiser)
     if is_built_in:
-        column.label(text="OpenImageDenoise is not in this Blender", icon="INFO")
+        draw_lines(context, column, "OpenImageDenoise is not in this Blender", icon="INFO")
 
 
 def _is_noisy(settings: bpy.types.bpy_struct) -> bool:

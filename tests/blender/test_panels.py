@@ -145,8 +145,16 @@ def test_long_texts_are_broken_where_the_panel_ends(width: int, scale: float, co
     assert " ".join(lines) == text
 
 
+def test_a_path_that_is_longer_than_a_line_is_broken() -> None:
+    path = "/home/somebody/.config/blender/5.2/scripts/modules"
+    preferences = SimpleNamespace(system=SimpleNamespace(ui_scale=1.0))
+    lines = common.wrapped(SimpleNamespace(region=SimpleNamespace(width=220), preferences=preferences), f"Into {path}")
+    assert lines[0] == "Into" and "".join(lines[1:]) == path and len(lines) > 2
+    assert all(common.text_width(line) <= 220 - common.MARGIN for line in lines)
+
+
 @pytest.mark.parametrize(("denoiser", "is_built_in"), [("OpenImageDenoise 2.3.3", False), ("Joint Filter", True)])
 def test_sampling_says_by_what_is_denoised(monkeypatch, denoiser: str, is_built_in: bool) -> None:
     monkeypatch.setattr(panels.render, "denoiser_in_use", lambda: denoiser)
     told = drawn(panels.render.PERFECT_BVH_PT_sampling_render)
-    assert ("OpenImageDenoise is not in this Blender" in told) == is_built_in
+    assert ("OpenImageDenoise is not in this Blender" in " ".join(told)) == is_built_in
