@@ -12,6 +12,7 @@ from ..extract.camera import check_resolution, image_window
 from ..extract.label_values import OBJECT, LabelReader, LabelReading
 from ..support.memory import check_fits
 from ..sync.lookup import MISS, IdRows, LabelColumn
+from ..sync.not_shown import without_scans
 from ..sync.records import VISIBLE_TO_CAMERA, AttributeRequest
 from .labels import Labels, describe_camera, distinct, find_things, masks_of
 
@@ -427,7 +428,7 @@ class _Labelling:
             },
             flow=self._flow() if self.flow else None,
             camera=describe_camera(self.camera, self.frame, self.cut),
-            warnings=self.sync.warnings,
+            warnings=without_scans(self.sync.warnings, self.sync.record.not_shown),
         )
 
     def _flow(self) -> npt.NDArray[np.float32]:

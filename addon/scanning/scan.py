@@ -24,6 +24,7 @@ from ..extract.label_values import LabelReader, LabelReading
 from ..live.scene_sync import UpdateCommit
 from ..live.scene_view import SceneMoment, SceneView, viewport_depsgraph
 from ..support.memory import check_fits
+from ..sync.not_shown import without_scans
 from ..sync.records import AttributeRequest
 from .light.model import Light, RayNoise
 from .mount import Mount, surrounds
@@ -284,7 +285,7 @@ class Scanner:
             else:
                 which = sensor.name, sensor.session_uid  # its camera, even if a marker selects another one later
                 building = sync.begin_stretch(depsgraph, count, lambda: self._go_on(stretch, moment, which, poses))
-        self._warnings |= dict.fromkeys(sync.warnings)
+        self._warnings |= dict.fromkeys(without_scans(sync.warnings, sync.record.not_shown))
         if self._light is not None:
             left_out = [str(row) for row in sync.record.not_shown if row.kind in ("material", "image")]
             with_finish = [material.name for material in sync.record.materials if material.finish is not None]

@@ -81,6 +81,12 @@ def without_looks(not_shown: Iterable[NotShown]) -> tuple[NotShown, ...]:
     return tuple([row for row in not_shown if not is_of_looks(row)])
 
 
+def without_scans(warnings: Iterable[str], not_shown: Iterable[NotShown]) -> tuple[str, ...]:
+    """Returns the warnings for what casts rays at scenes to measure them, which the points of scans are no part of."""
+    of_scans = {str(row) for row in not_shown if row.kind == "scan"}
+    return tuple([warning for warning in warnings if warning not in of_scans])
+
+
 def summarize(not_shown: Iterable[NotShown]) -> str:
     """Summarises in one line, such as "3 materials simplified, 1 object not shown"; empty without rows."""
     found: dict[Kind, set[tuple[int, str]]] = {}

@@ -10,7 +10,7 @@ import pytest
 bpy = pytest.importorskip("bpy")
 
 from blender.scanned_room import LIDAR, lidar_rays, values_of  # noqa: E402
-from perfect_bvh_addon import CameraGrid, SceneSync, scan  # noqa: E402
+from perfect_bvh_addon import CameraGrid, SceneSync, label_image, scan  # noqa: E402
 from perfect_bvh_addon.extract import label_values  # noqa: E402
 from perfect_bvh_addon.scanning.point_data import ATTRIBUTES, may_have_points, read_points  # noqa: E402
 from perfect_bvh_addon.view3d import scan_points  # noqa: E402
@@ -97,6 +97,15 @@ def test_a_scan_that_is_not_shown_is_named(room) -> None:
     assert (row.kind, row.session_uid, str(row)) == ("scan", bpy.data.objects["Scan"].session_uid, told)
     assert "Geometry Nodes" in row.what_to_do
     sync.close()
+
+
+def test_further_scans_and_labels_do_not_warn_of_the_points_of_the_last(room) -> None:
+    """Nobody expects rays to hit them. Other warnings stay."""
+    room.perfect_bvh.scan.width, room.perfect_bvh.scan.height = 32, 18
+    assert bpy.ops.perfect_bvh.scan() == {"FINISHED"}
+    bpy.ops.object.volume_add()
+    for made in (scan(CameraGrid(8, 8)), label_image(size=(8, 8))):
+        assert [warning.partition(":")[0] for warning in made.warnings] == ["Volume"]
 
 
 def test_scans_are_looked_up_again_only_when_something_but_the_frame_has_changed(room, monkeypatch) -> None:
