@@ -193,7 +193,7 @@ def test_formats_without_a_library(tmp_path: Path, monkeypatch: pytest.MonkeyPat
 
     monkeypatch.setattr(formats, "_library", refuse)
     check_format(suffix)
-    assert how_to_get("files", *formats.MODULES[suffix]) is None
+    assert how_to_get("files", *formats.FORMATS[suffix].modules) is None
     assert save_cloud(cloud(), tmp_path / f"points{suffix}").stat().st_size > 10_000
 
 
