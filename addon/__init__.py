@@ -11,6 +11,17 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from .baking import (
+        Bake,
+        BakedObject,
+        DirectionTable,
+        Place,
+        bake_rays,
+        irradiance_table,
+        read_epw,
+        sun_position,
+        sun_table,
+    )
     from .labels import CocoFile, Labels, label_image, save_labels
     from .live.drop_in import BVHTree, ray_cast
     from .live.scene_sync import SceneSync
@@ -38,15 +49,19 @@ if TYPE_CHECKING:
 __all__ = [
     "AttributeRequest",
     "BVHTree",
+    "Bake",
+    "BakedObject",
     "Beam",
     "CameraGrid",
     "CocoFile",
     "DepthCamera",
     "Detection",
+    "DirectionTable",
     "Labels",
     "Light",
     "Noise",
     "Optics",
+    "Place",
     "PointCloud",
     "Raster",
     "RayCounts",
@@ -54,20 +69,33 @@ __all__ = [
     "SceneSync",
     "Sensor",
     "SpinningLidar",
+    "bake_rays",
+    "irradiance_table",
     "label_image",
     "load_sensor",
     "ray_cast",
+    "read_epw",
     "register",
     "save_cloud",
     "save_labels",
     "scan",
     "sensor_names",
+    "sun_position",
+    "sun_table",
     "unregister",
 ]
 
 _EXPORTS = {
     "AttributeRequest": ".sync.records",
     "BVHTree": ".live.drop_in",
+    "Bake": ".baking",
+    "BakedObject": ".baking",
+    "DirectionTable": ".baking",
+    "Place": ".baking",
+    "irradiance_table": ".baking",
+    "read_epw": ".baking",
+    "sun_position": ".baking",
+    "sun_table": ".baking",
     "Beam": ".scanning",
     "CameraGrid": ".scanning",
     "CocoFile": ".labels",
@@ -84,6 +112,7 @@ _EXPORTS = {
     "SceneSync": ".live.scene_sync",
     "Sensor": ".scanning",
     "SpinningLidar": ".scanning",
+    "bake_rays": ".baking",
     "label_image": ".labels",
     "load_sensor": ".scanning",
     "ray_cast": ".live.drop_in",
@@ -110,6 +139,7 @@ _MODULES = (
     ".view3d.pointer",
     ".view3d.tree_overlay.overlay",
     ".view3d.cost_scale",
+    ".view3d.baked_view",
     ".view3d.view_words",
     ".panels",
     ".cli.blender_command",

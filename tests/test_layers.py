@@ -48,7 +48,7 @@ ADDON_LAYERS = (
     ("extract", "statistics"),
     ("live",),
     ("pieces",),
-    ("image", "scanning", "labels"),
+    ("image", "scanning", "labels", "baking"),
     ("view3d", "bench", "datasets"),
     ("engine", "operators", "panels"),
     ("__init__",),

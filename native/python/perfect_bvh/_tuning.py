@@ -1,4 +1,4 @@
-"""What only tests, benchmarks and the add-on's bench choose. No choice changes a hit."""
+"""What only tests, benchmarks, the add-on's bench and its bakes choose. No choice changes a hit."""
 
 from __future__ import annotations
 

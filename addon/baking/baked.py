@@ -1,0 +1,263 @@
+"""The result of a bake: arrays an object; as attributes of meshes, as images, as tables in files."""
+
+from __future__ import annotations
+
+import csv
+import os
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from ..support.files import data_library, replacing
+from ..sync.records import Float32Array, Float64Array
+
+REALISED = "Baked"  # the collection of copies that have values of their own
+_CSV_ROWS = 65_536  # that are text at a time
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class BakedObject:
+    """The values of one object, or of one instance of it, a row for each element of its mesh.
+
+    Attributes:
+        name, session_uid: The object's.
+        instance: Blender's persistent id of an instance, (8,); empty for the object itself.
+        columns: (N,) float64 by name, the main one first. NaN for an element without a value: a face without an area,
+            a vertex without faces, a texel that the UV map does not cover, a solid that rays leave.
+        error: (N,) float64, the standard error of the main column, for sampled kinds; else None.
+        areas: (N,) float64, of faces in the world, if they are the elements; else None.
+        origins: (N, 3) float64, where the rays of each face begin, in the world, if faces are the elements; else None.
+        visible: (N, ceil(D / 8)) uint8, if asked for: bit d, the highest first, is 1 if direction d of the table is
+            seen; `numpy.unpackbits` expands it.
+        key: What the values depend on, as a text; "" if that is not known.
+        positions, transform: (V, 3) float32 and (3, 4) float64, where the mesh was, in its own space and in the world.
+    """
+
+    name: str
+    session_uid: int
+    instance: tuple[int, ...]
+    columns: Mapping[str, Float64Array]
+    error: Float64Array | None
+    areas: Float64Array | None
+    origins: Float64Array | None
+    visible: npt.NDArray[np.uint8] | None
+    key: str
+    positions: Float32Array
+    transform: Float64Array
+
+    @property
+    def values(self) -> Float64Array:
+        """(N,) float64: the main column."""
+        return next(iter(self.columns.values()))
+
+    @property
+    def all_columns(self) -> dict[str, Float64Array]:
+        """The columns, with the error after them as NAME_error."""
+        main = next(iter(self.columns))
+        return dict(self.columns) | ({} if self.error is None else {f"{main}_error": self.error})
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Bake:
+    """The answers of `bake_rays`.
+
+    Attributes:
+        objects: In the order in which they were given; with instances each object first, then its instances.
+        units: Of each column, "" for a share; "units" are Blender's. An error has its column's.
+        ray_count: How many rays were cast; those below the horizon of their face are not.
+        image_size: (width, height), of the domain "TEXEL": element y * width + x is a pixel, from the bottom left.
+        warnings: Sentences: what the scene lacks, faces without an area.
+    """
+
+    kind: str
+    domain: str
+    objects: tuple[BakedObject, ...]
+    units: Mapping[str, str]
+    ray_count: int
+    image_size: tuple[int, int]
+    warnings: tuple[str, ...] = ()
+
+    def __getitem__(self, name: str) -> BakedObject:
+        """The values of an object by its name. Raises KeyError."""
+        for baked in self.objects:
+            if baked.name == name and not baked.instance:
+                return baked
+        raise KeyError(name)
+
+    # Into Blender ----------------------------------------------------------------------------------------------------
+
+    def write_attributes(self, name: str | None = None, *, realise: bool = False) -> tuple[str, ...]:
+        """Writes the columns to float attributes of the objects' own meshes. Nothing is written if anything is refused.
+
+        Elements without a value get 0.
+
+        Args:
+            name: Of the main column's attribute; None for the column's. The error's has `_error` after it.
+            realise: Whether to write to copies of the meshes instead, where modifiers and the object place them, in new
+                objects in the collection "Baked". Instances and objects that share a mesh need that.
+
+        Returns:
+            The names of the attributes.
+
+        Raises:
+            ValueError: For texels; for an object that is gone, is in Edit Mode or belongs to a library, for a mesh that
+                has changed or is shared, and for an attribute of that name that holds something else: by name.
+        """
+        if self.domain == "TEXEL":
+            raise ValueError("write_attributes: texels belong to images: call to_image, or bake another domain")
+        names = {column: column for baked in self.objects for column in baked.all_columns}
+        if name is not None:
+            main = next(iter(self.units))
+            names |= {column: column.replace(main, name, 1) for column in (main, f"{main}_error") if column in names}
+        targets = [self._target(baked, realise, names.values()) for baked in self.objects]
+        uids = [obj.data.session_uid for obj in targets]
+        for number, (obj, baked) in enumerate(zip(targets, self.objects, strict=True)):
+            if not realise and (baked.instance or uids.index(obj.data.session_uid) != number):
+                other = targets[uids.index(obj.data.session_uid)]
+                what = "an instance of it" if obj == other else repr(other.name)
+                way_out = "make it single-user (Object > Relations), or write to copies with realise=True"
+                raise ValueError(f"write_attributes: {obj.name!r} shares its mesh with {what}: {way_out}")
+        for obj, baked in zip(targets, self.objects, strict=True):
+            mesh = _realise(obj, baked) if realise else obj.data
+            for column, values in baked.all_columns.items():
+                attribute = mesh.attributes.get(names[column])
+                if attribute is not None and not self._fits(attribute):  # of a copy
+                    mesh.attributes.remove(attribute)
+                    attribute = None
+                attribute = attribute or mesh.attributes.new(names[column], "FLOAT", self.domain)
+                attribute.data.foreach_set("value", np.nan_to_num(values, nan=0.0).astype(np.float32))
+            mesh.update()
+        return tuple(names.values())
+
+    def _target(self, baked: BakedObject, realise: bool, names: Iterable[str]) -> Any:
+        """Finds the object, and checks that its mesh takes the values."""
+        import bpy
+
+        obj = next((obj for obj in bpy.data.objects if obj.session_uid == baked.session_uid), None)
+        if obj is None:
+            raise ValueError(f"write_attributes: object {baked.name!r} was deleted since the bake")
+        if obj.mode == "EDIT":
+            raise ValueError(f"write_attributes: object {obj.name!r} is in Edit Mode: leave it first")
+        mesh = obj.data
+        elements = {"FACE": mesh.polygons, "CORNER": mesh.loops, "POINT": mesh.vertices}[self.domain]
+        if len(elements) != len(baked.values):
+            way_out = "bake it again, or apply the modifiers that make faces"
+            raise ValueError(f"write_attributes: the mesh of object {obj.name!r} has other elements: {way_out}")
+        if not realise and not mesh.is_editable:
+            raise ValueError(
+                f"write_attributes: the mesh of {obj.name!r} is a library's: make it local, or realise=True"
+            )
+        for attribute in filter(None, () if realise else map(mesh.attributes.get, names)):
+            if not self._fits(attribute):
+                what = f"{attribute.name!r}, a {attribute.data_type} of the domain {attribute.domain}"
+                raise ValueError(f"write_attributes: {obj.name!r} has an attribute {what}: choose a name")
+        return obj
+
+    def _fits(self, attribute: Any) -> bool:
+        return (attribute.data_type, attribute.domain) == ("FLOAT", self.domain)
+
+    def to_image(self, name: str | None = None, *, margin: int = 8) -> list[Any]:
+        """Makes a float image of the main column of each object, grey, with alpha where the UV map is.
+
+        Args:
+            name: Of the images, after the object's; None for the column's. An image of that name is replaced.
+            margin: How many pixels the values go beyond the edges of the map.
+
+        Returns:
+            `bpy.types.Image`s.
+
+        Raises:
+            ValueError: For a bake of another domain than texels.
+        """
+        import bpy
+
+        if self.domain != "TEXEL":
+            raise ValueError(f"to_image: the values are of the domain {self.domain}: bake with domain='TEXEL'")
+        made = []
+        for baked in self.objects:
+            width, height = self.image_size
+            values = _spread(baked.values.reshape(height, width), margin)
+            pixels = np.repeat(np.nan_to_num(values, nan=0.0)[:, :, None], 4, axis=2).astype(np.float32)
+            pixels[:, :, 3] = ~np.isnan(values)
+            title = f"{baked.name} {name or next(iter(self.units))}"
+            old = bpy.data.images.get(title)
+            if old is not None and tuple(old.size) != self.image_size:
+                bpy.data.images.remove(old)
+                old = None
+            how = {"alpha": True, "float_buffer": True, "is_data": True}
+            image = old or bpy.data.images.new(title, width, height, **how)
+            image.pixels.foreach_set(pixels.reshape(-1))
+            image.update()
+            made.append(image)
+        return made
+
+    # Into files ------------------------------------------------------------------------------------------------------
+
+    def tables(self) -> Iterator[dict[str, npt.NDArray[Any]]]:
+        """Yields a table for each object, column by column: object, instance, element, its area, its values.
+
+        Texels outside the UV map have no row.
+        """
+        for baked in self.objects:
+            count, instance = len(baked.values), " ".join(map(str, baked.instance))
+            table: dict[str, Any] = {"object": np.full(count, baked.name), "instance": np.full(count, instance)}
+            table |= {self.domain.lower(): np.arange(count)} | ({} if baked.areas is None else {"area": baked.areas})
+            table |= baked.all_columns
+            rows = np.flatnonzero(~np.isnan(baked.values)) if self.domain == "TEXEL" else slice(None)
+            yield {name: column[rows] for name, column in table.items()}
+
+    def write_csv(self, path: str | os.PathLike[str]) -> Path:
+        """Writes the tables, one after the other. Raises OSError."""
+        path = Path(path)
+        with replacing(path) as name, name.open("w", encoding="utf-8", newline="") as file:
+            writer = csv.writer(file, lineterminator="\n")
+            for number, table in enumerate(self.tables()):
+                if number == 0:
+                    writer.writerow(table)
+                for first in range(0, len(table["object"]), _CSV_ROWS):
+                    rows = slice(first, first + _CSV_ROWS)
+                    writer.writerows(zip(*(column[rows].tolist() for column in table.values()), strict=True))
+        return path
+
+    def write_parquet(self, path: str | os.PathLike[str]) -> Path:
+        """Writes the same as Parquet. Raises ImportError with what to install, and OSError."""
+        path, needs = Path(path), "Parquet files need pyarrow"
+        pyarrow, parquet = data_library("pyarrow", needs), data_library("pyarrow.parquet", needs)
+        whole = pyarrow.concat_tables([pyarrow.table(table) for table in self.tables()])
+        with replacing(path) as name:
+            parquet.write_table(whole, name)
+        return path
+
+
+def _realise(obj: Any, baked: BakedObject) -> Any:
+    """Makes an object with a copy of the mesh, as it is in the evaluated scene; returns the mesh."""
+    import bpy
+    import mathutils
+
+    collection = bpy.data.collections.get(REALISED)
+    if collection is None:
+        collection = bpy.data.collections.new(REALISED)
+        bpy.context.scene.collection.children.link(collection)
+    mesh = obj.data.copy()
+    made = bpy.data.objects.new(f"{obj.name} {REALISED.lower()}", mesh)
+    made.shape_key_clear()
+    mesh.vertices.foreach_set("co", baked.positions.reshape(-1))
+    made.matrix_world = mathutils.Matrix(np.vstack([baked.transform, (0.0, 0.0, 0.0, 1.0)]).tolist())
+    collection.objects.link(made)
+    return mesh
+
+
+def _spread(values: Float64Array, margin: int) -> Float64Array:
+    """Fills pixels without a value with the mean of their neighbours' values, `margin` pixels far."""
+    height, width = values.shape
+    for _ in range(margin):
+        padded = np.pad(values, 1, constant_values=np.nan)
+        around = [padded[y : y + height, x : x + width] for y in range(3) for x in range(3)]
+        counts = sum(~np.isnan(part) for part in around)
+        means = sum(np.nan_to_num(part, nan=0.0) for part in around) / np.maximum(counts, 1)
+        values = np.where(np.isnan(values) & (counts > 0), means, values)
+    return values

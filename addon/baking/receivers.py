@@ -1,0 +1,343 @@
+"""The points of objects from which rays start: on faces, in corners, at vertices, under the texels of an image.
+
+A point lies on one triangle of the scene that rays are cast into. It is lifted off the plane of that triangle by a
+bound of the rounding of double precision, so a ray that leaves on its side cannot hit the triangle, at any angle, and
+everything else is where it is. Nothing of this is to be tuned.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from ..sync.records import Float32Array, Float64Array, MeshRecord, SceneRecord
+from .settings import NAME, BakeSettings
+
+IntArray = npt.NDArray[np.int64]
+
+_ROUNDING = 2.0**-47  # 32 units in the last place: the maps to the world and back, and the plane, are off by fewer
+_FLAT = 2.0**-40  # times the square of a triangle's extent: its normal would be rounding
+_INSIDE = -1e-6  # barycentric: a centre on the diagonal of a quad is on both of its triangles
+# Least barycentric coordinate of a point. Rays from an edge, as from the middle of a quad, would need exact arithmetic
+# to tell on which side of it they pass; and in a corner it would be open which face they leave.
+_INSET = 2.0**-6
+_TEXELS_AT_ONCE = 1 << 22
+_MOST_NAMED = 5
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Points:
+    """P points, neighbours after each other, on triangles of one object.
+
+    Attributes:
+        positions: (P, 3) float64, world space, just off the triangle.
+        normals: (P, 3) float64, unit, world space, to the side that rays leave on.
+        elements: (P,) int64: the row of the value that it belongs to.
+        weights: (P,) float64: the point's share of that value.
+        ids: (P,) uint64: numbers for random streams, for any order and division of the points.
+    """
+
+    positions: Float64Array
+    normals: Float64Array
+    elements: IntArray
+    weights: Float64Array
+    ids: npt.NDArray[np.uint64]
+
+    def __len__(self) -> int:
+        return len(self.positions)
+
+    def blocks(self, most: int) -> list[Points]:
+        """Cuts them into blocks of at most `most`."""
+        arrays = (self.positions, self.normals, self.elements, self.weights, self.ids)
+        cuts = [slice(first, first + most) for first in range(0, len(self), most)]
+        return [Points(*(array[rows] for array in arrays)) for rows in cuts]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Receiver:
+    """One object, or one instance of it, in a synced scene.
+
+    Attributes:
+        name, session_uid: The object's.
+        instance: Blender's persistent id of an instance, (8,); empty for the object itself.
+        mesh: What the engine has of it. transform: (3, 4) float64, object to world.
+        corners: (T, 3) int64, the face corner at each triangle's corners.
+        uvs: (T, 3, 2) float32, or None if no image is asked for.
+        count: How many values it gets. areas: (F,) float64, of the faces in the world.
+    """
+
+    name: str
+    session_uid: int
+    instance: tuple[int, ...]
+    mesh: MeshRecord
+    transform: Float64Array
+    corners: IntArray
+    uvs: Float32Array | None
+    count: int
+    areas: Float64Array
+
+
+# Finding them --------------------------------------------------------------------------------------------------------
+
+
+def find_receivers(
+    record: SceneRecord, depsgraph: Any, objects: Iterable[Any], settings: BakeSettings, skip_missing: bool
+) -> list[Receiver]:
+    """Finds the chosen objects in the record of an evaluated depsgraph, and how their values belong to their meshes.
+
+    Args:
+        objects: Original `bpy.types.Object`s.
+        skip_missing: Whether objects that the scene lacks are left out.
+
+    Raises:
+        ValueError: For an object that is no mesh, has no faces, is not in the scene, is flattened, or whose modifiers
+            make other faces than its own mesh has: by its name.
+    """
+    uids = np.array([obj.session_uid for obj in record.objects], np.int64)[record.instances.object_indices]
+    is_mesh = np.array([mesh.kind == "triangles" for mesh in record.meshes], bool)[record.instances.mesh_indices]
+    is_plain = record.instances.parent_indices < 0
+    found = []
+    for obj in objects:
+        if obj.type != "MESH":
+            what = f"is of type {obj.type}, not a mesh"
+            raise _refusal(obj, f"{what}: leave it out, or convert it (Object > Convert > Mesh)")
+        if not len(obj.data.polygons) and not settings.evaluated:
+            raise _refusal(obj, "has no faces: leave it out")
+        rows = np.flatnonzero((uids == obj.session_uid) & is_mesh)
+        shown = rows if settings.instances else rows[is_plain[rows]][:1]
+        if not len(shown) and not skip_missing:
+            more = ", or is shown only by instances: ask for them" if len(rows) else ""
+            raise _refusal(obj, f"is not in the evaluated scene: it is hidden, in another view layer, or empty{more}")
+        for row in shown.tolist():
+            instance = () if is_plain[row] else tuple(record.instances.persistent_ids[row].tolist())
+            mesh = record.meshes[record.instances.mesh_indices[row]]
+            transform = record.instances.transforms[row].astype(np.float64)
+            found.append(_receiver(obj, obj.evaluated_get(depsgraph).data, instance, mesh, transform, settings))
+    return found
+
+
+def _refusal(obj: Any, why: str) -> ValueError:
+    return ValueError(f"{NAME}: object {obj.name!r} {why}")
+
+
+def _check_modifiers(obj: Any, mesh: Any) -> None:
+    """Compares the faces of the evaluated mesh with those of the object's own."""
+    if all(np.array_equal(own, made) for own, made in zip(_faces(obj.data), _faces(mesh), strict=True)):
+        return
+    names = ", ".join(repr(modifier.name) for modifier in obj.modifiers) or "its evaluation"
+    faces = f"{len(obj.data.polygons):,} faces, but {len(mesh.polygons):,} or others after {names}"
+    way_out = "apply or disable the modifier that makes faces, or bake texels, or tables with evaluated=True"
+    raise _refusal(obj, f"has {faces}, so values have no place on its mesh: {way_out}")
+
+
+def _faces(mesh: Any) -> tuple[npt.NDArray[np.int32], npt.NDArray[np.int32], int]:
+    starts, vertices = np.empty(len(mesh.polygons), np.int32), np.empty(len(mesh.loops), np.int32)
+    mesh.polygons.foreach_get("loop_start", starts)
+    mesh.loops.foreach_get("vertex_index", vertices)
+    return starts, vertices, len(mesh.vertices)
+
+
+def _receiver(
+    obj: Any, mesh: Any, instance: tuple[int, ...], shown: MeshRecord, transform: Float64Array, settings: BakeSettings
+) -> Receiver:
+    is_image = settings.domain == "TEXEL"
+    if not is_image and not settings.evaluated:
+        _check_modifiers(obj, mesh)
+    if not np.isfinite(np.linalg.cond(transform[:, :3])):
+        raise _refusal(obj, "is flattened by a scale of 0: give it another one")
+    mesh.calc_loop_triangles()
+    corners = np.empty((len(mesh.loop_triangles), 3), np.int32)
+    mesh.loop_triangles.foreach_get("loops", corners.reshape(-1))
+    corners = corners if shown.triangle_ids is None else corners[shown.triangle_ids]
+    uvs = None
+    if is_image:
+        name = settings.uv_map
+        layer = mesh.uv_layers.active if name is None else mesh.uv_layers.get(name)
+        if layer is None:
+            raise _refusal(obj, f"has no UV map{'' if name is None else f' {name!r}'}: unwrap it, or bake faces")
+        all_uvs = np.empty((len(mesh.loops), 2), np.float32)
+        layer.uv.foreach_get("vector", all_uvs.reshape(-1))
+        uvs = all_uvs[corners]
+    counts = {"FACE": len(mesh.polygons), "CORNER": len(mesh.loops), "POINT": len(mesh.vertices)}
+    places = shown.positions.astype(np.float64)[shown.triangles] @ transform[:, :3].T
+    areas = np.bincount(shown.polygon_ids, _areas(places)[0], len(mesh.polygons))
+    count = settings.image_size[0] * settings.image_size[1] if is_image else counts[settings.domain]
+    return Receiver(obj.name, obj.session_uid, instance, shown, transform, corners.astype(np.int64), uvs, count, areas)
+
+
+def name_flat_faces(receiver: Receiver) -> str | None:
+    """Names the faces without an area, which have no normal and get no value; None if there is none."""
+    flat = np.flatnonzero(~(receiver.areas > 0.0))
+    if not len(flat):
+        return None
+    named = ", ".join(map(str, flat[:_MOST_NAMED].tolist())) + (", ..." if len(flat) > _MOST_NAMED else "")
+    return f"{receiver.name}: {len(flat):,} faces without an area have no value: {named}"
+
+
+# Points --------------------------------------------------------------------------------------------------------------
+
+
+def place_points(receiver: Receiver, settings: BakeSettings, order: IntArray | None = None) -> Points:
+    """Places the points of a receiver; for thickness, rays leave on the inner side.
+
+    Args:
+        order: (P,) int64: the points in the order of another frame, its `Points.ids`; None for a curve through them.
+
+    Raises:
+        ValueError: If there are more or fewer points than at that frame.
+    """
+    domain = settings.domain
+    mesh, linear = receiver.mesh, receiver.transform[:, :3]
+    triangles = mesh.positions.astype(np.float64)[mesh.triangles]
+    areas, is_solid = _areas(triangles @ linear.T)
+    if domain == "FACE":
+        rows, weights, elements = _face_centres(triangles, areas, is_solid, mesh.polygon_ids)
+    elif domain == "TEXEL":
+        assert receiver.uvs is not None
+        rows, weights, elements = _texels(receiver.uvs, is_solid, settings.image_size)
+    else:
+        rows, weights, elements = _corners(areas, is_solid, receiver.corners)
+    shares = np.ones(len(rows))
+    if domain == "POINT":
+        owners = np.zeros(int(receiver.corners.max()) + 1, np.int64)
+        owners[receiver.corners] = mesh.triangles
+        elements = owners[elements]
+        shares /= np.bincount(elements)[elements]
+    side = -1.0 if settings.kind == "THICKNESS" else 1.0
+    positions, normals = _lift(triangles[rows], weights, receiver.transform, side)
+    if order is None:
+        order = np.argsort(_morton(positions), kind="stable")
+    if len(order) != len(positions):
+        raise ValueError(f"{NAME}: the faces of object {receiver.name!r} change from frame to frame: bake one frame")
+    ids = np.arange(len(rows), dtype=np.uint64)
+    return Points(positions[order], normals[order], elements[order], shares[order], ids[order])
+
+
+def _areas(triangles: Float64Array) -> tuple[Float64Array, npt.NDArray[np.bool_]]:
+    """(T,) areas, 0 for triangles whose normal is not known; and which others there are."""
+    sides = np.stack([triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0]])
+    areas = 0.5 * np.linalg.norm(np.cross(sides[0], sides[1]), axis=1)
+    is_solid = areas > _FLAT * (sides * sides).sum(axis=(0, 2))
+    return np.where(is_solid, areas, 0.0), is_solid
+
+
+def _best(keys: IntArray, scores: Float64Array) -> IntArray:
+    """Rows of the best score of each key, ascending by key; the first of equals."""
+    best = np.full(int(keys.max(initial=-1)) + 1, -np.inf)
+    np.maximum.at(best, keys, scores)
+    rows = np.flatnonzero(scores == best[keys])[::-1]
+    first = np.full(len(best), -1)
+    first[keys[rows]] = rows
+    return first[first >= 0]
+
+
+def _face_centres(
+    triangles: Float64Array, areas: Float64Array, is_solid: npt.NDArray[np.bool_], polygons: npt.NDArray[np.int32]
+) -> tuple[IntArray, Float64Array, IntArray]:
+    """The centre of area of each face, if it is on one of its triangles; else the centre of its largest triangle."""
+    solid = np.flatnonzero(is_solid)
+    corners, faces, areas = triangles[solid], polygons[solid].astype(np.int64), areas[solid]
+    total = np.bincount(faces, areas)
+    middles = corners.mean(axis=1)
+    with np.errstate(invalid="ignore"):
+        centres = np.stack([np.bincount(faces, areas * middles[:, axis]) / total for axis in range(3)], axis=1)
+    weights = _barycentric(corners, centres[faces])
+    least = weights.min(axis=1, initial=np.inf)
+    inside, largest = _best(faces, least), _best(faces, areas)
+    is_inside = least[inside] >= _INSIDE
+    chosen = np.where(is_inside, inside, largest)
+    found = np.where(is_inside[:, None], np.maximum(weights[chosen], _INSET), 1.0)
+    return solid[chosen], found / found.sum(axis=1, keepdims=True), faces[chosen]
+
+
+def _barycentric(triangles: Float64Array, points: Float64Array) -> Float64Array:
+    """(T, 3): of the points' projections to the planes."""
+    first, second, to = (part - triangles[:, 0] for part in (triangles[:, 1], triangles[:, 2], points))
+    normal = np.cross(first, second)
+    size = (normal * normal).sum(axis=1)
+    v = (np.cross(to, second) * normal).sum(axis=1) / size
+    w = (np.cross(first, to) * normal).sum(axis=1) / size
+    return np.stack([1.0 - v - w, v, w], axis=1)
+
+
+def _corners(
+    areas: Float64Array, is_solid: npt.NDArray[np.bool_], corners: IntArray
+) -> tuple[IntArray, Float64Array, IntArray]:
+    """Each face corner, in its largest triangle, a little inside: there a wall next to it shadows as it should."""
+    solid = np.flatnonzero(is_solid)
+    keys = corners[solid].reshape(-1)
+    best = _best(keys, np.repeat(areas[solid], 3))
+    weights = np.full((len(best), 3), _INSET)
+    weights[np.arange(len(best)), best % 3] = 1.0 - 2.0 * _INSET
+    return solid[best // 3], weights, keys[best]
+
+
+def _texels(
+    uvs: Float32Array, is_solid: npt.NDArray[np.bool_], size: tuple[int, int]
+) -> tuple[IntArray, Float64Array, IntArray]:
+    """Each texel whose centre is in a triangle of the map, within 0 to 1; the first triangle where several overlap."""
+    scaled = uvs.astype(np.float64) * size - 0.5  # texel centres are whole numbers
+    low = np.maximum(np.ceil(scaled.min(axis=1)), 0).astype(np.int64)
+    high = np.minimum(np.floor(scaled.max(axis=1)), np.array(size) - 1).astype(np.int64)
+    spans = np.where(is_solid[:, None], np.maximum(high - low + 1, 0), 0)
+    counts = spans.prod(axis=1)
+    ends = np.cumsum(counts)
+    found: list[tuple[IntArray, Float64Array, IntArray]] = []
+    first = 0
+    while first < len(counts):
+        before = ends[first] - counts[first]
+        last = max(first + 1, int(np.searchsorted(ends, before + _TEXELS_AT_ONCE, side="right")))
+        rows = np.repeat(np.arange(first, last), counts[first:last])
+        number = np.arange(len(rows)) - (ends[rows] - counts[rows] - before)
+        x, y = low[rows, 0] + number % spans[rows, 0], low[rows, 1] + number // spans[rows, 0]
+        corners = np.zeros((len(rows), 3, 3))
+        corners[:, :, :2] = scaled[rows]
+        with np.errstate(invalid="ignore", divide="ignore"):
+            weights = _barycentric(corners, np.stack([x, y, np.zeros(len(x))], axis=1))
+        inside = np.flatnonzero(weights.min(axis=1, initial=np.inf) >= 0.0)
+        found.append((rows[inside], weights[inside], y[inside] * size[0] + x[inside]))
+        first = last
+    rows, weights, texels = (np.concatenate(part) for part in zip(*found, strict=True))
+    chosen = np.unique(texels, return_index=True)[1]
+    return rows[chosen], weights[chosen], texels[chosen]
+
+
+def _lift(
+    triangles: Float64Array, weights: Float64Array, transform: Float64Array, side: float
+) -> tuple[Float64Array, Float64Array]:
+    """Returns positions and normals in the world of points on triangles in the object's space.
+
+    A point goes off the plane by a bound of all rounding between here and the engine's test, which maps it back to the
+    object's space: there the plane of a triangle of extent L and area A is known to L ** 3 / A units in the last place.
+    """
+    linear, origin = transform[:, :3], transform[:, 3]
+    inverse = np.linalg.inv(linear)
+    on = np.einsum("pk,pkc->pc", weights, triangles)
+    first, second = triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0]
+    normals = np.cross(first, second)
+    sizes = np.linalg.norm(normals, axis=1)
+    normals *= (side / sizes)[:, None]
+    in_world = np.abs(triangles).max(axis=1) @ np.abs(linear).T + np.abs(origin)
+    back = np.abs(inverse) @ (np.eye(3) + np.abs(linear) @ np.abs(inverse))
+    rounding = (np.abs(normals) * (in_world @ back.T)).sum(axis=1)
+    extent = np.abs(first).sum(axis=1) + np.abs(second).sum(axis=1)
+    lifted = on + normals * (_ROUNDING * (rounding + extent**3 / sizes))[:, None]
+    turned = normals @ inverse
+    return lifted @ linear.T + origin, turned / np.linalg.norm(turned, axis=1, keepdims=True)
+
+
+def _morton(positions: Float64Array) -> npt.NDArray[np.uint64]:
+    """(P,): the index along a curve that keeps neighbours together."""
+    if not len(positions):
+        return np.zeros(0, np.uint64)
+    low, high = positions.min(axis=0), positions.max(axis=0)
+    cells = ((positions - low) * (1023.0 / max(float((high - low).max()), 1e-300))).astype(np.uint64)
+    codes = np.zeros(len(positions), np.uint64)
+    for bit in range(10):
+        for axis in range(3):
+            codes |= ((cells[:, axis] >> np.uint64(bit)) & np.uint64(1)) << np.uint64(3 * bit + axis)
+    return codes

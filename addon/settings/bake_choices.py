@@ -1,0 +1,51 @@
+"""The kinds of bakes and where their values go, in words, for menus, the command line's help and the bakes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, slots=True)
+class BakeKind:
+    """A question that rays answer for each face.
+
+    Attributes:
+        name, label, description: As a script, a menu and a tooltip have them.
+        columns: The names of the values and their units, the main one first.
+        is_sampled: Whether random rays estimate it, so that there is a standard error.
+    """
+
+    name: str
+    label: str
+    description: str
+    columns: tuple[tuple[str, str], ...]
+    is_sampled: bool = False
+
+
+BAKE_KINDS = (
+    BakeKind(
+        "SUN_HOURS", "Sun Hours", "How long the sun shines on it, over a table of directions", (("sun_hours", "h"),)
+    ),
+    BakeKind("SKY_VIEW", "Sky View", "The share of the sky that it sees, 0 to 1", (("sky_view", ""),), True),
+    BakeKind(
+        "AMBIENT_OCCLUSION",
+        "Ambient Occlusion",
+        "How open it is to its surroundings: 1 where nothing is near",
+        (("ambient_occlusion", ""),),
+        True,
+    ),
+    BakeKind("THICKNESS", "Thickness", "How thick the solid is below it", (("thickness", "units"),), True),
+    BakeKind(
+        "EXPOSURE",
+        "Exposure",
+        "The share of the viewpoints of a path that see it, from how near and how straight",
+        (("exposure", ""), ("nearest_distance", "units"), ("smallest_angle", "rad")),
+    ),
+)
+KINDS = {kind.name: kind for kind in BAKE_KINDS}
+DOMAINS = {
+    "FACE": "One value a face, at its centre",
+    "CORNER": "One value a face corner",
+    "POINT": "One value a vertex, the mean of its corners",
+    "TEXEL": "One value a pixel of an image, by the UV map",
+}
