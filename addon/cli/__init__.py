@@ -1,10 +1,11 @@
-"""The command `perfect-bvh`: render, scan or label a .blend file, look at its trees, measure it or the machine.
+"""The command `perfect-bvh`: render, scan, label or bake a .blend file, look at its trees, measure it or the machine.
 
 Blender and numpy are imported only once a command needs them, so that `--help` answers at once.
 
 arguments        types of arguments: frames, sizes, seeds, file names. The options themselves are in this file
 render           `render`: frames, one after the other, into images
 labels           `labels`
+bake             `bake`
 commands         `scan`, `info`, `bench` and `calibrate`
 frames           images of an animation in chunks, which a second run recognises
 blender          Blender in this process: opens the file, renders, hears Ctrl-C
@@ -22,6 +23,7 @@ import sys
 from collections.abc import Sequence
 from typing import Any
 
+from ..settings.bake_choices import BAKE_KINDS, DOMAINS
 from ..settings.modes import MODES
 from ..settings.scan_choices import CLOUD_FORMATS
 from .arguments import (
@@ -35,6 +37,7 @@ from .arguments import (
     SHARE,
     THRESHOLD,
     CommandError,
+    parse_day,
     parse_frames,
     parse_seed,
     parse_size,
@@ -61,6 +64,7 @@ def build_parser(prog: str) -> argparse.ArgumentParser:
     _add_render(commands)
     _add_scan(commands)
     _add_labels(commands)
+    _add_bake(commands)
     _add_info(commands)
     _add_bench(commands)
     _add_calibrate(commands)
@@ -278,6 +282,59 @@ def _add_labels(commands: argparse._SubParsersAction) -> None:
     _add_quiet(parser)
 
 
+def _add_bake(commands: argparse._SubParsersAction) -> None:
+    parser = commands.add_parser(
+        "bake",
+        help="write how much sun, sky or room each face has, by rays that leave it",
+        description="Cast rays from the faces of objects into the whole scene: a table for each frame, with a row for "
+        "each element as modifiers make it. Exposure counts frames, so that it has one table for all of them.",
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+        epilog="kinds:\n" + "\n".join(f"  {_word(kind.name):<18} {kind.description}" for kind in BAKE_KINDS),
+    )
+    _add_file(parser)
+    parser.add_argument("-o", "--output", required=True, metavar="DIR", help="the folder for the tables")
+    kinds = [_word(kind.name) for kind in BAKE_KINDS]
+    parser.add_argument("--kind", required=True, choices=kinds, metavar="K", help="what is asked, see below")
+    parser.add_argument("--objects", nargs="+", default=[], metavar="NAME", help="meshes (default: all that are shown)")
+    parser.add_argument(
+        "--domain",
+        default="face",
+        choices=[name.lower() for name in DOMAINS if name != "TEXEL"],
+        help="what has a row (default: %(default)s)",
+    )
+    parser.add_argument("--rays", type=POSITIVE, default=256, metavar="N", help="rays a row (default: %(default)s)")
+    parser.add_argument("--seed", type=parse_seed, default=0, metavar="N", help="of random rays (default: 0)")
+    parser.add_argument("--distance", type=SCALE, metavar="D", help="how far rays reach (default: endless)")
+    falloff = "ambient-occlusion: surfaces at distance t count (1 - t / D) ** F (default: 0)"
+    parser.add_argument("--falloff", type=float, default=0.0, metavar="F", help=falloff)
+    method = "thickness: over a cone, or of the largest sphere (default: %(default)s)"
+    parser.add_argument("--method", default="cone", choices=["cone", "sphere"], help=method)
+    angle = "thickness: half the cone's opening, in degrees (default: %(default)g)"
+    parser.add_argument("--angle", type=float, default=30.0, metavar="A", help=angle)
+    cosine = "whether light and sky are weighted by the cosine (default: sky-view and --epw)"
+    parser.add_argument("--cosine", action=argparse.BooleanOptionalAction, help=cosine)
+    parser.add_argument("--viewer", metavar="OBJECT", help="exposure: whose path it is (default: each frame's camera)")
+    place = "sun-hours: degrees to the north and to the east"
+    parser.add_argument("--place", nargs=2, type=float, metavar=("LAT", "LON"), help=place)
+    zone = "a name such as Europe/Berlin, or hours from UTC (default: by the longitude)"
+    parser.add_argument("--zone", default="", metavar="Z", help=zone)
+    parser.add_argument("--north", type=float, default=0.0, metavar="A", help="degrees from +Y, clockwise (default: 0)")
+    days = "such as 2026-03-21, or the first and the last of more (default: with --epw the year)"
+    parser.add_argument("--days", nargs="+", type=parse_day, metavar="DAY", help=days)
+    parser.add_argument("--minutes", type=POSITIVE, default=10, metavar="N", help="from sun to sun (default: 10)")
+    parser.add_argument("--epw", metavar="FILE", help="sun-hours: a weather file, for kWh/m2 instead of hours")
+    parser.add_argument("--instances", action="store_true", help="also rows for instances of the objects")
+    parser.add_argument("--format", default="csv", choices=["csv", "parquet"], help="(default: %(default)s)")
+    _add_frames(parser)
+    _add_pieces(parser)
+    _add_quiet(parser)
+
+
+def _word(name: str) -> str:
+    """A name as the command line has it."""
+    return name.lower().replace("_", "-")
+
+
 def _add_info(commands: argparse._SubParsersAction) -> None:
     parser = commands.add_parser(
         "info",
@@ -321,12 +378,13 @@ def main(argv: Sequence[str] | None = None, prog: str = "perfect-bvh") -> int:
     write_any_text()
     arguments = build_parser(prog).parse_args(argv)
     try:
+        from .bake import run_bake
         from .commands import run_bench, run_calibrate, run_info, run_scan
         from .labels import run_labels
         from .render import run_render
 
-        runs = {"render": run_render, "scan": run_scan, "labels": run_labels, "info": run_info}
-        return (runs | {"bench": run_bench, "calibrate": run_calibrate})[arguments.command](arguments)
+        runs = {"render": run_render, "scan": run_scan, "labels": run_labels, "bake": run_bake}
+        return (runs | {"info": run_info, "bench": run_bench, "calibrate": run_calibrate})[arguments.command](arguments)
     except CommandError as error:
         sys.stderr.write(f"perfect-bvh: error: {error}\n")
         return EXIT_ERROR

@@ -10,6 +10,7 @@ import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from datetime import date
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -84,6 +85,14 @@ def parse_seed(text: str) -> int:
     if re.fullmatch(r"\d{1,20}", text.strip()) is None or int(text) > MAX_SEED:
         raise argparse.ArgumentTypeError(f"must be a whole number from 0 to {MAX_SEED}, got {text!r}")
     return int(text)
+
+
+def parse_day(text: str) -> str:
+    """'2026-03-21', checked, as text: arguments go to workers."""
+    try:
+        return date.fromisoformat(text.strip()).isoformat()
+    except ValueError as error:
+        raise argparse.ArgumentTypeError(f"expected a day such as 2026-03-21, got {text!r} ({error})") from error
 
 
 def number_type(

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, TextIO
+from typing import TYPE_CHECKING, Any, TextIO
 
 from ..settings.native_fault import explain, read_manifest
 from ..statistics.words import memory, primitives, sum_of
@@ -248,7 +248,8 @@ def run_scan(arguments: argparse.Namespace) -> int:
     if arguments.steps is not None and arguments.frames is None:
         raise CommandError("--steps needs --frames: a whole sweep in the current frame has no further time samples")
     path = check_blend_file(arguments.file)
-    _check_format(arguments)
+    asked = {"boxes": arguments.boxes, "category": arguments.category, "steps": arguments.steps or 1}
+    check_format(f".{arguments.format}", arguments.labels, **asked)
     arguments.sensor = _sensor_name(arguments.sensor)
     arguments.file, arguments.output = (
         str(path),
@@ -313,12 +314,12 @@ def _sensor(name: str) -> Sensor:
         raise CommandError(f"--sensor {name}: {str(error).removeprefix('sensor: ')}") from error
 
 
-def _check_format(arguments: argparse.Namespace) -> None:
-    from ..scanning.formats import check_format
+def check_format(suffix: str, labels: list[str], **asked: Any) -> None:
+    """Raises CommandError for a format that cannot be written, or not with this. asked: see `formats.check_format`."""
+    from ..scanning import formats
 
-    asked = {"boxes": arguments.boxes, "category": arguments.category, "steps": arguments.steps or 1}
     try:
-        check_format(f".{arguments.format}", arguments.labels, **asked)
+        formats.check_format(suffix, labels, **asked)
     except (ValueError, ImportError) as error:
         raise CommandError(f"--format: {error}") from error
 

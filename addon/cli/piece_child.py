@@ -80,6 +80,7 @@ def _open(job: dict[str, Any], stop: StopRequest) -> PieceWork:
 
     from ..pieces.piece import find_difference, learn_checksums
     from .arguments import CommandError
+    from .bake import bake_work
     from .blender import open_scene
     from .commands import scan_work
     from .frames import RenderWork
@@ -90,7 +91,7 @@ def _open(job: dict[str, Any], stop: StopRequest) -> PieceWork:
     arguments = argparse.Namespace(**{name: _tuple(value) for name, value in job["arguments"].items()})
     scene = open_scene(Path(arguments.file), arguments)
     learn_checksums(job["checksums"])
-    jobs: dict[str, Job] = {"scan": scan_work, "labels": labels_work, "render": RenderWork}
+    jobs: dict[str, Job] = {"scan": scan_work, "labels": labels_work, "bake": bake_work, "render": RenderWork}
     work = jobs[arguments.command](scene, stop, arguments)
     other = find_difference(job["inputs"], work.place.inputs)
     if other is not None:

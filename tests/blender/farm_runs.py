@@ -26,6 +26,7 @@ JOBS = {
     "scan": ("scan", "--sensor", "sensor.toml", "--on", "Head", "--steps", "2", "--seed", "5"),
     "labels": ("labels", "--size", "64x36"),
     "render": ("render", "--mode", "instance", "--samples", "2"),
+    "bake": ("bake", "--kind", "ambient-occlusion", "--distance", "2", "--rays", "8"),
 }
 
 

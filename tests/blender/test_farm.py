@@ -98,14 +98,14 @@ def whole(folder: Path) -> dict[str, dict[str, bytes]]:
     return found
 
 
-@pytest.mark.parametrize(("name", "workers"), [("scan", 1), ("labels", 2), ("render", 2), ("labels", 4)])
+@pytest.mark.parametrize(("name", "workers"), [("scan", 1), ("labels", 2), ("render", 2), ("labels", 4), ("bake", 2)])
 def test_any_number_of_workers_makes_the_same_bytes(
     folder: Path, tmp_path: Path, whole: dict[str, dict[str, bytes]], name: str, workers: int
 ) -> None:
     status, errors = run_job(folder, name, tmp_path / "out", "--workers", workers)
     assert status == 0, errors
     assert contents(tmp_path / "out") == whole[name]
-    assert len(whole[name]) == {"scan": 12, "labels": 25, "render": 18}[name]
+    assert len(whole[name]) == {"scan": 12, "labels": 25, "render": 18, "bake": 18}[name]
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="SIGKILL, which Windows has not")
