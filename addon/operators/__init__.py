@@ -5,7 +5,8 @@ scan_button   *Scan*
 scan_request  the settings of its panel, checked
 add_sensor    *Add Sensor*
 label_button  *Label Images*
-piece_jobs    the common parts of *Scan* and *Label Images*
+bake_button   *Bake Rays to Attribute*
+piece_jobs    the common parts of *Scan*, *Label Images* and *Bake Rays*
 measure       *Bench*, and the comparison of two trees
 select        selects objects that are not shown, or were updated
 walk          keys of the walk of a ray
@@ -17,9 +18,9 @@ from __future__ import annotations
 import bpy
 
 from ..bench import results
-from . import add_sensor, label_button, measure, preview, scan_button, scan_request, select, ticking, walk
+from . import add_sensor, bake_button, label_button, measure, preview, scan_button, scan_request, select, ticking, walk
 
-_MODULES = (preview, scan_button, scan_request, add_sensor, label_button, measure, select, walk)
+_MODULES = (preview, scan_button, scan_request, add_sensor, label_button, bake_button, measure, select, walk)
 _CLASSES = tuple(operator for module in _MODULES for operator in module.CLASSES)
 
 

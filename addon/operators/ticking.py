@@ -58,7 +58,10 @@ def forget() -> None:
 
 TIMER_SECONDS = 0.01
 # Whose names errors begin with, for scripts.
-FUNCTIONS = ("scan", "bench", "compare", "label_image")
+FUNCTIONS = (
+    *("scan", "bench", "compare", "label_image", "bake_rays", "write_attributes"),
+    *("Place", "sun_table", "read_epw", "irradiance_table"),
+)
 
 
 def sentence_of(problem: BaseException | str) -> str:

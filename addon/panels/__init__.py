@@ -2,7 +2,7 @@
 
 render     render properties: mode, sampling, light paths, curves, motion blur
 objects    cameras, lights, materials, worlds, objects
-output     passes of a view layer, scans
+output     passes of a view layer, scans, labels, bakes
 viewports  overlays, shading, rendering a view, the walk of a ray
 reports    statistics, updates, comparison, parts of the scene that are not shown, the bench
 common     their common parts
@@ -35,6 +35,7 @@ CLASSES = (
     *viewports.SHADING_CLASSES,
     *output.SCAN_CLASSES,
     *output.LABEL_CLASSES,
+    *output.BAKE_CLASSES,
     *viewports.RENDER_VIEW_CLASSES,
     *reports.UPDATES_CLASSES,
     *viewports.DISPLAY_CLASSES,

@@ -1,11 +1,12 @@
-"""The panels of outputs other than the picture: a view layer's passes and scans."""
+"""The panels of outputs other than the picture: a view layer's passes, scans, labels and bakes."""
 
 from __future__ import annotations
 
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import bpy
 
+from ..settings.bake_settings import sun_position_of
 from ..settings.modes import mode_of_render
 from ..settings.preferences import denoising_data_settings
 from ..settings.scan_choices import FORMATS, OTHER
@@ -141,7 +142,64 @@ class PERFECT_BVH_PT_label_images(SidebarPanel, bpy.types.Panel):
         draw_messages_of(context, layout, "Label Images")
 
 
+class PERFECT_BVH_PT_bake_rays(SidebarPanel, bpy.types.Panel):
+    """What is baked onto the selected meshes, and the button."""
+
+    bl_label = "Bake Rays"
+    bl_options: ClassVar = {"DEFAULT_CLOSED"}
+
+    def draw(self, context: bpy.types.Context) -> None:
+        layout = settings_layout(self)
+        draw_purpose(
+            context, layout, "What each face of the selected meshes sees: hours of sun, sky, or its surroundings"
+        )
+        settings = context.scene.perfect_bvh.bake
+        layout.prop(settings, "kind")
+        layout.prop(settings, "domain")
+        if settings.kind == "SUN_HOURS":
+            _draw_sun(layout, settings, sun_position_of(context.scene))
+        elif settings.kind == "EXPOSURE":
+            layout.prop(settings, "viewer", placeholder="Scene Camera")
+            layout.prop(settings, "use_frames")
+        else:
+            if settings.kind == "AMBIENT_OCCLUSION":
+                layout.prop(settings, "distance")
+            layout.prop(settings, "samples")
+        layout.prop(settings, "table")
+        layout.operator("perfect_bvh.bake_rays", text="Bake", icon="RENDER_STILL")
+        draw_messages_of(context, layout, "Bake Rays to Attribute")
+
+
+def _draw_sun(layout: bpy.types.UILayout, settings: bpy.types.PropertyGroup, other: Any) -> None:
+    """other: the add-on Sun Position's settings, which are used where it has them."""
+    layout.prop(settings, "light")
+    dates = settings if other is None or settings.period == "RANGE" else other
+    column = layout.column(align=True)
+    column.prop(settings, "period")
+    column.prop(dates, "year")
+    if settings.period != "YEAR":
+        column.prop(dates, "month")
+        column.prop(dates, "day")
+    if settings.period == "RANGE":
+        column = layout.column(align=True)
+        column.prop(settings, "month_end", text="To Month")
+        column.prop(settings, "day_end")
+    if settings.light == "WEATHER":
+        layout.prop(settings, "weather")
+    else:
+        layout.prop(settings, "step")
+        place = settings if other is None else other
+        column = layout.column(align=True)
+        column.prop(place, "latitude")
+        column.prop(place, "longitude")
+        column.prop(place, "zone" if other is None else "UTC_zone")
+        if other is not None:
+            column.prop(other, "use_daylight_savings")
+    layout.prop(*((settings, "north") if other is None else (other, "north_offset")))
+
+
 SCAN_CLASSES = (PERFECT_BVH_PT_scan,)
+BAKE_CLASSES = (PERFECT_BVH_PT_bake_rays,)
 LABEL_CLASSES = (PERFECT_BVH_PT_label_images,)
 
 

@@ -155,13 +155,19 @@ RENDER_VIEW_CLASSES = (PERFECT_BVH_PT_render_view,)
 
 
 # Menus ---------------------------------------------------------------------------------------------------------------
-# The View menu of 3D viewports, where Blender renders viewports to images as well, and the Help menu.
+# Of 3D viewports: View, where Blender renders viewports to images as well, and Object. And the Help menu.
 
 
 def _draw(menu: bpy.types.Menu, context: bpy.types.Context) -> None:
     if native_error() is None:
         menu.layout.separator()
         menu.layout.operator("perfect_bvh.preview", icon="RENDER_STILL")
+
+
+def _draw_object(menu: bpy.types.Menu, context: bpy.types.Context) -> None:
+    if native_error() is None:
+        menu.layout.separator()
+        menu.layout.operator("perfect_bvh.bake_rays")
 
 
 def _draw_help(menu: bpy.types.Menu, context: bpy.types.Context) -> None:
@@ -171,11 +177,13 @@ def _draw_help(menu: bpy.types.Menu, context: bpy.types.Context) -> None:
 
 def register() -> None:
     bpy.types.VIEW3D_MT_view.append(_draw)
+    bpy.types.VIEW3D_MT_object.append(_draw_object)
     bpy.types.TOPBAR_MT_help.append(_draw_help)
 
 
 def unregister() -> None:
     bpy.types.TOPBAR_MT_help.remove(_draw_help)
+    bpy.types.VIEW3D_MT_object.remove(_draw_object)
     bpy.types.VIEW3D_MT_view.remove(_draw)
 
 

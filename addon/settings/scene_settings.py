@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import bpy
 
+from .bake_settings import PERFECT_BVH_PG_bake
 from .label_settings import PERFECT_BVH_PG_label_images
 from .modes import DEFAULT_MODE, MODES
 from .scan_settings import PERFECT_BVH_PG_scan
@@ -96,6 +97,9 @@ class PERFECT_BVH_PG_settings(bpy.types.PropertyGroup):
     scan: bpy.props.PointerProperty(name="Scan", description="Settings of the Scan button", type=PERFECT_BVH_PG_scan)
     label_images: bpy.props.PointerProperty(
         name="Label Images", description="Settings of the Label Images button", type=PERFECT_BVH_PG_label_images
+    )
+    bake: bpy.props.PointerProperty(
+        name="Bake Rays", description="What the Bake Rays button asks of each face", type=PERFECT_BVH_PG_bake
     )
     compare: bpy.props.PointerProperty(
         name="Compare", description="The two BVHs of the active object to compare", type=PERFECT_BVH_PG_compare
@@ -258,6 +262,7 @@ def preview_settings() -> RenderSettings:
 CLASSES = (
     PERFECT_BVH_PG_scan,
     PERFECT_BVH_PG_label_images,
+    PERFECT_BVH_PG_bake,
     *TREE_CLASSES,
     PERFECT_BVH_PG_settings,
 )

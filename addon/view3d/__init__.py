@@ -10,6 +10,8 @@ view_words    the legend and the tip of one viewport
 pointer       the mouse's position, and objects and sample rays for trying trees
 reading       one object as rays hit it, now or in another frame
 cost_scale    the scale of the mode "cost"
+baked_view    the scale, the value under the mouse and the chart of baked rays
+baked_colors  baked values as colours of meshes
 scan_points   points of scans in their colours
 sensor_view   the lines and the range of the scan's sensor
 """

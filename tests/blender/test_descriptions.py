@@ -20,7 +20,7 @@ OPERATORS = [
     found
     for module in (
         *(operators.preview, operators.scan_button, operators.scan_request, operators.label_button, operators.measure),
-        *(operators.add_sensor, operators.select, operators.walk, pointer),
+        *(operators.add_sensor, operators.select, operators.walk, operators.bake_button, pointer),
     )
     for found in vars(module).values()
     if isinstance(found, type) and issubclass(found, bpy.types.Operator)
@@ -121,6 +121,8 @@ def nothing_is_there() -> None:
         ("preview", nothing_is_there, "neither a 3D viewport nor a camera"),
         ("scan", nothing_is_there, "No sensor: choose a Sensor Object"),
         ("scan", edit_a_mesh, "Switch to Object Mode first"),
+        ("bake_rays", nothing_is_there, "Nothing selected: select the meshes"),
+        ("bake_rays", edit_a_mesh, "Switch to Object Mode first"),
         ("select_updated", edit_a_mesh, "in Object Mode only"),
         ("select_not_shown", edit_a_mesh, "in Object Mode only"),
     ],

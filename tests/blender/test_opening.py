@@ -12,7 +12,8 @@ bpy: Any = pytest.importorskip("bpy")
 
 from perfect_bvh_addon.view3d.rendered.opening import show_rendered  # noqa: E402
 
-SCENES = ("courtyard", "tree_in_wind", "gears", "crowd", "cloth", "ocean", "meadow", "zoo/twist", "zoo/few_triangles")
+FILMS = ("tree_in_wind", "gears", "crowd", "cloth", "ocean", "meadow")
+SCENES = ("courtyard", "town", *FILMS, "zoo/twist", "zoo/few_triangles")
 
 pytestmark = pytest.mark.usefixtures("registered")
 

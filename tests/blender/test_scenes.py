@@ -23,9 +23,10 @@ TRIANGLES = {
     "crowd": (5_000_000, 6_000_000),
     "cloth": (70_000, 100_000),
     "ocean": (60_000, 90_000),
+    "town": (25_000, 35_000),
     "meadow": (8_000, 12_000),  # and curves and points, see test_meadow.py
 }
-LAST_FRAMES = {name: 1 if name == "courtyard" else 48 for name in TRIANGLES}
+LAST_FRAMES = {name: 1 if name in ("courtyard", "town") else 48 for name in TRIANGLES}
 
 Floats = NDArray[np.float32]
 

@@ -15,6 +15,7 @@ import bpy
 sys.path.insert(0, str(Path(__file__).parent))
 
 import bad_use_steps
+import bake_steps
 import comb_steps
 import data_preview_steps
 import example_steps
@@ -118,6 +119,7 @@ STEPS = (
     example_steps.keep_the_interface,
     example_steps.scan_an_example,
     example_steps.play_a_failure_case,
+    bake_steps.bake_a_town,
     comb_steps.comb,
     file_steps.report,
 )

@@ -1,0 +1,203 @@
+"""The button Bake Rays to Attribute: a value for each face of the selected meshes, shown as colours at once.
+
+In a window it works in steps of a timer while Blender continues, and Esc cancels it. Without one, or when a script
+calls it, it does the same in one go. The scene does not change before the end.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Generator
+from datetime import date
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, ClassVar
+
+import bpy
+
+from ..settings.bake_choices import KINDS
+from ..settings.bake_settings import sun_position_of
+from ..statistics.words import duration
+from ..view3d.baked_colors import color_meshes
+from ..view3d.baked_view import SunTimes, last_sun
+from .measure import find_space
+from .piece_jobs import JobOperator
+from .scan_request import threads_of
+
+if TYPE_CHECKING:
+    from ..baking import Bake
+    from ..baking.sun import DirectionTable
+
+MOST_BYTES = 1 << 29  # of the times at which faces have sun, for the chart
+# How light by a weather file is called.
+IRRADIATION, IRRADIATION_LABEL = "irradiation", "Irradiation"
+
+
+class PERFECT_BVH_OT_bake_rays(JobOperator, bpy.types.Operator):
+    """Steps through a bake in a timer."""
+
+    bl_idname = "perfect_bvh.bake_rays"
+    bl_label = "Bake Rays to Attribute"
+    bl_description = "Cast rays from each face of the selected meshes, and show what they find as colors. Esc cancels"
+    bl_options: ClassVar = {"REGISTER", "UNDO"}
+    doing = "Baking"
+    _started: float
+    _space: int | None
+
+    @classmethod
+    def _find_complaint(cls, context: bpy.types.Context) -> str | None:
+        settings = context.scene.perfect_bvh.bake
+        if context.mode != "OBJECT":
+            return "Switch to Object Mode first: values are written to meshes"
+        if not any(obj.type == "MESH" for obj in context.selected_objects):
+            return "Nothing selected: select the meshes whose faces get values"
+        if settings.kind == "SUN_HOURS" and settings.light == "WEATHER" and not settings.weather.strip():
+            return "No weather file: choose one, or bake hours"
+        return None
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        import perfect_bvh
+
+        if not self._begin(context):
+            return {"CANCELLED"}
+        try:
+            self._job.baker.run()
+        except (ValueError, perfect_bvh.EngineError, MemoryError) as problem:
+            self._complain(problem)
+            return {"CANCELLED"}
+        finally:
+            self._end(context)
+        return self._finish(context)
+
+    def _begin(self, context: bpy.types.Context) -> bool:
+        self._forget_complaints()
+        self._started, self._space = time.perf_counter(), find_space(context)
+        try:
+            self._job = BakeJob(context)
+        except (ValueError, OSError) as problem:
+            self._complain(problem)
+            return False
+        self._steps = self._job.steps()
+        return True
+
+    def _finish(self, context: bpy.types.Context) -> set[str]:
+        job = self._job
+        try:
+            text = job.write()
+        except (ValueError, ImportError, OSError) as problem:
+            self._complain(problem)
+            return {"CANCELLED"}
+        for warning in job.warnings:
+            self._complain(warning, "WARNING")
+        _show_colors(context, self._space)
+        self.report({"INFO"}, f"{text}, {duration(1e3 * (time.perf_counter() - self._started))}")
+        return {"FINISHED"}
+
+
+class BakeJob:
+    """The bake that the panel describes. Raises ValueError for settings that cannot be baked, and OSError."""
+
+    where, built_share = "", None
+    _previous: ClassVar[Bake | None] = None  # what has not changed since is kept
+
+    def __init__(self, context: bpy.types.Context) -> None:
+        from ..baking import Baker, BakeSettings
+
+        scene, settings = context.scene, context.scene.perfect_bvh.bake
+        objects = [obj for obj in context.selected_objects if obj.type == "MESH"]
+        choices: dict[str, Any] = {"kind": settings.kind, "domain": settings.domain, "rays": settings.samples}
+        self._table: DirectionTable | None = None
+        if settings.kind == "SUN_HOURS":
+            table = self._table = table_of(scene)
+            bits = len(table.weights) * sum(len(obj.data.polygons) for obj in objects)
+            keeps = settings.domain == "FACE" and not table.has_cosine and bits <= 8 * MOST_BYTES
+            choices |= table.arguments | {"keep_visible": keeps}
+        elif settings.kind == "AMBIENT_OCCLUSION":
+            choices["distance"] = settings.distance
+        elif settings.kind == "EXPOSURE":
+            choices["viewers"] = settings.viewer
+            if settings.use_frames:
+                choices["frames"] = range(scene.frame_start, scene.frame_end + 1)
+        self._label, self._path = KINDS[settings.kind].label, settings.table.strip()
+        if self._table is not None and self._table.has_cosine:
+            self._label = IRRADIATION_LABEL
+        how = {"previous": BakeJob._previous, "threads": threads_of(scene)}
+        self.baker = Baker(objects, BakeSettings(**choices), **how)
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """Returns what is not as expected."""
+        return (() if self._table is None else self._table.warnings) + self.baker.result().warnings
+
+    def steps(self) -> Generator[float, None, None]:
+        """Yields the share done, 0 to 1."""
+        return self.baker.steps()
+
+    def release(self) -> None:
+        """Does nothing: the baker releases its data."""
+
+    def stopped(self) -> str:
+        """Returns the message to a user who has stopped it."""
+        return "Bake canceled: nothing was written"
+
+    def write(self) -> str:
+        """Writes the attributes, the table and the colours; returns a sentence. Raises ValueError and OSError."""
+        bake, table = self.baker.result(), self._table
+        if self._path:
+            path = Path(bpy.path.abspath(self._path))
+            (bake.write_parquet if path.suffix == ".parquet" else bake.write_csv)(path)
+        name = bake.write_attributes(IRRADIATION if table is not None and table.has_cosine else None)[0]
+        BakeJob._previous = bake
+        by_uid = {obj.session_uid: obj for obj in bpy.context.scene.objects}
+        meshes = [by_uid[baked.session_uid].data for baked in bake.objects]
+        unit = next(iter(bake.units.values()))
+        meaning = color_meshes(meshes, name, self._label, unit)
+        last_sun.hide()
+        visible = {mesh.session_uid: baked.visible for mesh, baked in zip(meshes, bake.objects, strict=True)}
+        if table is not None and all(bits is not None for bits in visible.values()):
+            last_sun.show(SunTimes(visible, table.times, table.weights))
+        count = sum(len(baked.values) for baked in bake.objects)
+        return f"{self._label}: {count:,} values from {meaning.least:.4g} to {meaning.most:.4g} {unit}".rstrip()
+
+
+def table_of(scene: bpy.types.Scene) -> DirectionTable:
+    """Returns the directions that the panel describes. Raises ValueError for dates, places and files; OSError."""
+    from ..baking import sun
+
+    settings, other = scene.perfect_bvh.bake, sun_position_of(scene)
+    dates = settings if other is None or settings.period == "RANGE" else other
+    first, last = _date(dates.year, dates.month, dates.day), None
+    if settings.period == "RANGE":
+        last = _date(settings.year, settings.month_end, settings.day_end)
+    elif settings.period == "YEAR":
+        first, last = date(dates.year, 1, 1), date(dates.year, 12, 31)
+    north = math.degrees(settings.north if other is None else other.north_offset)
+    if settings.light == "WEATHER":
+        weather = sun.read_epw(bpy.path.abspath(settings.weather), north=north)
+        return sun.irradiance_table(weather, first, last or first)
+    if other is None:
+        place = sun.Place(settings.latitude, settings.longitude, settings.zone, north)
+    else:
+        zone = f"{other.UTC_zone + other.use_daylight_savings:g}"
+        place = sun.Place(other.latitude, other.longitude, zone, north)
+    return sun.sun_table(place, first, last, step=settings.step or (10 if last is None else 60))
+
+
+def _date(year: int, month: int, day: int) -> date:
+    try:
+        return date(year, month, day)
+    except ValueError as error:
+        raise ValueError(f"There is no day {day} in month {month} of {year}") from error
+
+
+def _show_colors(context: bpy.types.Context, space_pointer: int | None) -> None:
+    """Sets the viewport that the button was pressed in to the colours, without shadows that would change them."""
+    for window in context.window_manager.windows:
+        for area in window.screen.areas:
+            space: Any = area.spaces.active
+            if area.type == "VIEW_3D" and space.as_pointer() == space_pointer:
+                space.shading.type, space.shading.color_type, space.shading.light = "SOLID", "VERTEX", "FLAT"
+                area.tag_redraw()
+
+
+CLASSES = (PERFECT_BVH_OT_bake_rays,)
