@@ -12,7 +12,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import bpy
-from makers import cloth, courtyard, crowd, gears, meadow, ocean, tree_in_wind
+from makers import cloth, courtyard, crowd, gears, meadow, ocean, town, tree_in_wind
 from makers.opening import open_rendered, use_engine
 from makers.stage import save_stage
 from makers.zoo import files as zoo_files
@@ -25,6 +25,7 @@ SCENES: dict[str, Callable[[], object]] = {
     "cloth": cloth.make,
     "ocean": ocean.make,
     "meadow": meadow.make,
+    "town": town.make,
     **zoo_files.MAKERS,
 }
 

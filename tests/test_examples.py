@@ -38,6 +38,7 @@ PRINTED = {
     "refitting.py": r".+refitting\.png",
     "sun_hours.py": r"\d\.\d hours of sun in the mean, 1\d\.\d at most",
     "synced_rays.py": r"1 instances were moved; now the highest is at 1\d\.\d\d m",
+    "town_sun.py": r"year: the court has 0 to 1\d{3} of 44\d\d hours",
     "xray.py": r"\d{4,} surfaces on 4096 rays; 1 of 1 meets a vertex",
     "tree_boxes.py": r"a random ray .+ is expected to cost [1-9]\d*\.\d visits and tests",
 }
