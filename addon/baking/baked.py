@@ -178,12 +178,12 @@ class Bake:
         if self.domain != "TEXEL":
             raise ValueError(f"to_image: the values are of the domain {self.domain}: bake with domain='TEXEL'")
         made = []
-        for baked in self.objects:
+        for number, baked in enumerate(self.objects):
             width, height = self.image_size
             values = _spread(baked.values.reshape(height, width), margin)
             pixels = np.repeat(np.nan_to_num(values, nan=0.0)[:, :, None], 4, axis=2).astype(np.float32)
             pixels[:, :, 3] = ~np.isnan(values)
-            title = f"{baked.name} {name or next(iter(self.units))}"
+            title = f"{baked.name}{f' {number}' if baked.instance else ''} {name or next(iter(self.units))}"
             old = bpy.data.images.get(title)
             if old is not None and tuple(old.size) != self.image_size:
                 bpy.data.images.remove(old)
