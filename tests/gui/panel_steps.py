@@ -49,6 +49,7 @@ MAIN_BUTTONS = [
 ]
 HEADER_CHECKBOX_OF_PANEL = 0.13
 SWITCHES = 0.44  # of the region's width: the switches next to the values that they turn on
+LINE = 20  # of a text
 ROW_AND_GAP = 26  # from the middle of a button to that of the next group
 
 
@@ -107,7 +108,7 @@ def press_sampling_film_and_performance() -> Step:
         sampling[f"{kind}noise_threshold"] = text
     yield from open_panel("Sampling", change_all(settings(), sampling | switches))
     yield from open_panel("Sampling", switch_thresholds)
-    yield from open_panel("Sampling", lambda buttons: work_below(buttons, 0, change_all(settings(), {"seed": "5"})))
+    yield from open_panel("Sampling", change_the_seed)
     settings().time_limit, settings().viewport_samples = 0.0, 0
     yield from open_panel("Film", change_all(render, {"film_transparent": None}))
     yield from open_panel("Performance", change_all(render, {"threads_mode": None, "use_persistent_data": None}))
@@ -117,6 +118,20 @@ def press_sampling_film_and_performance() -> Step:
     screen = bpy.context.screen
     yield from open_panel("Performance", change_all(screen, {"perfect_bvh_open_rendered": None}))
     screen.perfect_bvh_open_rendered = False
+
+
+def change_the_seed(buttons: list[Button]) -> Step:
+    """In Advanced, below the note that some Blenders lack OpenImageDenoise."""
+    area, header = area_of("PROPERTIES"), header_height(min(buttons, key=lambda button: button.y), 0)
+    for y in (header, header - LINE, header - 2 * LINE):  # a click on the note does nothing
+        yield from toggle_panel(area, y)
+        found = yield from list_buttons(area, top=y - HEADER_HEIGHT / 2)
+        if any(button.what.endswith("seed") for button in found):
+            yield from change_all(settings(), {"seed": "5"})(found)
+            yield from leave(area)
+            yield from toggle_panel(area, y)
+            return
+    raise StepError("Advanced does not open")
 
 
 def work_below(buttons: list[Button], number: int, work: Callable[[list[Button]], Step]) -> Step:
