@@ -242,7 +242,8 @@ TEST(SubdivideCurve, RefusesWhatDoesNotFit) {
   expect_refused(good, 0.0, "tolerance");
   expect_refused(good, std::numeric_limits<double>::quiet_NaN(), "tolerance");
   expect_refused(good, 1e-300, "2**30 spheres");
-  expect_refused(with([](Curves& c) { c.points[2].x = std::numeric_limits<double>::quiet_NaN(); }), 0.1, "2**30 spheres");
+  expect_refused(with([](Curves& c) { c.points[2].x = std::numeric_limits<double>::quiet_NaN(); }), 0.1,
+                 "2**30 spheres");
   expect_refused(with([](Curves& c) { c.offsets = {}; }), 0.1, "got none");
   expect_refused(with([](Curves& c) { c.offsets = {0, 4}; }), 0.1, "got 0 to 4");
   expect_refused(with([](Curves& c) { c.offsets = {1, 5}; }), 0.1, "got 1 to 5");
