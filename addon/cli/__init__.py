@@ -277,7 +277,7 @@ def _add_labels(commands: argparse._SubParsersAction) -> None:
     parser.add_argument(
         "--flow", action="store_true", help="also write how pixels move from the previous and to the next frame"
     )
-    parser.add_argument("--no-coco", action="store_true", help="write no COCO file, which needs pycocotools")
+    parser.add_argument("--no-coco", action="store_true", help="write no COCO file")
     _add_pieces(parser)
     _add_quiet(parser)
 

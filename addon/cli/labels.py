@@ -26,8 +26,6 @@ def run_labels(arguments: argparse.Namespace) -> int:
     path = check_blend_file(arguments.file)
     _check_formats(arguments)
     folder = parse_folder(arguments.output)
-    if not arguments.no_coco:
-        _check_coco()
     arguments.file, arguments.output = str(path), str(folder)  # as workers, which are elsewhere, find them
     with quiet_blender() as out, stop_on_interrupt() as stop:
         return run_pieces(labels_work, open_scene(path, arguments), stop, arguments, out)
@@ -46,15 +44,6 @@ def _check_formats(arguments: argparse.Namespace) -> None:
         raise CommandError("--depth-scale applies to PNG files: add png or bop to --format, or omit it")
     if arguments.depth_scale is None:
         arguments.depth_scale = DEPTH_SCALE
-
-
-def _check_coco() -> None:
-    from ..labels.coco import check_coco
-
-    try:
-        check_coco()
-    except ImportError as error:
-        raise CommandError(f"{error}; or write no COCO file: --no-coco") from error
 
 
 def labels_work(scene: bpy.types.Scene, _stop: StopRequest, arguments: argparse.Namespace) -> PieceWork:

@@ -125,7 +125,6 @@ class LabelsJob(PiecesJob):
 
 def plan_of(scene: bpy.types.Scene) -> LabelPlan:
     """Returns the plan of the panel's settings. Raises ValueError, and ImportError with the package to install."""
-    from ..labels.coco import check_coco
     from ..labels.files import FORMATS as ORDER
     from ..labels.files import check_formats
     from ..labels.piece_labels import LabelPlan
@@ -134,8 +133,6 @@ def plan_of(scene: bpy.types.Scene) -> LabelPlan:
     frames = frames_of(scene, settings)
     formats = tuple(name for name in ORDER if name in settings.formats)
     check_formats(formats)
-    if settings.use_coco:
-        check_coco()
     return LabelPlan(
         frames=(scene.frame_current,) if frames is None else tuple(range(frames[0], frames[1] + 1)),
         formats=formats,

@@ -134,8 +134,6 @@ class PERFECT_BVH_PT_label_images(SidebarPanel, bpy.types.Panel):
         if "exr" in settings.formats:
             _draw_missing(context, layout, "EXR files", "OpenEXR")
         layout.prop(settings, "use_coco")
-        if settings.use_coco:
-            _draw_missing(context, layout, "COCO files", "pycocotools")
         layout.prop(settings, "folder")
         layout.prop(settings, "use_resume")
         layout.operator("perfect_bvh.label_images", text="Start Labels", icon="IMAGE_DATA")

@@ -79,7 +79,7 @@ class PERFECT_BVH_PG_label_images(bpy.types.PropertyGroup):
     )
     use_coco: bpy.props.BoolProperty(
         name="COCO File",
-        description="Write one JSON file with all masks and boxes in the format of COCO. Needs the library pycocotools",
+        description="Write one JSON file with all masks and boxes in the format of COCO",
         default=False,
     )
     folder: bpy.props.StringProperty(

@@ -43,7 +43,7 @@ def data_library(name: str, who_needs: str) -> Any:
     """Imports a module of the extra `data`.
 
     Args:
-        name: Of the module, such as "pycocotools.mask".
+        name: Of the module, such as "pyarrow.parquet".
         who_needs: The start of the message, such as "EXR files need OpenEXR".
 
     Raises:
@@ -59,7 +59,7 @@ def how_to_get(what: str, *modules: str) -> str | None:
     """Says that `what`, such as "EXR files", needs missing libraries, and how to install them; None if none is. Fast.
 
     Args:
-        modules: Of the libraries, such as "pycocotools.mask".
+        modules: Of the libraries, such as "pyarrow.parquet".
     """
     names = dict.fromkeys(module.partition(".")[0] for module in modules)
     missing = [name for name in names if importlib.util.find_spec(name) is None]

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -11,8 +10,6 @@ import numpy as np
 import pytest
 
 bpy = pytest.importorskip("bpy")
-pytest.importorskip("pycocotools")
-
 from blender.command_lines import run, save_small_file  # noqa: E402
 from oracles.exr import read_exr  # noqa: E402
 
@@ -137,17 +134,6 @@ def test_mistakes_are_named(
     given = [text.format(file=small_file) for text in arguments]
     assert run("labels", small_file, "-o", tmp_path / "labels", *given) == 2
     assert said in capfd.readouterr().err
-
-
-def test_without_pycocotools_it_says_what_to_do(
-    small_file: Path, tmp_path: Path, capfd: Any, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    for name in ("pycocotools", "pycocotools.mask"):
-        monkeypatch.setitem(sys.modules, name, None)  # so that importing it fails
-    assert run("labels", small_file, "-o", tmp_path / "labels") == 2
-    error = capfd.readouterr().err
-    assert "-m pip install pycocotools" in error and "--no-coco" in error
-    assert run("labels", small_file, "-o", tmp_path / "labels", "--no-coco", "-q") == 0
 
 
 def test_what_is_there_and_whole_is_not_labelled_again(small_file: Path, tmp_path: Path) -> None:

@@ -20,7 +20,6 @@ import pytest
 
 bpy = pytest.importorskip("bpy")
 pytest.importorskip("distributed")
-pytest.importorskip("pycocotools")
 
 import psutil  # noqa: E402
 from blender.command_lines import run  # noqa: E402

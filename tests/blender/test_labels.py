@@ -15,6 +15,7 @@ coco_mask = pytest.importorskip("pycocotools.mask")
 
 from blender.builders import camera_object, collection, collection_instance, mesh_object  # noqa: E402
 from perfect_bvh_addon import CocoFile, Labels, SceneSync, label_image  # noqa: E402
+from perfect_bvh_addon.labels.coco import compressed  # noqa: E402
 from perfect_bvh_addon.labels.labels import (  # noqa: E402
     masks_of,
     run_lengths,
@@ -287,7 +288,19 @@ def test_run_lengths_are_those_of_single_masks(size: tuple[int, int]) -> None:
     for number, runs in enumerate(run_lengths(masks)):
         expected = coco_mask.encode(np.asfortranarray(masks.image_of(number).astype(np.uint8)))
         assert coco_mask.frPyObjects(runs, size[1], size[0]) == expected, number
+        assert compressed(runs["counts"]).encode() == expected["counts"], number
     assert run_lengths(masks_of(owners[:0], pixels[:0], 0, size)) == []
+
+
+@pytest.mark.parametrize("largest", [1, 16, 33, 1000, 10**6, 2**28])
+def test_run_lengths_are_compressed_as_cocos_api_does(largest: int) -> None:
+    """Also where a run is much longer or shorter than the one before the last."""
+    random = np.random.default_rng(largest)
+    for length in range(1, 9):
+        counts = random.integers(1, largest, length, endpoint=True).tolist()
+        counts[0] = int(random.integers(2)) * counts[0]  # a mask may begin at the first pixel
+        expected = coco_mask.frPyObjects({"size": [sum(counts), 1], "counts": counts}, sum(counts), 1)
+        assert compressed(counts).encode() == expected["counts"], counts
 
 
 # Errors --------------------------------------------------------------------------------------------------------------
