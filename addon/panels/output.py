@@ -145,6 +145,7 @@ class PERFECT_BVH_PT_bake_rays(SidebarPanel, bpy.types.Panel):
 
     bl_label = "Bake Rays"
     bl_options: ClassVar = {"DEFAULT_CLOSED"}
+    page = "how_to/sun_hours"
 
     def draw(self, context: bpy.types.Context) -> None:
         layout = settings_layout(self)
