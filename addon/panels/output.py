@@ -21,7 +21,7 @@ class PERFECT_BVH_PT_scan(SidebarPanel, bpy.types.Panel):
     """The sensor, its object, and the output of the points."""
 
     bl_label = "Scan"
-    page = "blender#the-sidebars-tab-perfect-bvh-scan-and-label-images"
+    page = "blender#the-sidebars-tab-perfect-bvh-scan-label-images-and-bake-rays"
 
     def draw(self, context: bpy.types.Context) -> None:
         layout = settings_layout(self)
