@@ -109,7 +109,7 @@ def _numbers(matrix: Doubles) -> str:
 
 
 def label_lines(labels: Labels) -> list[str]:
-    """Make a line for each object instance that the image shows and that has a category.
+    """Make a line for each object instance that the image shows and that has a category, which is not blank.
 
     The 2D box is around all pixels whose rays hit the object, hidden or not. The 3D box is the smallest one around the
     object's oriented box that is turned about the camera's y axis alone: equal to it if both stand upright. An object's
@@ -120,7 +120,8 @@ def label_lines(labels: Labels) -> list[str]:
     boxes, shares = labels.amodal.boxes().tolist(), labels.visible_shares.tolist()
     lines = []
     for number, thing in enumerate(labels.things):
-        if thing.category < 0 or not shares[number]:
+        kind = "_".join(labels.categories[thing.category].split()) if thing.category >= 0 else ""
+        if not kind or not shares[number]:
             continue
         left, top, width, height = boxes[number]
         corners = _corners(thing) @ view[:, :3].T + view[:, 3]
@@ -130,7 +131,6 @@ def label_lines(labels: Labels) -> list[str]:
         occluded = 0 if shares[number] >= VISIBLE else 1 if shares[number] >= PARTLY else 2
         alpha = (turn - np.arctan2(place[0], place[2]) + np.pi) % (2.0 * np.pi) - np.pi
         numbers = (alpha, left, top, left + width - 1, top + height - 1, *size, *place, turn)
-        kind = "_".join(labels.categories[thing.category].split())
         truncated = _truncation(corners, intrinsics, labels.size)
         lines.append(f"{kind} {truncated:.2f} {occluded} {' '.join(f'{value:.4f}' for value in numbers)}")
     return lines

@@ -224,6 +224,14 @@ def test_later_frames_are_added(file: Path, tmp_path: Path) -> None:
     assert [float(line) for line in (folder / "sequences" / "00" / "times.txt").read_text().split()] == [0.0, 0.2]
 
 
+def test_a_blank_class_is_none(file: Path, tmp_path: Path) -> None:
+    bpy.ops.wm.open_mainfile(filepath=str(file))
+    bpy.data.objects["Car ahead"]["class"], bpy.data.objects["Aside"]["class"] = " ", "  a  Van "
+    bpy.ops.wm.save_mainfile()
+    assert run(*asked(file, tmp_path / "out", "kitti", "--category", "class", "--frames", "1")) == 0
+    assert sorted(box["kind"] for box in boxes(tmp_path / "out", 1)) == ["Car", "On_foot", "a_Van"]
+
+
 def test_a_frame_without_points_or_objects_is_a_frame(
     file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
