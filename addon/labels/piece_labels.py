@@ -145,11 +145,9 @@ class LabelWork(PieceWork):
             rows = [self.place.path_of(f"{piece.stem}.coco.jsonl") for piece in self.pieces]
             join_rows(lambda: read_rows(rows), self.place.path_of(self.joined[0]))
         if self._plan.has_bop:
-            found = sorted(self.place.folder.glob(f"{BEFORE}*.bop.jsonl"))
-            stems = [path.name.removesuffix(".bop.jsonl") for path in found]
-            stems = [stem for stem in stems if self.place.path_of(f"{stem}.json").is_file()]  # complete ones
-            files = [self.place.path_of(f"{stem}.bop.jsonl") for stem in stems]
-            models = [self.place.path_of(f"{stem}.bop_models.npz") for stem in stems]
+            names = [name for found in self.place.manifests() for name in found["files"]]
+            files = [self.place.path_of(name) for name in names if name.endswith(".bop.jsonl")]
+            models = [self.place.path_of(name) for name in names if name.endswith(".bop_models.npz")]
             bop.join_rows(lambda: read_rows(files), models, self.place.folder)
 
     def _label(self, frame: int, sync: SceneSync) -> Generator[float, None, Labels]:

@@ -169,8 +169,12 @@ class PieceFolder:
                 )
 
     def manifests(self) -> list[dict[str, Any]]:
-        """Returns the manifests of all finished chunks in the folder, in the order of their frames."""
-        return sorted((found for _, found in self._manifests()), key=lambda found: found["frames"])
+        """Returns the manifests of all chunks in the folder whose files exist, in the order of their frames."""
+        there = (found for _, found in self._manifests() if all(map(self._has, found["files"])))
+        return sorted(there, key=lambda found: found["frames"])
+
+    def _has(self, name: str) -> bool:
+        return reachable(self.path_of(name)).is_file()
 
     def _manifests(self) -> Iterator[tuple[Path, dict[str, Any]]]:
         """Yields the manifests; without one, or with a damaged one, a chunk counts as missing."""

@@ -153,6 +153,14 @@ def test_each_chunk_is_a_file_of_one_bag_and_is_resumed(file: Path, tmp_path: Pa
         )
 
 
+def test_a_lost_file_is_not_in_the_bag(file: Path, tmp_path: Path) -> None:
+    folder = tmp_path / "out"
+    assert run(*asked(file, folder, "mcap", "--frames", "1,3")) == 0
+    (folder / "points_0003-0003.mcap").unlink()
+    assert run(*asked(file, folder, "mcap", "--frames", "1")) == 0
+    assert len(read(folder)["/points"]) == 1
+
+
 def test_one_pass_of_the_current_frame_is_one_message(file: Path, tmp_path: Path) -> None:
     arguments = asked(file, tmp_path / "out", "mcap")
     assert run(*arguments[: arguments.index("--frames")]) == 0
