@@ -87,10 +87,10 @@ def join(folder: Path, rows: Sequence[dict[str, Any]]) -> None:
     write_text(folder / FRAMES, [f"{row['frame']:06d}" for row in rows])
     for shared in SHARED:
         links = reachable(folder / SEQUENCE / shared)
-        shutil.rmtree(links, ignore_errors=True)
-        links.mkdir()
+        links.mkdir(exist_ok=True)
         for row in rows:
             path = reachable(folder / file_of(shared, row["frame"]))
+            (links / path.name).unlink(missing_ok=True)
             try:
                 os.link(path, links / path.name)
             except OSError:  # a file system without hard links

@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import shutil
 from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -143,15 +142,14 @@ def join_rows(rows: Callable[[], Iterable[Row]], models: Iterable[Path], folder:
     Args:
         rows: Gives all rows, in order, each time it is called.
         models: The files of `Models.save`.
-        folder: Of the data set. Its existing masks and models are removed.
+        folder: Of the data set.
 
     Raises:
         OSError.
     """
     scene, model_folder = folder / SCENE, folder / FORMAT / "models"
-    for old in (scene / "mask", scene / "mask_visib", model_folder):
-        shutil.rmtree(old, ignore_errors=True)
-        old.mkdir(parents=True)
+    for each in (scene / "mask", scene / "mask_visib", model_folder):
+        each.mkdir(parents=True, exist_ok=True)
     numbers: dict[str, int] = {}
     poses, facts, cameras = {}, {}, {}
     for row in rows():

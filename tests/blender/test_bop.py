@@ -183,6 +183,15 @@ def test_a_later_run_of_other_frames_keeps_the_earlier_ones(file: Path, tmp_path
     assert all((folder / TRAIN / "mask" / name).read_bytes() == content for name, content in first.items())
 
 
+def test_files_of_others_are_left_alone(file: Path, tmp_path: Path) -> None:
+    others = [tmp_path / "out" / TRAIN / "mask" / "mine.png", tmp_path / "out" / "bop" / "models" / "mine.ply"]
+    for other in others:
+        other.parent.mkdir(parents=True)
+        other.write_text("mine")
+    assert run("labels", file, "-o", tmp_path / "out", "--format", "bop", "--no-coco", "-q") == 0
+    assert [other.read_text() for other in others] == ["mine"] * 2
+
+
 def test_chunks_are_kept_and_the_camera_must_be_perspective(file: Path, tmp_path: Path, capfd: Any) -> None:
     folder = tmp_path / "out"
     arguments = ("labels", file, "-o", folder, "--format", "bop", "--no-coco", "--frames", "1-2", "--chunk", 1)

@@ -224,6 +224,18 @@ def test_later_frames_are_added(file: Path, tmp_path: Path) -> None:
     assert [float(line) for line in (folder / "sequences" / "00" / "times.txt").read_text().split()] == [0.0, 0.2]
 
 
+def test_a_chunk_with_a_lost_file_is_left_out_and_files_of_others_stay(file: Path, tmp_path: Path) -> None:
+    folder = tmp_path / "out"
+    other = folder / "sequences" / "00" / "velodyne" / "mine.bin"
+    other.parent.mkdir(parents=True)
+    other.write_text("mine")
+    assert run(*asked(file, folder, "kitti", "--frames", "1,3")) == 0
+    (folder / "training" / "velodyne" / "000003.bin").unlink()
+    assert run(*asked(file, folder, "kitti", "--frames", "1")) == 0
+    assert (folder / "ImageSets" / "trainval.txt").read_text().split() == ["000001"]
+    assert other.read_text() == "mine"
+
+
 def test_a_blank_class_is_none(file: Path, tmp_path: Path) -> None:
     bpy.ops.wm.open_mainfile(filepath=str(file))
     bpy.data.objects["Car ahead"]["class"], bpy.data.objects["Aside"]["class"] = " ", "  a  Van "
