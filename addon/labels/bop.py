@@ -4,14 +4,16 @@ The benchmark for 6D object pose estimation (Hodan et al. 2018) keeps images of 
 image shows its model, its pose in the camera, and its masks. Lengths are millimetres; a world unit counts as a metre.
 
 An image is a row, a line of JSON, as for COCO. Models are numbered once all rows are together: equal meshes with equal
-stretch are one model, in any frame and any chunk of frames.
+stretch are one model, in any frame and any chunk of frames. Matrices are float32, so the stretch of a turning object
+differs a little from frame to frame.
 """
 
 from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
+from itertools import count
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -30,10 +32,12 @@ SCENE = f"{FORMAT}/train/000001"
 JOINED = tuple(f"{SCENE}/scene_{what}.json" for what in ("gt", "gt_info", "camera"))
 MILLIMETRES = 1000.0
 NO_BOX = [-1, -1, -1, -1]
+MOST_OFF = 1e-5  # how far equal stretches differ, as a share of the largest number in them
 _DIRECTIONS = 2000  # along which the ends of a model are looked for
 
 Row = dict[str, Any]
 Doubles = npt.NDArray[np.float64]
+Kinds = dict[str, list[tuple[int, Doubles]]]  # of each mesh, its models: numbers and stretches
 
 
 def image_name(folder: str, frame: int) -> str:
@@ -42,25 +46,19 @@ def image_name(folder: str, frame: int) -> str:
 
 
 class Models:
-    """The models of some images, by a digest of each: vertices in millimetres, and triangles."""
+    """The meshes of some images, by a digest of each: vertices and triangles."""
 
     def __init__(self) -> None:
         self.arrays: dict[str, npt.NDArray[Any]] = {}
-        self._known: dict[tuple[int, bytes], tuple[str, MeshRecord]] = {}  # the mesh: so that its id stays its own
+        self._known: dict[int, tuple[str, MeshRecord]] = {}  # the mesh: so that its id stays its own
 
-    def add(self, mesh: MeshRecord, stretch: Doubles) -> str:
-        """Add a mesh, stretched, and return its digest."""
-        # Matrices are float32, so the stretch of an object that turns differs a little from frame to frame.
-        unit = 10.0 ** np.floor(np.log10(max(np.abs(stretch).max(), 1e-30)))
-        rounded = np.round(stretch / unit, 5) * unit + 0.0
-        known = self._known.get((id(mesh), rounded.tobytes()))
-        if known is not None:
-            return known[0]
-        vertices = (mesh.positions @ rounded.T * MILLIMETRES).astype(np.float32)
-        digest = hashlib.sha256(vertices.tobytes() + mesh.triangles.tobytes()).hexdigest()[:16]
-        self.arrays[f"{digest}_vertices"], self.arrays[f"{digest}_triangles"] = vertices, mesh.triangles
-        self._known[id(mesh), rounded.tobytes()] = digest, mesh
-        return digest
+    def add(self, mesh: MeshRecord) -> str:
+        """Add a mesh, and return its digest."""
+        if id(mesh) not in self._known:
+            digest = hashlib.sha256(mesh.positions.tobytes() + mesh.triangles.tobytes()).hexdigest()[:16]
+            self.arrays[f"{digest}_vertices"], self.arrays[f"{digest}_triangles"] = mesh.positions, mesh.triangles
+            self._known[id(mesh)] = digest, mesh
+        return self._known[id(mesh)][0]
 
     def save(self, path: Path) -> None:
         """Write them all as .npz. Raises OSError."""
@@ -101,7 +99,8 @@ def image_row(
         pixels = labels.amodal.pixels_of(number)
         things.append(
             {
-                "model": models.add(mesh, stretch),
+                "model": models.add(mesh),
+                "stretch": stretch.tolist(),
                 "R": (view[:, :3] @ turn).ravel().tolist(),
                 "t": ((view[:, :3] @ transform[:, 3] + view[:, 3]) * MILLIMETRES).tolist(),
                 "visible": visible[number]["counts"],
@@ -123,8 +122,9 @@ def image_row(
 
 
 def _parted(linear: Doubles) -> tuple[Doubles, Doubles]:
-    """A rotation and the stretch before it, which a mirrored object's reflection is a part of."""
-    left, _, right = np.linalg.svd(linear)
+    """A rotation and the stretch before it, which begins with a mirrored object's reflection, along its x."""
+    mirror = np.diag([-1.0 if np.linalg.det(linear) < 0.0 else 1.0, 1.0, 1.0])
+    left, _, right = np.linalg.svd(linear @ mirror)
     turn = left @ np.diag([1.0, 1.0, np.sign(np.linalg.det(left @ right))]) @ right
     return turn, turn.T @ linear
 
@@ -150,14 +150,15 @@ def join_rows(rows: Callable[[], Iterable[Row]], models: Iterable[Path], folder:
     scene, model_folder = folder / SCENE, folder / FORMAT / "models"
     for each in (scene / "mask", scene / "mask_visib", model_folder):
         each.mkdir(parents=True, exist_ok=True)
-    numbers: dict[str, int] = {}
+    kinds: Kinds = {}
+    numbers = count(1)
     poses, facts, cameras = {}, {}, {}
     for row in rows():
         image = str(row["frame"])
         cameras[image] = row["camera"]
         poses[image], facts[image] = [], []
         for place, thing in enumerate(row["things"]):
-            number = numbers.setdefault(thing["model"], len(numbers) + 1)
+            number = _number_of(kinds.setdefault(thing["model"], []), np.array(thing["stretch"]), numbers)
             poses[image].append({"cam_R_m2c": thing["R"], "cam_t_m2c": thing["t"], "obj_id": number})
             counts = {name: thing[name] for name in ("bbox_obj", "bbox_visib", "px_count_all", "px_count_valid")}
             seen = thing["px_count_visib"]
@@ -166,7 +167,17 @@ def join_rows(rows: Callable[[], Iterable[Row]], models: Iterable[Path], folder:
                 _save_mask(scene / mask / f"{row['frame']:06d}_{place:06d}.png", thing[part], row["size"])
     for name, content in zip(JOINED, (poses, facts, cameras), strict=True):
         _save_json(folder / name, content)
-    _save_models(numbers, models, model_folder)
+    _save_models(kinds, models, model_folder)
+
+
+def _number_of(known: list[tuple[int, Doubles]], stretch: Doubles, numbers: Iterator[int]) -> int:
+    """The number of a model. known: of its mesh; a new one is added, with the next of the numbers."""
+    if known:
+        off = np.abs(np.array([each for _, each in known]) - stretch).max(axis=(1, 2))
+        if off.min() <= MOST_OFF * np.abs(stretch).max():
+            return known[int(np.argmin(off))][0]
+    known.append((next(numbers), stretch))
+    return known[-1][0]
 
 
 def _save_mask(path: Path, counts: list[int], size: list[int]) -> None:
@@ -176,23 +187,31 @@ def _save_mask(path: Path, counts: list[int], size: list[int]) -> None:
         write_grey(name, (columns.T * 255).astype(np.uint8))
 
 
-def _save_models(numbers: dict[str, int], files: Iterable[Path], folder: Path) -> None:
+def _save_models(kinds: Kinds, files: Iterable[Path], folder: Path) -> None:
     facts: dict[str, Any] = {}
     for path in files:
         with np.load(path) as arrays:
-            for digest in {name.partition("_")[0] for name in arrays.files}:
-                number = numbers[digest]
-                if str(number) in facts:
-                    continue
+            for digest in {name.partition("_")[0] for name in arrays.files} & kinds.keys():
                 vertices, triangles = arrays[f"{digest}_vertices"], arrays[f"{digest}_triangles"]
-                vertices = vertices[np.unique(triangles)]
-                low, high = vertices.min(axis=0), vertices.max(axis=0)
-                sizes = {f"min_{axis}": float(low[i]) for i, axis in enumerate("xyz")}
-                sizes |= {f"size_{axis}": float(high[i] - low[i]) for i, axis in enumerate("xyz")}
-                facts[str(number)] = {"diameter": _diameter(vertices.astype(np.float64))} | sizes
-                places = np.searchsorted(np.unique(triangles), triangles)
-                _save_ply(folder / f"obj_{number:06d}.ply", vertices, places)
+                for number, stretch in kinds.pop(digest):
+                    facts[str(number)] = _save_model(folder, number, vertices, triangles, stretch)
     _save_json(folder / "models_info.json", {number: facts[number] for number in sorted(facts, key=int)})
+
+
+def _save_model(
+    folder: Path, number: int, positions: Doubles, triangles: npt.NDArray[np.int32], stretch: Doubles
+) -> Row:
+    """Write a model in millimetres, and return the facts about it. positions: unstretched."""
+    used, corners = np.unique(triangles, return_inverse=True)
+    corners = corners.reshape(-1, 3)
+    if np.linalg.det(stretch) < 0.0:
+        corners = corners[:, ::-1]  # mirrored: so that the outside remains outside
+    vertices = (positions[used] @ stretch.T * MILLIMETRES).astype(np.float32)
+    _save_ply(folder / f"obj_{number:06d}.ply", vertices, corners)
+    low, high = vertices.min(axis=0), vertices.max(axis=0)
+    sizes = {f"min_{axis}": float(low[i]) for i, axis in enumerate("xyz")}
+    sizes |= {f"size_{axis}": float(high[i] - low[i]) for i, axis in enumerate("xyz")}
+    return {"diameter": _diameter(vertices.astype(np.float64))} | sizes
 
 
 def _diameter(vertices: Doubles) -> float:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from itertools import count
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +12,7 @@ import numpy as np
 import pytest
 from blender.command_lines import run
 from perfect_bvh_addon import label_image
+from perfect_bvh_addon.labels.bop import _number_of, _parted
 
 images = pytest.importorskip("PIL.Image", reason="Pillow is not installed: pip install '.[data]'")
 
@@ -181,6 +183,43 @@ def test_a_later_run_of_other_frames_keeps_the_earlier_ones(file: Path, tmp_path
     assert [list(read(folder, what)) for what in ("gt", "gt_info", "camera")] == [["1", "2"]] * 3
     assert len(list((folder / TRAIN / "mask").iterdir())) == 2 * len(first)
     assert all((folder / TRAIN / "mask" / name).read_bytes() == content for name, content in first.items())
+
+
+def test_a_mirrored_object_that_turns_is_one_model_with_its_outside_out(file: Path, tmp_path: Path) -> None:
+    bpy.ops.wm.open_mainfile(filepath=str(file))
+    for name, scale in (("Cube", (-1.0, 1.0, 1.0)), ("Twin", (-0.7, -0.7, -0.7))):
+        thing = bpy.data.objects[name]
+        for frame in (1, 2, 3):
+            thing.scale, thing.rotation_euler = scale, (0.1, 0.4 * frame, 0.2 * frame)
+            thing.keyframe_insert("rotation_euler", frame=frame)
+    bpy.data.objects.remove(bpy.data.objects["Cone"])  # inside out: the operator mirrors its mesh
+    bpy.ops.wm.save_mainfile()
+    folder = tmp_path / "out"
+    arguments = ("labels", file, "-o", folder, "--format", "bop", "--no-coco", "--frames", "1-3", "--chunk", 1, "-q")
+    assert run(*arguments) == 0
+    poses = read(folder, "gt").values()
+    assert [[thing["obj_id"] for thing in things] for things in poses] == [[1, 2, 3]] * 3
+    for number in (1, 2, 3):
+        data = (folder / "bop" / "models" / f"obj_{number:06d}.ply").read_bytes().partition(b"end_header\n")[2]
+        vertices = model(folder, number)
+        faces = np.frombuffer(data[12 * len(vertices) :], np.dtype([("count", "u1"), ("corners", "<i4", 3)]))
+        a, b, c = np.moveaxis(vertices[faces["corners"]], 1, 0)
+        assert np.einsum("ij,ij->", a, np.cross(b, c)) > 0.0
+
+
+def test_a_stretch_is_one_model_whatever_the_rotation() -> None:
+    """Numbers such as 1.234565 are between two roundings."""
+    random, numbers = np.random.default_rng(2), count(1)
+    for scale in ((1.0, 1.0, -1.0), (1.234565, -0.5000049999, 2.0), (1.0, 0.0, 3.0)):
+        known: list[Any] = []
+        for _ in range(100):
+            turn = np.linalg.qr(random.normal(size=(3, 3)))[0]
+            linear = (turn * np.linalg.det(turn) @ np.diag(scale)).astype(np.float32).astype(np.float64)
+            rotation, stretch = _parted(linear)
+            assert np.linalg.det(rotation) == pytest.approx(1.0)
+            np.testing.assert_allclose(rotation @ stretch, linear, atol=1e-6)
+            _number_of(known, stretch, numbers)
+        assert len(known) == 1
 
 
 def test_files_of_others_are_left_alone(file: Path, tmp_path: Path) -> None:
