@@ -226,7 +226,7 @@ def test_a_tile_that_was_never_filled_is_named(scene, image) -> None:  # noqa: F
         (record,) = records(sync)
         assert [*record.tiles] == [1001, 1002, 1012]
         assert (record.tiles[1001] == (51, 102, 153, 255)).all()
-        assert any("not saved" in warning for warning in sync.warnings)
+        assert any("unsaved tiles" in warning for warning in sync.warnings)
         assert any("tile 1003" in warning for warning in sync.warnings)
     finally:
         sync.close()

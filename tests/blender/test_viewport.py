@@ -80,7 +80,7 @@ def test_a_panorama_of_another_kind_is_shown_in_perspective_and_said_to_be(scene
     record, complaint = camera_of(view, space(camera), depsgraph)
     assert record.projection == "perspective"
     assert complaint.startswith("Camera 'Camera' cannot be a Mirrorball panorama")
-    assert complaint.endswith("choose Equirectangular as its Panorama Type. It is shown in perspective")
+    assert complaint.endswith("choose Equirectangular as its Panorama Type. The view is shown in perspective")
 
 
 def test_without_a_border_all_is_traced(scene: Any, camera: Any) -> None:

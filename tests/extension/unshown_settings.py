@@ -17,6 +17,7 @@ EXCUSED = {
     ("Scene", "frame_subframe"): BLENDERS_OWN,
     ("View3DShading", "type"): BLENDERS_OWN,
     ("PERFECT_BVH_PG_settings", "audit"): "for scripts and the command line",
+    ("PERFECT_BVH_PG_settings", "viewport_min_samples"): "for scripts",
     ("RenderSettings", "hair_type"): "shown where Cycles, whose setting comes first, is off",
     ("ViewLayer", "use_pass_combined"): "it is always written",
     ("Material", "use_nodes"): "always on from Blender 5.0 on",
