@@ -90,6 +90,73 @@ def test_rays_that_begin_on_the_bounds_meet_them() -> None:
     assert rays.tolist() == [0, 0, 1, 1, 2, 2]
 
 
+# What users have reported of trimesh's intersectors: their inputs, and the right answers.
+
+
+def test_points_in_voxels_are_inside() -> None:
+    cells = np.random.default_rng(0).random((9, 9, 9)) < 0.4
+    blocks = [trimesh.creation.box(bounds=[place, place + 1]) for place in np.argwhere(cells)]
+    voxels = with_rays(trimesh.util.concatenate(blocks))
+    points = np.random.default_rng(1).uniform(0.0, 9.0, (5000, 3))
+    points = np.concatenate([points, np.argwhere(cells) + 0.5])
+    assert (voxels.ray.contains_points(points) == cells[tuple(points.astype(int).T)]).all()
+
+
+def test_rays_at_the_edges_of_a_cube_hit_it() -> None:
+    cube = with_rays(trimesh.creation.box())
+    shares = np.linspace(0.0, 1.0, 101)[:, None, None]
+    one, other = np.moveaxis(cube.vertices[cube.edges_unique], 1, 0)
+    aims = ((1.0 - shares) * one + shares * other).reshape(-1, 3)
+    origins = 3.0 * aims
+    assert cube.ray.intersects_any(origins, -aims).all() and (cube.ray.intersects_first(origins, -aims) >= 0).all()
+    assert (np.bincount(cube.ray.intersects_location(origins, -aims)[1]) == 2).all()
+
+
+def test_rays_that_begin_next_to_a_face_meet_it_if_it_is_ahead() -> None:
+    torus = with_rays(trimesh.creation.torus(1.0, 0.3))
+    points, faces = trimesh.sample.sample_surface(torus, 3000, seed=1)
+    normals = torus.face_normals[faces]
+    for off, is_ahead in ((-1e-6, True), (1e-6, False)):
+        triangles, rays = torus.ray.intersects_id(points + off * normals, normals)
+        assert len(set(rays[triangles == faces[rays]])) == (len(points) if is_ahead else 0)
+
+
+def test_each_triangle_that_rays_aim_at_is_found() -> None:
+    sphere = with_rays(trimesh.creation.icosphere(subdivisions=4))
+    aims = sphere.triangles_center
+    triangles, rays = sphere.ray.intersects_id(3.0 * aims, -aims, multiple_hits=False)
+    assert (triangles == np.arange(len(aims))).all() and (rays == triangles).all()
+
+
+@pytest.mark.parametrize("width", [256, 257])
+def test_a_panorama_from_inside_has_a_hit_for_each_ray(width: int) -> None:
+    turns, rises = np.meshgrid(np.linspace(-np.pi, np.pi, width), np.linspace(-np.pi / 2, np.pi / 2, width // 2))
+    directions = np.stack([np.cos(rises) * np.cos(turns), np.cos(rises) * np.sin(turns), np.sin(rises)], -1)
+    directions = directions.reshape(-1, 3)
+    for room in (trimesh.creation.box(extents=[4.0, 6.0, 3.0]), trimesh.creation.icosphere()):
+        rays = with_rays(room).ray.intersects_location(0.0 * directions, directions, multiple_hits=False)[1]
+        assert (rays == np.arange(len(directions))).all()
+
+
+def test_all_methods_agree_on_rays_through_vertices_and_edges() -> None:
+    small, big = (trimesh.creation.box(extents=[size] * 3).subdivide_to_size(20) for size in (40.0, 60.0))
+    origins, everyone = np.zeros_like(big.vertices), np.arange(len(big.vertices))
+    rays = with_rays(small).ray
+    assert rays.intersects_any(origins, big.vertices).all()
+    for is_all in (False, True):
+        assert (rays.intersects_id(origins, big.vertices, multiple_hits=is_all)[1] == everyone).all()
+
+
+def test_a_vertex_and_an_edge_are_hit_once() -> None:
+    sphere = with_rays(trimesh.creation.icosphere(subdivisions=2))
+    for aims in (sphere.vertices, sphere.vertices[sphere.edges_unique].mean(axis=1), sphere.triangles_center):
+        for rays in (
+            sphere.ray.intersects_id(3.0 * aims, -aims)[1],
+            sphere.ray.intersects_location(3.0 * aims, -aims)[1],
+        ):
+            assert (np.bincount(rays) == 2).all()  # on the way in and out
+
+
 def test_odd_input_is_missed_or_refused() -> None:
     nothing = with_rays(trimesh.Trimesh())
     box = with_rays(trimesh.creation.box())
