@@ -127,6 +127,9 @@ class BVHTree:
         Raises:
             ValueError: For arrays of another shape, and rows that are no vertices.
         """
+        if not hasattr(polygons, "__getitem__"):
+            polygons = list(polygons)  # type: ignore[arg-type]
+        vertices = vertices if hasattr(vertices, "__getitem__") else list(vertices)  # type: ignore[arg-type]
         positions = _rows_of_three("vertices", np.asarray(vertices, np.float32))
         if all_triangles:
             triangles: Array = _rows_of_three("polygons", np.asarray(polygons, np.int32))
@@ -345,5 +348,7 @@ def _normals_of(positions: Array, triangles: Array) -> Array:
 
 def _unit(vectors: Array) -> Array:
     """Returns unit vectors; vectors without a length are not changed."""
+    if vectors.ndim == 0:
+        return vectors  # whose shape is refused later
     lengths = np.linalg.norm(vectors, axis=-1, keepdims=True)
     return vectors / np.where(lengths > 0.0, lengths, 1.0)

@@ -95,6 +95,10 @@ def test_concave_polygons_and_odd_input() -> None:
         BVHTree.FromPolygons([(0, 0, 0)], [(0, 1, 2)])
     with pytest.raises(ValueError, match="shape"):
         dart.ray_cast((1, 2), (0, 0))
+    with pytest.raises(ValueError, match="origins must have shape"):
+        dart.ray_cast(None, None)
+    lazy = BVHTree.FromPolygons(map(Vector, [(0, 0, 0), (1, 0, 0), (0, 1, 0)]), iter([(0, 1, 2)]))
+    assert lazy.ray_cast((0.1, 0.1, 5), (0, 0, -1))[2] == 0
     with pytest.raises(ValueError, match=r"vertices must have shape \(n, 3\), got \(3, 2\)"):
         BVHTree.FromPolygons([(0, 0), (1, 0), (0, 1)], [(0, 1, 2)])
     with pytest.raises(ValueError, match=r"polygon 1 has vertices \[0, 1, -1\], but there are 3"):
