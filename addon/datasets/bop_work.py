@@ -7,6 +7,7 @@ from ..labels.piece_labels import LabelWork
 from ..live.scene_sync import SceneSync
 from ..pieces.piece import Piece
 from ..pieces.work import Steps
+from ..support.files import make_folder
 from .shots import shoot
 
 
@@ -24,5 +25,5 @@ class BopWork(LabelWork):
     def picture(self, frame: int) -> tuple[str, ...]:
         """Writes BOP's image of a frame as `perfect-bvh render` makes it. Raises ValueError, OSError."""
         path = self.place.path_of(image_name("rgb", frame))
-        path.parent.mkdir(parents=True, exist_ok=True)
+        make_folder(path.parent)
         return shoot(self.view, self._image_sync, frame, path)[1]

@@ -20,6 +20,7 @@ from ..scanning.point_cloud import PointCloud
 from ..scanning.scan import MOST_SHORT
 from ..scanning.stretches import Stretch, Sweep
 from ..settings.scan_choices import KITTI, MCAP
+from ..support.files import make_folder
 from . import bag, kitti
 from .shots import label, read_pixels, shoot
 
@@ -83,7 +84,7 @@ class KittiWork(DriveWork):
     def picture(self, stretch: Stretch) -> Iterator[float]:
         frame = self.frame_of(stretch)
         path = self.place.path_of(kitti.file_of("image_2", frame))
-        path.parent.mkdir(parents=True, exist_ok=True)
+        make_folder(path.parent)
         camera = self.shoot(stretch, path)
         if camera is None:
             scene = self.view.find().name

@@ -17,7 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ..labels.labels import Labels, Thing
-from ..support.files import reachable, replacing
+from ..support.files import make_folder, reachable, replacing
 from ..sync.boxes import Boxes
 
 TRAINING = "training"
@@ -49,14 +49,14 @@ def files_of(frames: Iterable[int]) -> tuple[str, ...]:
 
 def write_text(path: Path, lines: Iterable[str]) -> None:
     """Write a text file; an older one is replaced once it is complete. Raises OSError."""
-    reachable(path.parent).mkdir(parents=True, exist_ok=True)
+    make_folder(path.parent)
     with replacing(path) as name:
         name.write_text("".join(f"{line}\n" for line in lines), encoding="utf-8", newline="\n")
 
 
 def write_points(path: Path, positions: Doubles, intensities: npt.NDArray[np.float32]) -> None:
     """Write (N, 3) positions in KITTI's axes of points, and (N,) intensities. Raises OSError."""
-    reachable(path.parent).mkdir(parents=True, exist_ok=True)
+    make_folder(path.parent)
     with replacing(path) as name:
         name.write_bytes(np.column_stack([positions, intensities]).astype("<f4").tobytes())
 
@@ -87,7 +87,7 @@ def join(folder: Path, rows: Sequence[dict[str, Any]]) -> None:
     write_text(folder / FRAMES, [f"{row['frame']:06d}" for row in rows])
     for shared in SHARED:
         links = reachable(folder / SEQUENCE / shared)
-        links.mkdir(exist_ok=True)
+        make_folder(links)
         for row in rows:
             path = reachable(folder / file_of(shared, row["frame"]))
             (links / path.name).unlink(missing_ok=True)

@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from ..support.files import replacing, write_arrays
+from ..support.files import make_folder, replacing, write_arrays
 from .files import grey_depth, too_far_warning, write_grey
 from .labels import Labels, run_lengths
 
@@ -131,7 +131,7 @@ def _parted(linear: Doubles) -> tuple[Doubles, Doubles]:
 
 def save_depth(path: Path, depth: npt.NDArray[np.uint16]) -> None:
     """Write the depth of an image. Raises OSError."""
-    path.parent.mkdir(parents=True, exist_ok=True)
+    make_folder(path.parent)
     with replacing(path) as name:
         write_grey(name, depth)
 
@@ -149,7 +149,7 @@ def join_rows(rows: Callable[[], Iterable[Row]], models: Iterable[Path], folder:
     """
     scene, model_folder = folder / SCENE, folder / FORMAT / "models"
     for each in (scene / "mask", scene / "mask_visib", model_folder):
-        each.mkdir(parents=True, exist_ok=True)
+        make_folder(each)
     kinds: Kinds = {}
     numbers = count(1)
     poses, facts, cameras = {}, {}, {}

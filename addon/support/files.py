@@ -185,6 +185,12 @@ def check_writable(path: Path) -> None:
         os.unlink(_make_file(path.parent))
 
 
+def make_folder(folder: Path) -> None:
+    """Makes a folder, and those above it, unless they exist. Raises OSError with the reason."""
+    with _explained(folder):
+        reachable(folder).mkdir(parents=True, exist_ok=True)
+
+
 def prepare_folder(folder: Path) -> None:
     """Makes a folder and tries it with a file: to know before the work. Raises OSError with the reason."""
     try:
