@@ -21,6 +21,11 @@ from ..settings.modes import mode_of_render
 if TYPE_CHECKING:
     from ..live.scene_view import SceneMoment, SceneView
 
+OF_A_PART = (
+    "The image is black outside of the render border, but labels cover all of it: crop it to the border, or switch the "
+    "border off"
+)
+
 
 def shoot(
     view: SceneView, sync: SceneSync, frame: int | None, path: Path
@@ -56,7 +61,8 @@ def shoot(
         left, right, bottom, top = shot.window or (0, width, 0, height)
         assert sync.camera is not None  # render_frame would have refused
         camera = describe_camera(sync.camera, plan.size, (slice(height - top, height - bottom), slice(left, right)))
-        return camera, warnings_of(shot)
+        is_part = not plan.is_cropped and plan.window != (0, width, 0, height)
+        return camera, (*warnings_of(shot), *((OF_A_PART,) if is_part else ()))
 
     return view.read(render, frame)
 

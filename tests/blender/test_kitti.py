@@ -268,6 +268,24 @@ def test_a_camera_that_moves_against_the_sensor_is_named(file: Path, tmp_path: P
     assert not np.allclose(*found, atol=0.1)
 
 
+def test_a_border_that_does_not_crop_is_named(file: Path, tmp_path: Path, capfd: Any) -> None:
+    for is_cropped in (False, True):
+        bpy.ops.wm.open_mainfile(filepath=str(file))
+        render = bpy.context.scene.render
+        render.use_border, render.border_min_x, render.use_crop_to_border = True, 0.5, is_cropped
+        bpy.ops.wm.save_mainfile()
+        assert run(*asked(file, tmp_path / f"out {is_cropped}", "kitti", "--frames", "1")) == 0
+        assert ("black outside of the render border" in "".join(capfd.readouterr())) == (not is_cropped)
+
+
+def test_a_file_in_a_folders_place_is_named(file: Path, tmp_path: Path, capfd: Any) -> None:
+    place = tmp_path / "out" / "sequences" / "00" / "image_2"
+    place.parent.mkdir(parents=True)
+    place.write_text("mine")
+    assert run(*asked(file, tmp_path / "out", "kitti", "--frames", "1")) == 2
+    assert f"cannot write {place}" in capfd.readouterr().err and place.read_text() == "mine"
+
+
 @pytest.mark.parametrize(
     ("more", "said"),
     [
