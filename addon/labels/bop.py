@@ -152,7 +152,7 @@ def join_rows(rows: Callable[[], Iterable[Row]], models: Iterable[Path], folder:
         make_folder(each)
     kinds: Kinds = {}
     numbers = count(1)
-    poses, facts, cameras = {}, {}, {}
+    poses, facts, cameras = dict[str, list[Row]](), dict[str, list[Row]](), dict[str, Row]()
     for row in rows():
         image = str(row["frame"])
         cameras[image] = row["camera"]

@@ -127,9 +127,7 @@ class BVHTree:
         Raises:
             ValueError: For arrays of another shape, and rows that are no vertices.
         """
-        if not hasattr(polygons, "__getitem__"):
-            polygons = list(polygons)  # type: ignore[arg-type]
-        vertices = vertices if hasattr(vertices, "__getitem__") else list(vertices)  # type: ignore[arg-type]
+        vertices, polygons = _listed(vertices), _listed(polygons)
         positions = _rows_of_three("vertices", np.asarray(vertices, np.float32))
         if all_triangles:
             triangles: Array = _rows_of_three("polygons", np.asarray(polygons, np.int32))
@@ -315,6 +313,11 @@ def _split(places: Array, normals: Array) -> Array:
     for row, triangles in enumerate(found):
         pieces[row, : len(triangles)] = triangles
     return pieces
+
+
+def _listed(rows: Any) -> Any:
+    """Returns what an iterator gives as a list, anything else as it is."""
+    return rows if hasattr(rows, "__getitem__") else list(rows)
 
 
 def _rows_of_three(name: str, rows: Array) -> Array:
