@@ -17,6 +17,7 @@ from zoneinfo import ZoneInfo
 
 import numpy as np
 import numpy.typing as npt
+from perfect_bvh._checks import check_count, check_number
 
 Float64Array = npt.NDArray[np.float64]
 
@@ -52,11 +53,10 @@ class Place:
     north: float = 0.0
 
     def __post_init__(self) -> None:
-        for name, value, most in (("latitude", self.latitude, 90), ("longitude", self.longitude, 180)):
-            if not abs(value) <= most:
-                raise ValueError(f"Place: {name} must be from -{most} to {most} degrees: got {value}")
-        if not math.isfinite(self.north):
-            raise ValueError(f"Place: north must be a finite number of degrees: got {self.north}")
+        check_number("Place", "latitude", self.latitude, -90, 90)
+        check_number("Place", "longitude", self.longitude, -180, 180)
+        check_number("Place", "north", self.north)
+        _check_kind("Place", "zone", self.zone, str)
         _ = self.time_zone
 
     @property
@@ -110,7 +110,7 @@ def sun_position(
     times: datetime64 in UTC, or seconds since 1970, of the years 1900 to 2100. latitude, longitude: degrees.
     All three broadcast. refraction: whether the elevation is that through the air, at 1013 hPa and 12 degrees Celsius.
 
-    Raises ValueError for times out of range.
+    Raises ValueError for times and latitudes out of range.
     """
     given = np.asarray(times)
     if np.issubdtype(given.dtype, np.datetime64):
@@ -131,6 +131,8 @@ def sun_position(
     cosine = np.sqrt(1.0 - sine * sine)
     hour = np.radians(sidereal + np.asarray(longitude, np.float64)) - ascension
     phi = np.radians(np.asarray(latitude, np.float64))
+    if not (np.abs(phi) <= math.pi / 2.0).all():
+        raise ValueError(f"sun_position: latitude must be from -90 to 90 degrees, got {latitude!r}")
     up = np.sin(phi) * sine + np.cos(phi) * cosine * np.cos(hour)
     south = np.sin(phi) * cosine * np.cos(hour) - np.cos(phi) * sine
     azimuth = np.degrees(np.arctan2(cosine * np.sin(hour), south)) + 180.0
@@ -167,8 +169,10 @@ def sun_table(place: Place, first: date, last: date | None = None, *, step: int 
     Raises ValueError for a step or dates out of range.
     """
     last = first if last is None else last
-    if not 1 <= step <= 1440 or step != int(step):
-        raise ValueError(f"sun_table: step must be whole minutes from 1 to 1440: got {step}")
+    _check_kind("sun_table", "place", place, Place)
+    _check_kind("sun_table", "first", first, date)
+    _check_kind("sun_table", "last", last, date)
+    check_count("sun_table", "step", step, 1, 1440)
     if not YEARS[0] <= first.year <= last.year <= YEARS[1] or last < first:
         raise ValueError(f"sun_table: dates must be in order, from {YEARS[0]} to {YEARS[1]}: got {first} to {last}")
     zone = place.time_zone
@@ -184,6 +188,11 @@ def sun_table(place: Place, first: date, last: date | None = None, *, step: int 
         days = str(first) if first == last else f"{first} to {last}"
         warnings = (f"The sun does not rise at latitude {place.latitude:g}, longitude {place.longitude:g} on {days}",)
     return DirectionTable(directions, hours, _clock_times(times, zone), warnings=warnings)
+
+
+def _check_kind(function: str, name: str, value: object, kind: Any) -> None:
+    if not isinstance(value, kind):
+        raise ValueError(f"{function}: {name} must be of the type {getattr(kind, '__name__', kind)}, got {value!r}")
 
 
 def _earth_longitude(millennium: Float64Array) -> Float64Array:
@@ -261,6 +270,8 @@ def read_epw(path: Path | str, *, north: float = 0.0) -> Weather:
     """
     with Path(path).open(encoding="latin-1", newline="") as file:
         rows = list(csv.reader(file))
+    while rows and not "".join(rows[-1]).strip():
+        del rows[-1]
     try:
         latitude, longitude, zone = (float(text) for text in rows[0][6:9])
         place = Place(latitude, longitude, f"{zone:g}", north)
@@ -270,6 +281,8 @@ def read_epw(path: Path | str, *, north: float = 0.0) -> Weather:
     for line, row in enumerate(rows[8:], 9):
         try:
             year, month, day, hour = (int(text) for text in row[DATE_COLUMNS])
+            if not YEARS[0] <= year <= YEARS[1]:
+                raise ValueError(f"the year {year} is not from {YEARS[0]} to {YEARS[1]}")
             start = datetime(year, month, day, tzinfo=UTC) + timedelta(hours=hour - 1 - zone)
             values = [float(row[column]) for column in (DIRECT_COLUMN, DIFFUSE_COLUMN)]
         except (IndexError, ValueError) as error:
@@ -308,11 +321,15 @@ def irradiance_table(
     Returns: a table in kWh/m2, with cosines. The sky's rows have no time; those along the horizon, the last ones, have
         negative weights if it was mostly overcast.
     """
-    if detail < 1:
-        raise ValueError(f"irradiance_table: detail must be 1 or more: got {detail}")
+    _check_kind("irradiance_table", "weather", weather, Weather)
+    for name, day in (("first", first), ("last", last)):
+        _check_kind("irradiance_table", name, day, date | None)
+    check_count("irradiance_table", "detail", detail, 1)
     low, high = (100 * day.month + day.day if day else other for day, other in ((first, 101), (last or first, 1231)))
     after, before = weather.days >= low, weather.days <= high
     chosen = after & before if low <= high else after | before
+    if not chosen.any():
+        raise ValueError(f"irradiance_table: the weather has no day from {first} to {last or first}: it has 365")
     direct, diffuse, place = weather.direct[chosen], weather.diffuse[chosen], weather.place
     hours, times = _shining(place, weather.hours[chosen], 60, math.inf)
     azimuth, elevation = sun_position(times, place.latitude, place.longitude)

@@ -146,13 +146,15 @@ def test_zones_are_names_or_hours(zone: str, hours: float) -> None:
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        ((91.0, 0.0), "Place: latitude must be from -90 to 90 degrees: got 91"),
+        ((91.0, 0.0), "Place: latitude must be a number from -90 to 90, got 91"),
         ((float("nan"), 0.0), "Place: latitude"),
-        ((0.0, 181.0), "Place: longitude must be from -180 to 180 degrees: got 181"),
+        ((0.0, 181.0), "Place: longitude must be a number from -180 to 180, got 181"),
         ((0.0, 0.0, "Mars/Base"), "zone must be a name such as 'Europe/Berlin'.*got 'Mars/Base'.*tzdata"),
         ((0.0, 0.0, "+99"), r"got '\+99'"),
         ((0.0, 0.0, "../../etc"), "got '../../etc'"),
         ((0.0, 0.0, "", float("inf")), "Place: north must be"),
+        (("north", 0.0), "Place: latitude must be a number from -90 to 90, got 'north'"),
+        ((0.0, 0.0, None), "Place: zone must be of the type str, got None"),
     ],
 )
 def test_bad_places_are_named(arguments: tuple[Any, ...], message: str) -> None:
@@ -173,9 +175,10 @@ def test_a_system_without_zones_is_told_of_tzdata(monkeypatch: pytest.MonkeyPatc
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        ({"step": 0}, "step must be whole minutes from 1 to 1440: got 0"),
-        ({"step": 0.5}, "step must be whole minutes"),
+        ({"step": 0}, "step must be an integer from 1 to 1440, got 0"),
+        ({"step": 0.5}, "step must be an integer"),
         ({"last": date(2025, 1, 1)}, "dates must be in order.*2026-03-21 to 2025-01-01"),
+        ({"last": "2026-03-22"}, "last must be of the type date, got '2026-03-22'"),
         ({"last": date(2101, 1, 1)}, "dates must be in order, from 1900 to 2100"),
     ],
 )
@@ -264,8 +267,29 @@ def test_patches_cover_the_sky() -> None:
         assert len(directions) == len(solid_angles) == count
         assert solid_angles.sum() == pytest.approx(2.0 * np.pi)
         assert solid_angles @ directions[:, 2] == pytest.approx(np.pi, rel=1e-4)
-    with pytest.raises(ValueError, match="detail must be 1 or more: got 0"):
+    with pytest.raises(ValueError, match="detail must be an integer from 1"):
         sun.irradiance_table(sun.Weather("", BERLIN, *[np.zeros(1)] * 3, np.zeros(1, int)), detail=0)
+
+
+def test_a_day_that_the_weather_lacks_is_named() -> None:
+    days = np.array([228, 301])
+    weather = sun.Weather("", BERLIN, *[np.zeros(2)] * 3, days)
+    with pytest.raises(ValueError, match="irradiance_table: the weather has no day from 2024-02-29"):
+        sun.irradiance_table(weather, date(2024, 2, 29))
+    with pytest.raises(ValueError, match="irradiance_table: first must be of the type"):
+        sun.irradiance_table(weather, "2024")  # type: ignore[arg-type]
+
+
+def test_there_is_no_sun_beyond_the_poles() -> None:
+    with pytest.raises(ValueError, match="sun_position: latitude must be from -90 to 90 degrees, got 91"):
+        sun.sun_position(0.0, 91.0, 0.0)
+
+
+def test_empty_lines_at_the_end_of_weather_are_nothing(tmp_path: Path) -> None:
+    path = write_epw(tmp_path / "town.epw", made_rows())
+    hours = len(sun.read_epw(path).hours)
+    path.write_text(path.read_text("latin-1") + "\n  \n", "latin-1")
+    assert len(sun.read_epw(path).hours) == hours
 
 
 def lose_an_hour(rows: list[list[Any]]) -> None:
@@ -284,6 +308,10 @@ def spoil_a_value(rows: list[list[Any]]) -> None:
     rows[12][15] = "many"
 
 
+def age_a_row(rows: list[list[Any]]) -> None:
+    rows[12][0] = 1700
+
+
 def cut_a_row(rows: list[list[Any]]) -> None:
     del rows[12][9:]
 
@@ -299,6 +327,7 @@ def repeat_a_row(rows: list[list[Any]]) -> None:
         (lose_the_last_day, "line 8745: expected month 12, day 31, hour 1: rows are missing"),
         (lose_a_value, "line 21: direct or diffuse radiation is missing: got \\[9999.0, "),
         (spoil_a_value, "line 21: expected an hour's date and numbers: .*'many'"),
+        (age_a_row, "line 21: expected an hour's date and numbers: the year 1700 is not from 1900 to 2100"),
         (cut_a_row, "line 21: expected an hour's date and numbers"),
         (repeat_a_row, "line 8769: expected the end"),
     ],
