@@ -148,7 +148,7 @@ class BakeJob:
             (bake.write_parquet if path.suffix == ".parquet" else bake.write_csv)(path)
         name = bake.write_attributes(IRRADIATION if table is not None and table.has_cosine else None)[0]
         BakeJob._previous = bake
-        by_uid = {obj.session_uid: obj for obj in bpy.context.scene.objects}
+        by_uid = {obj.session_uid: obj for obj in bpy.data.objects}  # the window may show another scene by now
         meshes = [by_uid[baked.session_uid].data for baked in bake.objects]
         unit = next(iter(bake.units.values()))
         meaning = color_meshes(meshes, name, self._label, unit)

@@ -72,7 +72,9 @@ def meaning_of(mesh: Any) -> Meaning | None:
     """Return what the active colours of a mesh mean; None if they are not those of a bake, or its values are gone."""
     active = mesh.color_attributes.active_color
     known = None if active is None else _meanings(mesh).get(active.name)
-    return Meaning(**known) if known and known["attribute"] in mesh.attributes else None
+    values = mesh.attributes.get(known["attribute"]) if known else None
+    is_shown = values is not None and values.data_type == "FLOAT" and values.domain in ("FACE", "POINT", "CORNER")
+    return Meaning(**known) if known and is_shown else None
 
 
 def read_values(mesh: Any, attribute: str) -> npt.NDArray[np.float32]:

@@ -38,15 +38,20 @@ class SunTimes:
     times: npt.NDArray[np.datetime64]
     hours: npt.NDArray[np.float64]
 
-    def chart(self, uid: int, face: int) -> tuple[list[str], npt.NDArray[np.float64], npt.NDArray[np.float64]] | None:
+    def chart(
+        self, uid: int, face: int, value: float
+    ) -> tuple[list[str], npt.NDArray[np.float64], npt.NDArray[np.float64]] | None:
         """Return the names of the months, (M, 24) the share of each clock hour with sun, and (M,) the months' hours.
 
-        None for a mesh or a face that was not baked, and for directions that last more than an hour each.
+        value: the face's hours, as its mesh has them now. None if these are not those of the bake, since the mesh has
+        changed; for a mesh or a face that was not baked, and for directions that last more than an hour each.
         """
         bits = self.visible.get(uid)
         if bits is None or not 0 <= face < len(bits) or self.hours.max(initial=0.0) > 1.0 + 1e-9:
             return None
         shines = np.unpackbits(bits[face])[: len(self.hours)] * self.hours
+        if not abs(float(shines.sum()) - value) <= 1e-5 * max(value, 1.0):
+            return None
         months = self.times.astype("datetime64[M]").astype(int) % 12
         clock = self.times.astype("datetime64[h]").astype(int) % 24
         days = np.unique(self.times.astype("datetime64[D]")).astype("datetime64[M]").astype(int) % 12
@@ -57,7 +62,7 @@ class SunTimes:
 
 
 last_sun: OneShown[SunTimes] = OneShown()
-_face: tuple[int, int] | None = None  # the mesh's session uid and the face that the mouse was last over
+_face: tuple[int, int, float] | None = None  # that the mouse was last over: its mesh's session uid, index and value
 _pointed: Pointed | None = None
 _lines: list[str] = []
 
@@ -92,11 +97,13 @@ def tip(context: bpy.types.Context) -> tuple[tuple[int, int], list[str]] | None:
 def draw_chart(context: bpy.types.Context) -> None:
     """Draw when the sun shines on the face that the mouse was last over, or on the active face: a row a month."""
     obj = context.object
-    if last_sun.found is None or not is_main(context.area, context.region) or shown_meaning(context, obj) is None:
+    meaning = shown_meaning(context, obj)
+    if last_sun.found is None or not is_main(context.area, context.region) or meaning is None:
         return
     found = None if _face is None else last_sun.found.chart(*_face)
-    if found is None and obj is not None:
-        found = last_sun.found.chart(obj.data.session_uid, obj.data.polygons.active)
+    if found is None and obj is not None and not obj.data.is_editmode and len(obj.data.polygons):
+        face = obj.data.polygons.active
+        found = last_sun.found.chart(obj.data.session_uid, face, value_at(obj.data, meaning.attribute, face))
     if found is None:
         return
     names, shares, sums = found
@@ -140,7 +147,8 @@ class _Pointing:
             value = value_at(mesh, meaning.attribute, face)
             number = f"{value:,.0f}" if abs(value) >= 1000.0 else f"{value:.4g}"
             _lines = [f"{meaning.label}: {number} {meaning.unit}".rstrip(), f"Face {face:,} of {obj.name}"]
-            _face = obj.data.session_uid, face
+            is_own = len(mesh.polygons) == len(obj.data.polygons)  # else modifiers make others
+            _face = (obj.data.session_uid, face, value) if is_own else None
         if had_tip or _lines:
             context.region.tag_redraw()
 

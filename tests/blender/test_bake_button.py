@@ -114,19 +114,23 @@ def test_twins_in_one_place_keep_their_own_values(yard: Any) -> None:
 
 
 def test_the_chart_adds_up_to_the_value(yard: Any) -> None:
+    def read(face: int) -> float:
+        return float(baked_colors.read_values(yard.data, NAME)[face])
+
     assert bake(period="YEAR", step=0) == {"FINISHED"}
     values, sun = baked_colors.read_values(yard.data, NAME), baked_view.last_sun.found
     for face in (0, 30, 63):
-        names, shares, sums = sun.chart(yard.data.session_uid, face)
+        names, shares, sums = sun.chart(yard.data.session_uid, face, values[face])
         assert names == list(baked_view.MONTHS) and shares.shape == (12, 24)
         assert sums.sum() == pytest.approx(values[face], rel=1e-5)
         assert shares.max() <= 1.0 + 1e-9
-    assert sun.chart(yard.data.session_uid, 64) is None and sun.chart(-1, 0) is None
+    assert sun.chart(yard.data.session_uid, 64, values[0]) is None and sun.chart(-1, 0, values[0]) is None
+    assert sun.chart(yard.data.session_uid, 0, values[0] + 1.0) is None  # the mesh was edited
     assert bake(period="RANGE", step=61, month_end=3) == {"FINISHED"}
-    assert baked_view.last_sun.found.chart(yard.data.session_uid, 0) is None  # too coarse
+    assert baked_view.last_sun.found.chart(yard.data.session_uid, 0, read(0)) is None  # too coarse
     assert bake(period="DAY", step=0) == {"FINISHED"}
-    names, shares, sums = baked_view.last_sun.found.chart(yard.data.session_uid, 63)
-    assert names == ["Mar"] and sums[0] == pytest.approx(baked_colors.read_values(yard.data, NAME)[63], rel=1e-5)
+    names, shares, sums = baked_view.last_sun.found.chart(yard.data.session_uid, 63, read(63))
+    assert names == ["Mar"] and sums[0] == pytest.approx(read(63), rel=1e-5)
     assert shares[0, 12] == pytest.approx(1.0)  # noon
     assert bake(kind="SKY_VIEW", samples=4) == {"FINISHED"} and baked_view.last_sun.found is None
 
@@ -161,7 +165,7 @@ def test_the_value_under_the_mouse_is_told(yard: Any, monkeypatch: pytest.Monkey
     monkeypatch.setattr(baked_view, "view3d_utils", SimpleNamespace(**{n: lambda *_, v=v: v for n, v in ray.items()}))
     baked_view._pointing.on_pointer(context, (3, 4))
     assert baked_view.tip(context) is None
-    assert baked_view._face == (yard.data.session_uid, 60)  # the chart stays
+    assert baked_view._face == (yard.data.session_uid, 60, value)  # the chart stays
     baked_view._pointing.on_pointer_left()
 
 
