@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import math
 import time
+from collections import Counter
 from collections.abc import Callable, Generator, Iterable
 from contextlib import closing
 from dataclasses import dataclass, field, fields, replace
@@ -13,6 +14,7 @@ from typing import Any
 import bpy
 import numpy as np
 from perfect_bvh import Cancelled, Scene
+from perfect_bvh._checks import check_count
 from perfect_bvh._tuning import Traced
 
 from ..live.scene_sync import SceneSync, UpdateCommit
@@ -21,7 +23,7 @@ from ..sync.records import Float64Array, MeshRecord, SceneRecord
 from .baked import Bake, BakedObject
 from .kinds import Tally, Viewer, tally_of
 from .receivers import Receiver, find_receivers, name_flat_faces, place_points
-from .settings import NAME, BakeSettings
+from .settings import NAME, BakeSettings, numbers_of
 
 Progress = Callable[[float], object]
 
@@ -94,6 +96,8 @@ def bake_rays(
             unchanged.
         TypeError: For an argument that `BakeSettings` has not.
     """
+    if not (progress is None or callable(progress)):
+        raise ValueError(f"{NAME}: progress must be a function of the share done, got {progress!r}")
     baker = Baker(
         objects, BakeSettings(kind, domain, **choices), previous=previous, threads=threads, for_viewport=for_viewport
     )
@@ -146,7 +150,15 @@ class _Job:
         kept = (areas, self.of_faces.get("origins"), self.of_faces.get("visible"))
         where = (receiver.mesh.positions, receiver.transform)
         return BakedObject(
-            receiver.name, receiver.session_uid, receiver.instance, columns, error, *kept, self.key, *where
+            receiver.name,
+            receiver.session_uid,
+            receiver.instance,
+            receiver.instancer,
+            columns,
+            error,
+            *kept,
+            self.key,
+            *where,
         )
 
 
@@ -172,16 +184,29 @@ class Baker:
         skip_missing: bool = False,
     ) -> None:
         scene, layer, viewers = bpy.context.scene, bpy.context.view_layer, settings.viewers
-        chosen = [obj for obj in layer.objects if obj.select_get()] if objects is None else list(objects)
+        check_count(NAME, "threads", threads, 0)
+        if previous is not None and not isinstance(previous, Bake):
+            raise ValueError(f"{NAME}: previous must be a Bake, an earlier result, got {previous!r}")
+        if objects is None:
+            objects = [obj for obj in layer.objects if obj.select_get()]
+        chosen = list(objects) if isinstance(objects, Iterable) else [None]
+        if not all(isinstance(obj, bpy.types.Object) for obj in chosen):
+            raise ValueError(f"{NAME}: objects must be a sequence of bpy.types.Object, got {objects!r}")
         if not chosen:
             raise ValueError(f"{NAME}: no objects: select the meshes that get values, or pass them")
         self._viewer = viewers.session_uid if isinstance(viewers, bpy.types.Object) else None
-        for obj in (*chosen, *([viewers] if self._viewer else [])):
-            if scene.objects.get(obj.name) != obj:
+        shown = set(scene.objects)  # names are not enough: a library's object may have that of a local one
+        needed = (*chosen, *([viewers] if self._viewer else []))
+        for obj in needed:
+            if obj not in shown:
                 raise ValueError(f"{NAME}: object {obj.name!r} is not in scene {scene.name!r}")
-        self._places = None if viewers is None or self._viewer else np.asarray(viewers, np.float64)
-        if self._places is not None and (self._places.ndim != 2 or self._places.shape[1] != 3):
-            raise ValueError(f"{NAME}: viewers must be an object, or positions of shape (V, 3), got {viewers!r}")
+        self._needed = {obj.session_uid: obj.name for obj in needed}
+        self._places = None
+        if viewers is not None and not self._viewer:
+            expected = "an object, or finite positions of shape (V, 3)"
+            self._places = places = numbers_of("viewers", viewers, expected)
+            if places.ndim != 2 or places.shape[1] != 3 or not len(places) or not np.isfinite(places).all():
+                raise ValueError(f"{NAME}: viewers must be {expected}, got {viewers!r}")
         self.settings, self._threads, self._skip_missing = settings, threads, skip_missing
         self._chosen = {obj.session_uid: obj.name for obj in chosen}
         self._view = SceneView("bake", scene, layer, for_viewport=for_viewport)
@@ -195,7 +220,7 @@ class Baker:
         """Returns the values of the objects that are finished."""
         settings = self.settings
         what = (settings.kind, settings.domain, tuple(self._done), settings.units, self._ray_count)
-        return Bake(*what, tuple(settings.image_size), tuple(self._warnings))
+        return Bake(*what, tuple(settings.image_size), tuple(self._warnings), settings.evaluated)
 
     def run(self, progress: Progress | None = None) -> bool:
         """Does all steps with one evaluated scene; False once `progress` returns it."""
@@ -216,6 +241,7 @@ class Baker:
             for number, frame in enumerate(frames):
                 building, receivers, viewers = self._view.read(self._read, frame)
                 jobs = jobs or self._begin(receivers)
+                _check_same([job.receiver for job in jobs], receivers)
                 for job, receiver in zip(jobs, receivers, strict=True):
                     job.receiver = receiver
                 for done in self._do(jobs, building, viewers, number == len(frames) - 1):
@@ -228,7 +254,7 @@ class Baker:
     def _read(self, moment: SceneMoment) -> tuple[UpdateCommit, list[Receiver], list[Viewer]]:
         """Reads Blender: begins the build, finds the receivers and the viewers."""
         by_uid = {obj.session_uid: obj for obj in moment.scene.objects}
-        gone = [name for uid, name in self._chosen.items() if uid not in by_uid]
+        gone = [name for uid, name in self._needed.items() if uid not in by_uid]
         if gone:
             raise ValueError(f"{NAME}: object {gone[0]!r} was deleted during the bake")
         settings, depsgraph, objects = self.settings, moment.depsgraph, [by_uid[uid] for uid in self._chosen]
@@ -256,8 +282,11 @@ class Baker:
         common = _digest(*scene, *(getattr(settings, each.name) for each in fields(BakeSettings)))
         if settings.kind == "EXPOSURE":
             return [_Job(receiver, "") for receiver in receivers]
-        own = [(one.session_uid, one.instance, *_shape_of(one.mesh), one.transform, one.uvs) for one in receivers]
-        return [_Job(one, _digest(common, *values)) for one, values in zip(receivers, own, strict=True)]
+        keys = [
+            _digest(common, one.who, *_shape_of(one.mesh), one.transform, one.uvs, one.corners, one.count)
+            for one in receivers
+        ]
+        return [_Job(one, key) for one, key in zip(receivers, keys, strict=True)]
 
     def _do(
         self, jobs: list[_Job], building: UpdateCommit, viewers: list[Viewer], is_last: bool
@@ -275,6 +304,8 @@ class Baker:
                 for done in self._cast(job, viewers, is_last):
                     yield BUILD_SHARE + (1.0 - BUILD_SHARE) * (number + done) / len(jobs)
             if is_last:
+                if kept is not None and kept.name != job.receiver.name:
+                    kept = replace(kept, name=job.receiver.name)
                 self._done.append(kept or job.result(self.settings))
         yield 1.0
 
@@ -304,6 +335,14 @@ class Baker:
                 job.gather(tally)
             else:
                 job.tallies[number] = tally
+
+
+def _check_same(before: list[Receiver], now: list[Receiver]) -> None:
+    """Checks that a frame shows what the frames before it showed."""
+    if [one.who for one in before] != [one.who for one in now]:
+        counts = [Counter(one.name for one in receivers) for receivers in (before, now)]
+        name = next(iter((counts[0] - counts[1]) + (counts[1] - counts[0])), before[0].name)
+        raise ValueError(f"{NAME}: object {name!r} is not the same in all of the frames: leave it out")
 
 
 def _own_scene(receiver: Receiver) -> Scene:

@@ -11,8 +11,10 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+from perfect_bvh._checks import check_count
 
 from ..support.files import data_library, replacing
+from ..sync.keys import UNUSED_LEVEL
 from ..sync.records import Float32Array, Float64Array
 
 REALISED = "Baked"  # the collection of copies that have values of their own
@@ -25,7 +27,8 @@ class BakedObject:
 
     Attributes:
         name, session_uid: The object's.
-        instance: Blender's persistent id of an instance, (8,); empty for the object itself.
+        instance: Blender's persistent id of an instance, (8,); empty for the object itself. instancer: The name of the
+            object that makes it.
         columns: (N,) float64 by name, the main one first. NaN for an element without a value: a face without an area,
             a vertex without faces, a texel that the UV map does not cover, a solid that rays leave.
         error: (N,) float64, the standard error of the main column, for sampled kinds; else None.
@@ -40,6 +43,7 @@ class BakedObject:
     name: str
     session_uid: int
     instance: tuple[int, ...]
+    instancer: str
     columns: Mapping[str, Float64Array]
     error: Float64Array | None
     areas: Float64Array | None
@@ -71,6 +75,7 @@ class Bake:
         ray_count: How many rays were cast; those below the horizon of their face are not.
         image_size: (width, height), of the domain "TEXEL": element y * width + x is a pixel, from the bottom left.
         warnings: Sentences: what the scene lacks, faces without an area.
+        is_evaluated: Whether elements are those that modifiers make, which the objects' own meshes lack.
     """
 
     kind: str
@@ -80,6 +85,7 @@ class Bake:
     ray_count: int
     image_size: tuple[int, int]
     warnings: tuple[str, ...] = ()
+    is_evaluated: bool = False
 
     def __getitem__(self, name: str) -> BakedObject:
         """The values of an object by its name. Raises KeyError."""
@@ -104,23 +110,28 @@ class Bake:
             The names of the attributes.
 
         Raises:
-            ValueError: For texels; for an object that is gone, is in Edit Mode or belongs to a library, for a mesh that
-                has changed or is shared, and for an attribute of that name that holds something else: by name.
+            ValueError: For texels, and elements that modifiers make; for an object that is gone, is in Edit Mode or
+                belongs to a library, for a mesh that has changed or is shared, and for an attribute or vertex group of
+                that name that holds something else: by name. For a name that Blender does not take.
         """
         if self.domain == "TEXEL":
             raise ValueError("write_attributes: texels belong to images: call to_image, or bake another domain")
+        if self.is_evaluated:
+            raise ValueError("write_attributes: the elements are not those of the meshes: bake without evaluated=True")
+        if not isinstance(name, str | None):
+            raise ValueError(f"write_attributes: name must be a text, got {name!r}")
         names = {column: column for baked in self.objects for column in baked.all_columns}
         if name is not None:
             main = next(iter(self.units))
             names |= {column: column.replace(main, name, 1) for column in (main, f"{main}_error") if column in names}
+        self._check_names(names.values())
         targets = [self._target(baked, realise, names.values()) for baked in self.objects]
-        uids = [obj.data.session_uid for obj in targets]
-        for number, (obj, baked) in enumerate(zip(targets, self.objects, strict=True)):
-            if not realise and (baked.instance or uids.index(obj.data.session_uid) != number):
-                other = targets[uids.index(obj.data.session_uid)]
-                what = "an instance of it" if obj == other else repr(other.name)
+        for obj, baked in zip(() if realise else targets, () if realise else self.objects, strict=True):
+            others = (f"{other.name!r}" for other in _shown_objects() if other.data == obj.data and other != obj)
+            other = "an instance of it" if baked.instance else next(others, None)
+            if other is not None:
                 way_out = "make it single-user (Object > Relations), or write to copies with realise=True"
-                raise ValueError(f"write_attributes: {obj.name!r} shares its mesh with {what}: {way_out}")
+                raise ValueError(f"write_attributes: {obj.name!r} shares its mesh with {other}: {way_out}")
         for obj, baked in zip(targets, self.objects, strict=True):
             mesh = _realise(obj, baked) if realise else obj.data
             for column, values in baked.all_columns.items():
@@ -133,6 +144,19 @@ class Bake:
             mesh.update()
         return tuple(names.values())
 
+    def _check_names(self, names: Iterable[str]) -> None:
+        """Tries names of attributes on a mesh of its own: Blender has its own for some, and a largest length."""
+        import bpy
+
+        mesh = bpy.data.meshes.new("")
+        try:
+            for name in names:
+                made = mesh.attributes.new(name, "FLOAT", self.domain)
+                if made is None or made.name != name:
+                    raise ValueError(f"write_attributes: an attribute cannot have the name {name!r}: choose another")
+        finally:
+            bpy.data.meshes.remove(mesh)
+
     def _target(self, baked: BakedObject, realise: bool, names: Iterable[str]) -> Any:
         """Finds the object, and checks that its mesh takes the values."""
         import bpy
@@ -140,7 +164,7 @@ class Bake:
         obj = next((obj for obj in bpy.data.objects if obj.session_uid == baked.session_uid), None)
         if obj is None:
             raise ValueError(f"write_attributes: object {baked.name!r} was deleted since the bake")
-        if obj.mode == "EDIT":
+        if obj.data.is_editmode:
             raise ValueError(f"write_attributes: object {obj.name!r} is in Edit Mode: leave it first")
         mesh = obj.data
         elements = {"FACE": mesh.polygons, "CORNER": mesh.loops, "POINT": mesh.vertices}[self.domain]
@@ -151,6 +175,9 @@ class Bake:
             raise ValueError(
                 f"write_attributes: the mesh of {obj.name!r} is a library's: make it local, or realise=True"
             )
+        for name in names:
+            if name in obj.vertex_groups:
+                raise ValueError(f"write_attributes: {obj.name!r} has a vertex group {name!r}: choose a name")
         for attribute in filter(None, () if realise else map(mesh.attributes.get, names)):
             if not self._fits(attribute):
                 what = f"{attribute.name!r}, a {attribute.data_type} of the domain {attribute.domain}"
@@ -165,7 +192,7 @@ class Bake:
 
         Args:
             name: Of the images, after the object's; None for the column's. An image of that name is replaced.
-            margin: How many pixels the values go beyond the edges of the map.
+            margin: How many pixels the values go beyond the edges of the map, 0 or more.
 
         Returns:
             `bpy.types.Image`s.
@@ -177,6 +204,7 @@ class Bake:
 
         if self.domain != "TEXEL":
             raise ValueError(f"to_image: the values are of the domain {self.domain}: bake with domain='TEXEL'")
+        check_count("to_image", "margin", margin, 0)
         made = []
         for number, baked in enumerate(self.objects):
             width, height = self.image_size
@@ -185,7 +213,7 @@ class Bake:
             pixels[:, :, 3] = ~np.isnan(values)
             title = f"{baked.name}{f' {number}' if baked.instance else ''} {name or next(iter(self.units))}"
             old = bpy.data.images.get(title)
-            if old is not None and tuple(old.size) != self.image_size:
+            if old is not None and not (old.is_float and tuple(old.size) == self.image_size):
                 bpy.data.images.remove(old)
                 old = None
             how = {"alpha": True, "float_buffer": True, "is_data": True}
@@ -203,7 +231,8 @@ class Bake:
         Texels outside the UV map have no row.
         """
         for baked in self.objects:
-            count, instance = len(baked.values), " ".join(map(str, baked.instance))
+            levels = [str(level) for level in baked.instance if level != UNUSED_LEVEL]
+            count, instance = len(baked.values), " ".join([baked.instancer, *levels]).strip()
             table: dict[str, Any] = {"object": np.full(count, baked.name), "instance": np.full(count, instance)}
             table |= {self.domain.lower(): np.arange(count)} | ({} if baked.areas is None else {"area": baked.areas})
             table |= baked.all_columns
@@ -233,6 +262,13 @@ class Bake:
         return path
 
 
+def _shown_objects() -> list[Any]:
+    """All objects that are in a scene."""
+    import bpy
+
+    return [obj for obj in bpy.data.objects if obj.users_scene]
+
+
 def _realise(obj: Any, baked: BakedObject) -> Any:
     """Makes an object with a copy of the mesh, as it is in the evaluated scene; returns the mesh."""
     import bpy
@@ -245,8 +281,16 @@ def _realise(obj: Any, baked: BakedObject) -> Any:
     mesh = obj.data.copy()
     made = bpy.data.objects.new(f"{obj.name} {REALISED.lower()}", mesh)
     made.shape_key_clear()
-    mesh.vertices.foreach_set("co", baked.positions.reshape(-1))
-    made.matrix_world = mathutils.Matrix(np.vstack([baked.transform, (0.0, 0.0, 0.0, 1.0)]).tolist())
+    linear, positions = baked.transform[:, :3], baked.positions
+    squares = linear.T @ linear
+    if np.abs(squares - np.diag(np.diag(squares))).max() > 1e-6 * squares.max():
+        # Objects have no shear. The mesh gets a turn, no mirror, after which what is left is a scale along the axes.
+        linear, scale, turn = np.linalg.svd(linear)
+        linear *= scale * np.linalg.det(turn)
+        positions = (positions @ (turn * np.linalg.det(turn)).T).astype(np.float32)
+    mesh.vertices.foreach_set("co", positions.reshape(-1))
+    matrix = np.vstack([np.c_[linear, baked.transform[:, 3]], (0.0, 0.0, 0.0, 1.0)])
+    made.matrix_world = mathutils.Matrix(matrix.tolist())
     collection.objects.link(made)
     return mesh
 

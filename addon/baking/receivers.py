@@ -63,7 +63,7 @@ class Receiver:
 
     Attributes:
         name, session_uid: The object's.
-        instance: Blender's persistent id of an instance, (8,); empty for the object itself.
+        instance: Blender's persistent id of an instance, (8,); empty for the object itself. instancer: Whose it is.
         mesh: What the engine has of it. transform: (3, 4) float64, object to world.
         corners: (T, 3) int64, the face corner at each triangle's corners.
         uvs: (T, 3, 2) float32, or None if no image is asked for.
@@ -73,12 +73,18 @@ class Receiver:
     name: str
     session_uid: int
     instance: tuple[int, ...]
+    instancer: str
     mesh: MeshRecord
     transform: Float64Array
     corners: IntArray
     uvs: Float32Array | None
     count: int
     areas: Float64Array
+
+    @property
+    def who(self) -> tuple[Any, ...]:
+        """The object and the instance, for comparisons."""
+        return self.session_uid, self.instance, self.instancer
 
 
 # Finding them --------------------------------------------------------------------------------------------------------
@@ -98,25 +104,32 @@ def find_receivers(
             make other faces than its own mesh has: by its name.
     """
     uids = np.array([obj.session_uid for obj in record.objects], np.int64)[record.instances.object_indices]
-    is_mesh = np.array([mesh.kind == "triangles" for mesh in record.meshes], bool)[record.instances.mesh_indices]
+    # Meshes that geometry nodes show as instances are the object's as well, but values have no place on them.
+    is_own = [mesh.kind == "triangles" and mesh.key[0] != "made" for mesh in record.meshes]  # type: ignore[index]
+    is_mesh = np.array(is_own, bool)[record.instances.mesh_indices]
     is_plain = record.instances.parent_indices < 0
     found = []
     for obj in objects:
         if obj.type != "MESH":
             what = f"is of type {obj.type}, not a mesh"
             raise _refusal(obj, f"{what}: leave it out, or convert it (Object > Convert > Mesh)")
+        if obj.data.is_editmode:
+            raise _refusal(obj, "is in Edit Mode: leave it first")
         if not len(obj.data.polygons) and not settings.evaluated:
             raise _refusal(obj, "has no faces: leave it out")
         rows = np.flatnonzero((uids == obj.session_uid) & is_mesh)
         shown = rows if settings.instances else rows[is_plain[rows]][:1]
         if not len(shown) and not skip_missing:
-            more = ", or is shown only by instances: ask for them" if len(rows) else ""
-            raise _refusal(obj, f"is not in the evaluated scene: it is hidden, in another view layer, or empty{more}")
+            only = " (instances show it: ask for them)" if len(rows) else ""
+            why = f"it is hidden, in another view layer, empty, or not finite{only}"
+            raise _refusal(obj, f"is not in the evaluated scene: {why}")
         for row in shown.tolist():
             instance = () if is_plain[row] else tuple(record.instances.persistent_ids[row].tolist())
+            instancer = "" if is_plain[row] else record.objects[record.instances.parent_indices[row]].name
             mesh = record.meshes[record.instances.mesh_indices[row]]
             transform = record.instances.transforms[row].astype(np.float64)
-            found.append(_receiver(obj, obj.evaluated_get(depsgraph).data, instance, mesh, transform, settings))
+            who = instance, instancer
+            found.append(_receiver(obj, obj.evaluated_get(depsgraph).data, who, mesh, transform, settings))
     return found
 
 
@@ -142,7 +155,12 @@ def _faces(mesh: Any) -> tuple[npt.NDArray[np.int32], npt.NDArray[np.int32], int
 
 
 def _receiver(
-    obj: Any, mesh: Any, instance: tuple[int, ...], shown: MeshRecord, transform: Float64Array, settings: BakeSettings
+    obj: Any,
+    mesh: Any,
+    who: tuple[tuple[int, ...], str],
+    shown: MeshRecord,
+    transform: Float64Array,
+    settings: BakeSettings,
 ) -> Receiver:
     is_image = settings.domain == "TEXEL"
     if not is_image and not settings.evaluated:
@@ -166,7 +184,7 @@ def _receiver(
     places = shown.positions.astype(np.float64)[shown.triangles] @ transform[:, :3].T
     areas = np.bincount(shown.polygon_ids, _areas(places)[0], len(mesh.polygons))
     count = settings.image_size[0] * settings.image_size[1] if is_image else counts[settings.domain]
-    return Receiver(obj.name, obj.session_uid, instance, shown, transform, corners.astype(np.int64), uvs, count, areas)
+    return Receiver(obj.name, obj.session_uid, *who, shown, transform, corners.astype(np.int64), uvs, count, areas)
 
 
 def name_flat_faces(receiver: Receiver) -> str | None:
@@ -280,7 +298,8 @@ def _texels(
     uvs: Float32Array, is_solid: npt.NDArray[np.bool_], size: tuple[int, int]
 ) -> tuple[IntArray, Float64Array, IntArray]:
     """Each texel whose centre is in a triangle of the map, within 0 to 1; the first triangle where several overlap."""
-    scaled = uvs.astype(np.float64) * size - 0.5  # texel centres are whole numbers
+    is_solid = is_solid & np.isfinite(uvs).all(axis=(1, 2))
+    scaled = np.where(is_solid[:, None, None], uvs, 0.0) * size - 0.5  # texel centres are whole numbers
     low = np.maximum(np.ceil(scaled.min(axis=1)), 0).astype(np.int64)
     high = np.minimum(np.floor(scaled.max(axis=1)), np.array(size) - 1).astype(np.int64)
     spans = np.where(is_solid[:, None], np.maximum(high - low + 1, 0), 0)

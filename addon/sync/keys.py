@@ -17,7 +17,7 @@ Uint64Array = npt.NDArray[np.uint64]
 Int64Array = npt.NDArray[np.int64]
 
 _PERSISTENT_ID_LEVELS = 8
-_UNUSED_LEVEL = 2**31 - 1  # Blender's filler in the levels of a persistent id that are not used
+UNUSED_LEVEL = 2**31 - 1  # Blender's filler in the levels of a persistent id that are not used
 
 
 class PlacedInstances(Protocol):
@@ -84,9 +84,9 @@ def _packed_orders(record: PlacedInstances) -> Int64Array:
     place = np.zeros(len(record.instances), np.uint64)
     for level in reversed(range(_PERSISTENT_ID_LEVELS)):
         column = record.instances.persistent_ids[:, level]
-        if (column == _UNUSED_LEVEL).all() and not place.any():
+        if (column == UNUSED_LEVEL).all() and not place.any():
             continue
-        used = np.where(column == _UNUSED_LEVEL, 0, column)
+        used = np.where(column == UNUSED_LEVEL, 0, column)
         place = place * np.uint64(40503) + used.astype(np.uint32)
     packed = ((objects & np.uint64(0x3FFFFF)) << np.uint64(41)) | ((parents & np.uint64(0xFFFFF)) << np.uint64(21))
     orders: Int64Array = (packed | (place & np.uint64(0x1FFFFF))).astype(np.int64)

@@ -15,7 +15,14 @@ import pytest
 
 bpy = pytest.importorskip("bpy")
 
-from blender.builders import camera_object, collection, collection_instance, mesh_object  # noqa: E402
+from blender.builders import (  # noqa: E402
+    camera_object,
+    collection,
+    collection_instance,
+    instances_on_grid,
+    made_cube,
+    mesh_object,
+)
 from perfect_bvh_addon import Bake, bake_rays  # noqa: E402
 from perfect_bvh_addon.baking import Baker, BakeSettings  # noqa: E402
 from perfect_bvh_addon.baking.receivers import Receiver, place_points  # noqa: E402
@@ -185,7 +192,7 @@ def test_a_ray_never_hits_the_triangle_that_it_leaves() -> None:
             "key", "Mesh", corners.astype(np.float32), np.array([[0, 1, 2]], np.int32), np.zeros(1, np.int32)
         )
         receiver = Receiver(
-            "Mesh", 1, (), mesh, transform.astype(np.float64), np.array([[0, 1, 2]]), None, 1, np.ones(1)
+            "Mesh", 1, (), "", mesh, transform.astype(np.float64), np.array([[0, 1, 2]]), None, 1, np.ones(1)
         )
         scene = perfect_bvh.Scene()
         scene.add_instance(scene.add_mesh(mesh.positions, mesh.triangles), transform)
@@ -381,6 +388,14 @@ def test_what_did_not_change_is_kept() -> None:
     assert moved["Two"] is not alone["Two"]
 
 
+def test_a_renamed_object_keeps_its_values_under_its_name() -> None:
+    floor = ground("Floor", (1.0, 1.0), (1, 1))
+    first = bake_rays([floor], kind="SKY_VIEW", rays=4)
+    floor.name = "Ground"
+    again = bake_rays([floor], kind="SKY_VIEW", rays=4, previous=first)
+    assert again.ray_count == 0 and again["Ground"].values is first["Floor"].values
+
+
 def test_a_stopped_bake_has_whole_objects() -> None:
     objects = [ground(name, (1.0, 1.0), (2, 2)) for name in ("One", "Two")]
     with pytest.raises(perfect_bvh.Cancelled):
@@ -419,6 +434,7 @@ def test_instances_and_shared_meshes_get_copies() -> None:
     bake = bake_rays([part], kind="SUN_HOURS", directions=UP, instances=True)
     assert [(baked.name, bool(baked.instance)) for baked in bake.objects] == [("Part", False), ("Part", True)]
     assert [baked.values.tolist() for baked in bake.objects] == [[1.0] * 4, [0.0] * 4]
+    assert [table["instance"][0] for table in bake.tables()] == ["", "Shown 0"]
     with pytest.raises(ValueError, match=r"'Part' shares its mesh with an instance of it: .*realise=True"):
         bake.write_attributes()
     assert "sun_hours" not in part.data.attributes
@@ -427,6 +443,54 @@ def test_instances_and_shared_meshes_get_copies() -> None:
     copies = bpy.data.collections["Baked"].objects
     assert [tuple(copy.matrix_world.translation) for copy in copies] == [(0.0, 0.0, 0.0), (5.0, 0.0, 1.0)]
     assert [copy.data.attributes["sun_hours"].data[0].value for copy in copies] == [1.0, 0.0]
+
+
+def test_instances_that_geometry_nodes_make_are_no_copies_of_the_mesh() -> None:
+    field = instances_on_grid("Field", made_cube, keep_own=True)
+    bake = bake_rays([field], kind="SUN_HOURS", directions=UP, instances=True, evaluated=True)
+    assert [len(baked.values) for baked in bake.objects] == [len(bake.objects[0].origins)]
+    assert not bake.objects[0].instance
+
+
+def test_a_sheared_object_has_a_copy_in_its_place() -> None:
+    turned = box("Turned", (0.0, 0.0, 0.0), (1.0, 2.0, 3.0))
+    for mirror in (1.0, -1.0):
+        turned.parent = mesh_object(f"Stretched {mirror}", location=(1.0, 2.0, 3.0))
+        turned.parent.scale, turned.rotation_euler = (1.0, 5.0 * mirror, 1.0), (0.5, 0.6, 0.7)
+        bpy.context.view_layer.update()
+        bake_rays([turned], kind="SUN_HOURS", directions=UP).write_attributes(realise=True)
+        bpy.context.view_layer.update()
+        copy = bpy.data.collections["Baked"].objects[-1]
+        np.testing.assert_allclose(world_corners(copy), world_corners(turned), atol=1e-5)
+        assert copy.matrix_world.is_negative == turned.matrix_world.is_negative
+
+
+def test_an_object_of_a_library_may_have_the_name_of_another(tmp_path: Path) -> None:
+    floor = ground("Floor", (1.0, 1.0), (1, 1), location=(5.0, 0.0, 0.0))
+    bpy.data.libraries.write(str(tmp_path / "library.blend"), {floor})
+    with bpy.data.libraries.load(str(tmp_path / "library.blend"), link=True) as (_, wanted):
+        wanted.objects = ["Floor"]
+    bpy.context.collection.objects.link(wanted.objects[0])
+    floor.location.x = 0.0
+    bake = bake_rays([floor, wanted.objects[0]], kind="SUN_HOURS", directions=UP)
+    assert [baked.transform[0, 3] for baked in bake.objects] == [0.0, 5.0]
+
+
+def test_what_frames_do_not_share_is_named(scene: Any) -> None:
+    floor, gone = ground("Floor", (1.0, 1.0), (1, 1)), ground("Gone", (1.0, 1.0), (1, 1), location=(5.0, 0.0, 0.0))
+    for frame, is_hidden in ((1, False), (2, True)):
+        gone.hide_render = is_hidden
+        gone.keyframe_insert("hide_render", frame=frame)
+    for frames in ((1, 2), (2, 1)):
+        settings = BakeSettings("EXPOSURE", viewers=[(0.0, 0.0, 1.0)], frames=frames)
+        with pytest.raises(ValueError, match="bake_rays: object 'Gone' is not the same in all of the frames"):
+            Baker([floor, gone], settings, skip_missing=True).run()
+    viewer = mesh_object("Viewer", location=(0.0, 0.0, 2.0))
+    steps = Baker([floor], BakeSettings("EXPOSURE", viewers=viewer, frames=(1, 2))).steps()
+    next(steps)
+    bpy.data.objects.remove(viewer)
+    with pytest.raises(ValueError, match="object 'Viewer' was deleted during the bake"):
+        list(steps)
 
 
 def test_an_image_shows_faces_by_their_uv_map() -> None:
@@ -447,6 +511,11 @@ def test_an_image_shows_faces_by_their_uv_map() -> None:
     assert (pixels[:, :, 3] > 0.0).sum() == 12 * 20
     assert (pixels[2, 6:14, 0] == 1.0).all()
     assert bake.to_image(margin=0)[0] == image
+    with pytest.raises(ValueError, match="to_image: margin must be an integer from 0"):
+        bake.to_image(margin=-1)
+    bpy.data.images.remove(image)
+    bpy.data.images.new("Wide sun_hours", 32, 16)
+    assert bake.to_image()[0].is_float
     with pytest.raises(ValueError, match="texels belong to images"):
         bake.write_attributes()
 
@@ -478,6 +547,9 @@ def refused(match: str, *objects: Any, **how: Any) -> None:
 def test_objects_without_a_place_for_values_are_named(scene: Any) -> None:
     floor = ground("Floor", (1.0, 1.0), (1, 1))
     refused("no objects: select the meshes")
+    for wrong in (floor, "Floor", ["Floor"], 3):
+        with pytest.raises(ValueError, match="bake_rays: objects must be a sequence of bpy"):
+            bake_rays(wrong, kind="SKY_VIEW")  # type: ignore[arg-type]
     refused("object 'Eye' is of type CAMERA, not a mesh", floor, camera_object("Eye"))
     refused("object 'Dust' has no faces", floor, made("Dust", [(0, 0, 0)], []))
     refused("object 'Loose' is not in scene", floor, mesh_object("Loose", collection=False))
@@ -490,6 +562,10 @@ def test_objects_without_a_place_for_values_are_named(scene: Any) -> None:
     round_one = ground("Round", (1.0, 1.0), (1, 1))
     round_one.modifiers.new("Smoother", "SUBSURF")
     refused("object 'Round' has 1 faces, but 16 or others after 'Smoother'", round_one)
+    bpy.context.view_layer.objects.active = floor
+    bpy.ops.object.mode_set(mode="EDIT")
+    refused("object 'Floor' is in Edit Mode", floor)
+    bpy.ops.object.mode_set(mode="OBJECT")
     bare = made("Bare", [(0, 0, 0), (1, 0, 0), (0, 1, 0)], [(0, 1, 2)])
     refused("object 'Bare' has no UV map", bare, domain="TEXEL")
     refused("object 'Floor' has no UV map 'Other'", floor, domain="TEXEL", uv_map="Other")
@@ -501,14 +577,26 @@ def test_objects_without_a_place_for_values_are_named(scene: Any) -> None:
         ("kind must be one of SUN_HOURS, .*; got 'MOON'", {"kind": "MOON"}),
         ("domain must be one of FACE, .*; got 'EDGE'", {"domain": "EDGE"}),
         ("rays must be an integer from 1", {"rays": 0}),
-        ("distance must be above 0", {"distance": 0.0}),
+        ("distance must be a finite number above 0", {"distance": 0.0}),
+        ("distance must be a finite number above 0, got 'far'", {"distance": "far"}),
+        ("cosine must be True or False, got 'no'", {"cosine": "no"}),
+        ("unit must be a text, got 3", {"unit": 3}),
+        ("image_size must be .width, height., got 3", {"image_size": 3}),
+        ("frames must be a sequence of integers, got 5", {"frames": 5}),
+        ("frames must be an integer from -1048574 .*, got 1.5", {"frames": [1.5]}),
+        ("directions must be numbers of shape .D, 3., got 'up'", {"kind": "SUN_HOURS", "directions": "up"}),
+        ("threads must be an integer from 0 .*, got 'all'", {"threads": "all"}),
+        ("previous must be a Bake, an earlier result, got 'last'", {"previous": "last"}),
+        ("progress must be a function of the share done, got 3", {"progress": 3}),
+        ("viewers must be .*finite positions .*nan", {"kind": "EXPOSURE", "viewers": [[0.0, 0.0, math.nan]]}),
+        ("viewers must be .*, got 'Camera'", {"kind": "EXPOSURE", "viewers": "Camera"}),
         ("falloff needs a distance", {"falloff": 1.0}),
         ("needs directions", {"kind": "SUN_HOURS"}),
         ("unit vectors, got .* in row 1", {"kind": "SUN_HOURS", "directions": [[0, 0, 1], [0, 0, 2]]}),
         ("weights must be 1 finite numbers", {"kind": "SUN_HOURS", "directions": UP, "weights": [math.nan]}),
         ("frames must be one, or more for the kind 'EXPOSURE'", {"frames": (1, 2)}),
         ("scene 'Scene' has no camera", {"kind": "EXPOSURE"}),
-        ("viewers must be an object, or positions", {"kind": "EXPOSURE", "viewers": [1.0, 2.0]}),
+        ("viewers must be an object, or finite positions", {"kind": "EXPOSURE", "viewers": [1.0, 2.0]}),
     ],
 )
 def test_settings_that_make_no_bake_are_named(match: str, how: dict[str, Any]) -> None:
@@ -559,10 +647,21 @@ def test_attributes_are_all_written_or_none() -> None:
     written(bake, "'Other' has an attribute 'sun_hours', a INT of the domain POINT")
     other.data.attributes.remove(other.data.attributes["sun_hours"])
     own, other.data = other.data, floor.data
-    written(bake, "'Other' shares its mesh with 'Floor': make it single-user")
+    written(bake, "shares its mesh with '(Floor|Other)': make it single-user")
+    written(bake_rays([other], kind="SUN_HOURS", directions=UP), "'Other' shares its mesh with 'Floor'")
     other.data = made("More", [(0, 0, 0), (1, 0, 0), (0, 1, 0), (1, 1, 1)], [(0, 1, 2), (1, 3, 2)]).data
     written(bake, "the mesh of object 'Other' has other elements")
     other.data = own
+    other.vertex_groups.new(name="sun_hours")
+    written(bake, "'Other' has a vertex group 'sun_hours': choose a name")
+    other.vertex_groups.clear()
+    for name in ("", "material_index", "long" * 20):
+        with pytest.raises(ValueError, match=f"an attribute cannot have the name '{name}'"):
+            bake.write_attributes(name)
+    with pytest.raises(ValueError, match="name must be a text, got 3"):
+        bake.write_attributes(3)  # type: ignore[arg-type]
+    evaluated = bake_rays([floor, other], kind="SUN_HOURS", directions=UP, evaluated=True)
+    written(evaluated, "the elements are not those of the meshes: bake without evaluated=True")
     bpy.context.view_layer.objects.active = other
     bpy.ops.object.mode_set(mode="EDIT")
     written(bake, "'Other' is in Edit Mode")
