@@ -52,6 +52,8 @@ def bake_rays(
     There is no distance to choose for that: points are off their triangle by a bound of the rounding of double
     precision. Whether a ray is blocked is exact, for the point and the direction as double precision has them. Sampled
     kinds cast two rays in each cell of a grid over the hemisphere. They have the same bytes for any number of threads.
+    A surface that lies exactly on another is behind it: under a house the ground is inside, and dark if the walls and
+    the roof are within the distance that counts; the house's own floor does not see the ground.
 
     Args:
         objects: Meshes; None, the default, for the selected ones.

@@ -104,7 +104,8 @@ class Bake:
         Args:
             name: Of the main column's attribute; None for the column's. The error's has `_error` after it.
             realise: Whether to write to copies of the meshes instead, where modifiers and the object place them, in new
-                objects in the collection "Baked". Instances and objects that share a mesh need that.
+                objects in the collection "Baked". Instances and objects that share a mesh need that. Copies are in
+                the way of rays as all objects are: remove or hide them before the next bake.
 
         Returns:
             The names of the attributes.

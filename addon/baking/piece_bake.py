@@ -25,7 +25,7 @@ class BakeWork(PieceWork):
         frames: In any order.
         names: Of the objects; empty for all meshes that the scene shows.
         place: Where tables go. suffix: ".csv" or ".parquet".
-        size: The largest number of frames of a chunk.
+        size: The largest number of frames of a chunk. warnings: Of the settings, told with those of each chunk.
     """
 
     def __init__(
@@ -39,9 +39,10 @@ class BakeWork(PieceWork):
         *,
         size: int = 10,
         threads: int = 0,
+        warnings: Sequence[str] = (),
     ) -> None:
         super().__init__(view, frames)
-        self._settings, self._names, self._threads = settings, names, threads
+        self._settings, self._names, self._threads, self._warnings = settings, names, threads, warnings
         self._write = "write_csv" if suffix == ".csv" else "write_parquet"
         self.place, together = place, settings.kind == "EXPOSURE"
         self.pieces = []
@@ -53,7 +54,7 @@ class BakeWork(PieceWork):
 
     def make(self, piece: Piece) -> Steps:
         """Bakes each frame with a separate engine scene. Raises ValueError for an object, and OSError for a file."""
-        warnings, rays = dict[str, None](), 0
+        warnings, rays = dict.fromkeys(self._warnings), 0
         for number, name in enumerate(piece.files):
             frames = piece.frames if len(piece.files) < len(piece.frames) else (piece.frames[number],)
             with bpy.context.temp_override(scene=self.view.find(), view_layer=self.view.find_layer()):

@@ -17,6 +17,7 @@ from .report import quiet_blender
 if TYPE_CHECKING:
     import bpy
 
+    from ..baking import DirectionTable
     from ..pieces.work import PieceWork
 
 # What tables depend on, among the arguments.
@@ -61,7 +62,8 @@ def bake_work(scene: bpy.types.Scene, _stop: StopRequest, arguments: argparse.Na
     choices |= {"cosine": arguments.cosine, "method": arguments.method.upper(), "viewers": viewer, "evaluated": True}
     kind, suffix = arguments.kind.replace("-", "_").upper(), f".{arguments.format}"
     try:
-        choices |= _table(arguments) if kind == "SUN_HOURS" else {}
+        table = _table(arguments) if kind == "SUN_HOURS" else None
+        choices |= {} if table is None else table.arguments
         settings = BakeSettings(kind, arguments.domain.upper(), **choices)
     except ValueError as error:
         raise CommandError(str(error)) from error
@@ -73,17 +75,17 @@ def bake_work(scene: bpy.types.Scene, _stop: StopRequest, arguments: argparse.Na
     apply_settings(scene, arguments)
     view = SceneView("bake", scene, active_view_layer(scene), for_viewport=arguments.viewport)
     place = PieceFolder(Path(arguments.output), inputs, BEFORE, "bake")
-    how = {"size": arguments.piece, "threads": arguments.threads or 0}
+    how = {"size": arguments.piece, "threads": arguments.threads or 0, "warnings": table.warnings if table else ()}
     return BakeWork(view, settings, frames, arguments.objects, place, suffix, **how)
 
 
-def _table(arguments: argparse.Namespace) -> dict[str, Any]:
-    """The directions of the sun, as arguments of `bake_rays`. Raises ValueError, and OSError for a weather file."""
+def _table(arguments: argparse.Namespace) -> DirectionTable:
+    """The directions of the sun. Raises ValueError, and OSError for a weather file."""
     from ..baking.sun import Place, irradiance_table, read_epw, sun_table
 
     days = [date.fromisoformat(day) for day in arguments.days or ()]
     if arguments.epw is not None:
         first, last = (days[0], days[-1]) if days else (None, None)
-        return irradiance_table(read_epw(Path(arguments.epw), north=arguments.north), first, last).arguments
+        return irradiance_table(read_epw(Path(arguments.epw), north=arguments.north), first, last)
     place = Place(*arguments.place, arguments.zone, arguments.north)
-    return sun_table(place, days[0], days[-1], step=arguments.minutes).arguments
+    return sun_table(place, days[0], days[-1], step=arguments.minutes)

@@ -93,3 +93,10 @@ def test_the_sun_shines_on_the_place(small_file: Path, tmp_path: Path) -> None:
     hours = [float(row["sun_hours"]) for row in rows_of(folder / "bake_0001.csv")]
     assert max(hours) == pytest.approx(14.4, abs=0.2)  # the longest day there
     assert min(hours) < 11.0  # below the cube
+
+
+def test_a_sun_that_does_not_rise_is_told(small_file: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    place = ("--kind", "sun-hours", "--place", 80, 0, "--days", "2026-12-21")
+    assert run("bake", small_file, "-o", tmp_path / "night", *place) == 0
+    assert {float(row["sun_hours"] or 0.0) for row in rows_of(tmp_path / "night" / "bake_0001.csv")} == {0.0}
+    assert "The sun does not rise at latitude 80, longitude 0 on 2026-12-21" in capfd.readouterr().err
