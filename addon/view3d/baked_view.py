@@ -75,9 +75,15 @@ def shown_meaning(context: bpy.types.Context, obj: bpy.types.Object | None) -> M
     return None if obj is None or obj.type != "MESH" else meaning_of(obj.data)
 
 
+def _main_meaning(context: bpy.types.Context) -> Meaning | None:
+    """Return what the colours mean of the active object, or of the first selected one that shows a bake."""
+    objects = (context.object, *context.view_layer.objects.selected)
+    return next((found for obj in objects if (found := shown_meaning(context, obj)) is not None), None)
+
+
 def sections(context: bpy.types.Context) -> list[Section]:
-    """Return the sections of a viewport's legend that describe the bake of the active object."""
-    meaning = shown_meaning(context, context.object)
+    """Return the sections of a viewport's legend that describe the bake of the active or the selected objects."""
+    meaning = _main_meaning(context)
     if meaning is None:
         return []
     span = meaning.most - meaning.least
@@ -96,12 +102,12 @@ def tip(context: bpy.types.Context) -> tuple[tuple[int, int], list[str]] | None:
 
 def draw_chart(context: bpy.types.Context) -> None:
     """Draw when the sun shines on the face that the mouse was last over, or on the active face: a row a month."""
-    obj = context.object
-    meaning = shown_meaning(context, obj)
-    if last_sun.found is None or not is_main(context.area, context.region) or meaning is None:
+    if last_sun.found is None or not is_main(context.area, context.region) or _main_meaning(context) is None:
         return
     found = None if _face is None else last_sun.found.chart(*_face)
-    if found is None and obj is not None and not obj.data.is_editmode and len(obj.data.polygons):
+    obj = context.object
+    meaning = shown_meaning(context, obj)
+    if found is None and obj is not None and meaning is not None and not obj.data.is_editmode and obj.data.polygons:
         face = obj.data.polygons.active
         found = last_sun.found.chart(obj.data.session_uid, face, value_at(obj.data, meaning.attribute, face))
     if found is None:
@@ -131,7 +137,7 @@ class _Pointing:
     """The mouse, as far as it is over faces that show a bake."""
 
     def wants_pointer(self, context: bpy.types.Context) -> bool:
-        return shown_meaning(context, context.object) is not None
+        return _main_meaning(context) is not None
 
     def on_pointer(self, context: bpy.types.Context, place: tuple[int, int]) -> None:
         global _face, _pointed, _lines

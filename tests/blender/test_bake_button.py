@@ -144,6 +144,9 @@ def test_a_legend_is_shown_where_the_colours_are(yard: Any) -> None:
     assert section.scale.labels[0] == (0.0, "0") and section.scale.labels[-1] == (1.0, f"{most:.3g}")
     assert baked_view.sections(viewport(yard, type="RENDERED")) == []
     assert baked_view.sections(viewport(yard, color_type="MATERIAL")) == []
+    # After all were selected the active object may be a light, or none.
+    assert baked_view.sections(viewport(bpy.data.objects["Sphere"])) == [section] == baked_view.sections(viewport(None))
+    bpy.ops.object.select_all(action="DESELECT")
     assert baked_view.sections(viewport(bpy.data.objects["Sphere"])) == [] == baked_view.sections(viewport(None))
     yard.data[baked_colors.MEANING] = "[not"
     assert baked_view.sections(viewport(yard)) == []
@@ -192,7 +195,15 @@ def test_steps_of_a_timer_do_the_same_as_one_call(yard: Any) -> None:
             break
     np.testing.assert_array_equal(baked_colors.read_values(yard.data, NAME), expected)
     ((kind, told),) = operator.reports
-    assert kind == "INFO" and told.startswith("Sun Hours: 70 values from 0 to ")
+    assert kind == "INFO" and told.startswith("Sun Hours: 70 values from 0 to ") and "also in" not in told
+
+
+def test_the_report_names_the_table(yard: Any, tmp_path: Path) -> None:
+    bpy.context.scene.perfect_bvh.bake.table = str(tmp_path / "hours.csv")
+    operator = FakeOperator(PERFECT_BVH_OT_bake_rays)
+    assert operator.execute(FakeWindow()) == {"FINISHED"}
+    ((_, told),) = operator.reports
+    assert f" h, also in {tmp_path / 'hours.csv'}, " in told
 
 
 def test_a_table_has_a_row_a_face(yard: Any, tmp_path: Path) -> None:
