@@ -4,5 +4,5 @@ shots       the camera's image of a frame as a PNG file, its labels, and its mat
 kitti       files of the format of KITTI: points, calibration, 3D boxes, poses. Needs no Blender.
 bag         messages of ROS 2 in a bag (MCAP). Needs no Blender.
 bop_work    the chunks of labels in the format of BOP, with images
-drive_work  the chunks of both, for the command line and the button
+drive_work  the chunks of scans in the formats of KITTI and of bags, with images
 """

@@ -143,8 +143,8 @@ class BakeJob:
     def write(self) -> str:
         """Writes the attributes, the table and the colours; returns a sentence. Raises ValueError and OSError."""
         bake, table = self.baker.result(), self._table
+        path = Path(bpy.path.abspath(self._path))
         if self._path:
-            path = Path(bpy.path.abspath(self._path))
             (bake.write_parquet if path.suffix == ".parquet" else bake.write_csv)(path)
         name = bake.write_attributes(IRRADIATION if table is not None and table.has_cosine else None)[0]
         BakeJob._previous = bake
@@ -157,7 +157,8 @@ class BakeJob:
         if table is not None and all(bits is not None for bits in visible.values()):
             last_sun.show(SunTimes(visible, table.times, table.weights))
         count = sum(len(baked.values) for baked in bake.objects)
-        return f"{self._label}: {count:,} values from {meaning.least:.4g} to {meaning.most:.4g} {unit}".rstrip()
+        text = f"{self._label}: {count:,} values from {meaning.least:.4g} to {meaning.most:.4g} {unit}".rstrip()
+        return f"{text}, also in {path}" if self._path else text
 
 
 def table_of(scene: bpy.types.Scene) -> DirectionTable:
