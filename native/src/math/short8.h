@@ -30,8 +30,6 @@ struct Short8 {
   friend Short8 operator-(Short8 a, Short8 b) noexcept { return _mm_sub_epi16(a.v, b.v); }
   friend Short8 min(Short8 a, Short8 b) noexcept { return _mm_min_epi16(a.v, b.v); }
   friend Short8 max(Short8 a, Short8 b) noexcept { return _mm_max_epi16(a.v, b.v); }
-  friend Short8 operator|(Short8 a, Short8 b) noexcept { return _mm_or_si128(a.v, b.v); }
-  friend Short8 operator<<(Short8 a, int bits) noexcept { return _mm_slli_epi16(a.v, bits); }
   // Returns the upper 16 bits of the products of unsigned lanes.
   friend Short8 multiply_high(Short8 a, Short8 b) noexcept { return _mm_mulhi_epu16(a.v, b.v); }
 
@@ -63,13 +61,6 @@ struct Short8 {
 [[nodiscard]] inline Float4 lanes_to_float(Short8 a) noexcept {
   return _mm_cvtepi32_ps(_mm_unpacklo_epi16(a.v, _mm_setzero_si128()));
 }
-// Unpacks the eight bytes of a number, the lowest to lane 0.
-[[nodiscard]] inline Short8 bytes_to_lanes(std::uint64_t bytes) noexcept {
-  return _mm_unpacklo_epi8(_mm_cvtsi64_si128(static_cast<long long>(bytes)), _mm_setzero_si128());
-}
-// Return lanes 0..3 and lanes 4..7 as unsigned numbers.
-[[nodiscard]] inline Int4 lower_lanes(Short8 a) noexcept { return _mm_unpacklo_epi16(a.v, _mm_setzero_si128()); }
-[[nodiscard]] inline Int4 upper_lanes(Short8 a) noexcept { return _mm_unpackhi_epi16(a.v, _mm_setzero_si128()); }
 // Packs lanes 0..3, from 0..65535, as unsigned numbers; the other lanes are 0.
 [[nodiscard]] inline Short8 to_unsigned_lanes(Int4 a) noexcept {
   const __m128i signed_lanes = _mm_srai_epi32(_mm_slli_epi32(a.v, 16), 16);  // so that packing does not saturate
@@ -118,12 +109,6 @@ struct Short8 {
   friend Short8 max(Short8 a, Short8 b) noexcept {
     return lanewise(a, b, [](int x, int y) { return x > y ? x : y; });
   }
-  friend Short8 operator|(Short8 a, Short8 b) noexcept {
-    return lanewise(a, b, [](int x, int y) { return x | y; });
-  }
-  friend Short8 operator<<(Short8 a, int bits) noexcept {
-    return lanewise(a, a, [bits](int x, int) { return (x & 0xFFFF) << bits; });
-  }
   friend Short8 multiply_high(Short8 a, Short8 b) noexcept {
     return lanewise(a, b, [](int x, int y) {
       return (static_cast<std::uint32_t>(x & 0xFFFF) * static_cast<std::uint32_t>(y & 0xFFFF)) >> 16;
@@ -160,16 +145,6 @@ struct Short8 {
   return static_cast<std::uint32_t>(a.v[0] * a.v[1] + a.v[1] * a.v[2] + a.v[2] * a.v[0]);
 }
 
-[[nodiscard]] inline Short8 bytes_to_lanes(std::uint64_t bytes) noexcept {
-  Short8 result;
-  for (int i = 0; i < 8; ++i) result.v[i] = static_cast<std::int16_t>((bytes >> (8 * i)) & 0xFFu);
-  return result;
-}
-[[nodiscard]] inline Int4 lower_lanes(Short8 a) noexcept {
-  const auto lane = [a](int i) { return static_cast<std::int32_t>(static_cast<std::uint16_t>(a.v[i])); };
-  return {lane(0), lane(1), lane(2), lane(3)};
-}
-[[nodiscard]] inline Int4 upper_lanes(Short8 a) noexcept { return lower_lanes(a.upper_half()); }
 [[nodiscard]] inline Short8 to_unsigned_lanes(Int4 a) noexcept {
   Short8 result(0);
   for (int i = 0; i < 4; ++i) result.v[i] = static_cast<std::int16_t>(a.v[i]);

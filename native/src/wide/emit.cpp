@@ -6,7 +6,7 @@
 #include "core/cancel.h"
 #include "core/errors.h"
 #include "math/float4.h"
-#include "math/short8.h"
+#include "math/sorting_network.h"
 #include "wide/collapse.h"
 #include "wide/leaf_block.h"
 #include "wide/small_set.h"
@@ -16,28 +16,23 @@ namespace {
 
 using Octants = std::array<Float4, kWideWidth>;  // by child; lanes: the octants below
 // Rays that run up all axes, and rays that run down one. 7 minus an octant is the opposite one.
-constexpr std::array<std::uint32_t, 4> kOctants{0, 1, 2, 4};
+constexpr std::array<int, 4> kOctants{0, 1, 2, 4};
 
-// One number for each slot, in bytes from the lowest on: the child in that slot.
-using Places = std::uint64_t;
-constexpr Places kEveryoneAtHome = 0x0706050403020100u;
-
-struct PlaceTable {
-  std::array<std::array<Places, kWideWidth>, kWideWidth> child_at{};  // a child at a slot
-};
-constexpr PlaceTable kTable = [] {
-  PlaceTable table;
-  for (std::uint32_t child = 0; child < kWideWidth; ++child) {
-    for (std::uint32_t place = 0; place < kWideWidth; ++place) {
-      table.child_at[child][place] = Places{child} << (8 * place);
+// By number of children, then place: the place in the order of the opposite octant. Unused slots keep theirs.
+constexpr auto kOpposite = [] {
+  std::array<std::array<std::uint8_t, kWideWidth>, kWideWidth + 1> table{};
+  for (std::uint8_t count = 0; count <= kWideWidth; ++count) {
+    for (std::uint8_t place = 0; place < kWideWidth; ++place) {
+      table[count][place] = static_cast<std::uint8_t>(place < count ? count - 1 - place : place);
     }
   }
   return table;
 }();
 
-// Returns how far the boxes are along the octants' diagonals; -infinity for unused slots.
+// Returns how far the boxes are along the octants' diagonals. The lowest bits of each distance are the child's number.
+// Unused slots are at the near end.
 Octants distances(const WideNode& node, std::uint32_t count) noexcept {
-  constexpr float kFar = std::numeric_limits<float>::infinity();
+  constexpr float kFar = std::numeric_limits<float>::max();
   static constexpr std::array<float, 2 * kWideWidth> kLimits{kFar,  kFar,  kFar,  kFar,  kFar,  kFar,  kFar,  kFar,
                                                              -kFar, -kFar, -kFar, -kFar, -kFar, -kFar, -kFar, -kFar};
   Octants distance;
@@ -48,61 +43,40 @@ Octants distances(const WideNode& node, std::uint32_t count) noexcept {
     };
     const Float4 x = centre(0), y = centre(1), z = centre(2);
     const Float4 limit = Float4::load_unaligned(&kLimits[kWideWidth - count + first]);  // the minimum of NaN, too
-    Float4 rows[4] = {min((x + y) + z, limit), min((y - x) + z, limit), min((x - y) + z, limit),
-                      min((x + y) - z, limit)};
+    const auto limited = [&](Float4 row) { return max(min(row, limit), Float4(-kFar)); };
+    Float4 rows[4] = {limited((x + y) + z), limited((y - x) + z), limited((x - y) + z), limited((x + y) - z)};
     transpose(rows[0], rows[1], rows[2], rows[3]);
-    for (std::uint32_t i = 0; i < 4; ++i) distance[first + i] = rows[i];
+    for (std::uint32_t i = 0; i < 4; ++i) {
+      distance[first + i] = tagged(rows[i], Int4(kWideWidth - 1), Int4(static_cast<std::int32_t>(first + i)));
+    }
   }
   return distance;
 }
 
-// The number of children that come earlier. Of two equal ones, the first comes first.
-struct Ranks {
-  alignas(16) std::array<std::array<std::uint32_t, 4>, kWideWidth> of;  // by child, then octant
-};
-
-Ranks rank(const Octants& distance) noexcept {
-  std::array<Int4, kWideWidth> places;
-  for (std::uint32_t child = 0; child < kWideWidth; ++child) {
-    Int4 place(static_cast<std::int32_t>(child));
-    for (std::uint32_t before = 0; before < child; ++before) {
-      const Int4 is_farther = less(distance[before], distance[child]);
-      places[before] = places[before] - is_farther;
-      place = place + is_farther;
-    }
-    places[child] = place;
-  }
-  Ranks ranks;
-  for (std::uint32_t child = 0; child < kWideWidth; ++child) places[child].store(ranks.of[child].data());
-  return ranks;
-}
-
-// Reverses the first `count` slots and keeps the others.
-Places reversed(Places places, std::uint32_t count) noexcept {
-  if (count == 0) return kEveryoneAtHome;
-  const std::uint32_t spare = 8 * (kWideWidth - count);
-  const Places idle = count < kWideWidth ? kEveryoneAtHome >> (8 * count) << (8 * count) : 0;
-  return __builtin_bswap64(places) >> spare | idle;
+// Puts the larger into a. Whatever `max` returns for special values, neither is lost.
+void put_far_first(Float4& a, Float4& b) noexcept {
+  const Float4 far = max(a, b);
+  b = from_bits(bits_of(a) ^ bits_of(b) ^ bits_of(far));
+  a = far;
 }
 
 }  // namespace
 
 void set_visit_order(WideNode& node, std::uint32_t count) noexcept {
-  const Ranks ranks = rank(distances(node, count));
-  std::array<Places, 8> order;  // by octant
-  for (std::size_t i = 0; i < kOctants.size(); ++i) {
-    Places places = 0;
-    for (std::uint32_t child = 0; child < kWideWidth; ++child) places |= kTable.child_at[child][ranks.of[child][i]];
-    order[kOctants[i]] = places;
-    order[7 - kOctants[i]] = reversed(places, count);
+  Octants children = distances(node, count);
+  sort_eight(children, put_far_first);
+  alignas(16) std::array<std::uint32_t, kWideWidth> opposite;
+  for (std::size_t first = 0; first < kWideWidth; first += 4) {
+    Float4* const rows = &children[first];
+    transpose(rows[0], rows[1], rows[2], rows[3]);
+    Int4 order(0), reversed(0);
+    for (std::size_t i = 0; i < kOctants.size(); ++i) {
+      const Int4 child = bits_of(rows[i]) & Int4(kWideWidth - 1);
+      order = order | child << (3 * kOctants[i]), reversed = reversed | child << (3 * (7 - kOctants[i]));
+    }
+    order.store(&node.order[first]), reversed.store(&opposite[first]);
   }
-  const auto four = [&](std::size_t octant) {
-    return (bytes_to_lanes(order[octant]) | bytes_to_lanes(order[octant + 1]) << 3) |
-           (bytes_to_lanes(order[octant + 2]) << 6 | bytes_to_lanes(order[octant + 3]) << 9);
-  };
-  const Short8 first = four(0), second = four(4);
-  (lower_lanes(first) | lower_lanes(second) << 12).store(&node.order[0]);
-  (upper_lanes(first) | upper_lanes(second) << 12).store(&node.order[4]);
+  for (std::size_t place = 0; place < kWideWidth; ++place) node.order[place] |= opposite[kOpposite[count][place]];
 }
 
 // Emit ----------------------------------------------------------------------------------------------------------------
