@@ -118,6 +118,40 @@ void set_normals(const Appearance& appearance, const Instance& instance, const R
   }
 }
 
+// A hit's data may be anywhere in memory, so they are prefetched: this many hits ahead the triangle and its layers,
+// then the vertices that the triangle names. They were two fifths of this file's time.
+constexpr std::size_t kTrianglesAhead = 16, kVerticesAhead = 8;
+
+template <class T>
+void fetch_corners(std::span<const T> layer, std::size_t primitive) noexcept {
+  if (3 * primitive + 2 >= layer.size()) return;
+  __builtin_prefetch(&layer[3 * primitive]);
+  __builtin_prefetch(&layer[3 * primitive + 2]);
+}
+
+[[gnu::always_inline]] inline void fetch_triangle(const Snapshot& snapshot, const Appearance& appearance,
+                                                  const Hit& hit) noexcept {
+  if (!hit.found()) return;
+  const Instance& instance = snapshot.instances[hit.instance_index];
+  const Mesh& mesh = instance.blas->mesh;
+  if (mesh.is_round()) return;
+  const std::size_t primitive = hit.primitive_index;
+  __builtin_prefetch(&mesh.triangles[primitive]);
+  const MeshAttributes* const attributes = appearance.attributes_of(instance);
+  if (attributes == nullptr) return;
+  if (primitive < attributes->material_slots.size()) __builtin_prefetch(&attributes->material_slots[primitive]);
+  fetch_corners(attributes->corner_normals, primitive);
+  if (!attributes->uv_maps.empty()) fetch_corners(attributes->uv_maps[0], primitive);
+}
+
+[[gnu::always_inline]] inline void fetch_vertices(const Snapshot& snapshot, const Hit& hit) noexcept {
+  if (!hit.found()) return;
+  const Mesh& mesh = snapshot.instances[hit.instance_index].blas->mesh;
+  if (mesh.is_round()) return;
+  const TriangleIndices corners = mesh.triangles[hit.primitive_index];
+  for (const std::uint32_t vertex : {corners.x, corners.y, corners.z}) __builtin_prefetch(&mesh.positions[vertex]);
+}
+
 }  // namespace
 
 Vec3f material_color(const Appearance& appearance, std::int32_t material) noexcept {
@@ -130,6 +164,8 @@ void find_surfaces(const Snapshot& snapshot, const Appearance& appearance, Surfa
                    std::span<const Ray> rays, std::span<const Hit> hits, AlignedVector<SurfacePoint>& points) {
   for (std::size_t row = 0; row < hits.size(); ++row) {
     const Hit& hit = hits[row];
+    if (row + kTrianglesAhead < hits.size()) fetch_triangle(snapshot, appearance, hits[row + kTrianglesAhead]);
+    if (row + kVerticesAhead < hits.size()) fetch_vertices(snapshot, hits[row + kVerticesAhead]);
     if (!hit.found()) continue;
     const Instance& instance = snapshot.instances[hit.instance_index];
     if (!needs.holdouts && appearance.is_holdout(instance, hit.primitive_index)) continue;
