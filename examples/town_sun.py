@@ -23,7 +23,7 @@ hits = sync.scene.cast_rays(*sync.camera.pixel_rays(size))
 names, faces = sync.describe(hits.instance_ids).names, sync.polygon_ids(hits)
 
 for name, table in tables.items():
-    bake = bake_rays(houses, kind="SUN_HOURS", **table.arguments)
+    bake = bake_rays(houses, kind="SUN_HOURS", directions=table)
     bake.write_csv(folder / f"sun_{name}.csv")
     bake.write_attributes(f"sun_{name}")  # of the open scene: in Blender, Solid shading and materials can show it
     image = np.full(faces.shape, np.nan)

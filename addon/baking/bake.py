@@ -14,16 +14,17 @@ from typing import Any
 import bpy
 import numpy as np
 from perfect_bvh import Cancelled, Scene
-from perfect_bvh._checks import check_count
+from perfect_bvh._checks import check_column, check_count
 from perfect_bvh._tuning import Traced
 
 from ..live.scene_sync import SceneSync, UpdateCommit
 from ..live.scene_view import SceneMoment, SceneView
+from ..support.background_work import BackgroundWork
 from ..sync.records import Float64Array, MeshRecord, SceneRecord
 from .baked import Bake, BakedObject
 from .kinds import Tally, Viewer, tally_of
-from .receivers import Receiver, find_receivers, name_flat_faces, place_points
-from .settings import NAME, BakeSettings, numbers_of
+from .receivers import PLACE_SHARE, Receiver, find_receivers, name_flat_faces, place_points
+from .settings import NAME, BakeSettings
 
 Progress = Callable[[float], object]
 
@@ -70,11 +71,11 @@ def bake_rays(
         threads: The largest number of threads; 0 for all.
         for_viewport: Whether the scene of viewports is used; by default that of a render at the current frame.
         progress: Called with 0 to 1; returning False raises `perfect_bvh.Cancelled`.
-        directions, weights: SUN_HOURS: (D, 3) float64, unit vectors towards the sun in the world, and (D,), how much
-            each counts, such as hours or kWh/m2; 1 by default.
-        cosine: SUN_HOURS: whether weights are multiplied by the cosine to the normal, as irradiance is (default no).
-            SKY_VIEW: whether the sky is weighted by that cosine (the view factor, the default) or by solid angle alone.
-        unit: Of the weights, "h" by default. keep_visible: SUN_HOURS on faces: keeps `BakedObject.visible`.
+        directions: SUN_HOURS: a `DirectionTable`; or (D, 3) float64, unit vectors towards the sun in the world, which
+            count 1 h each.
+        cosine: Whether light is weighted by the cosine to the normal. SUN_HOURS: by default what the table says.
+            SKY_VIEW: the view factor (the default), or the share of the solid angle.
+        keep_visible: SUN_HOURS on faces: keeps `BakedObject.visible`.
         rays: Of a sampled kind, for each element, at least; 256 by default. Rounded up to a whole grid.
         seed: Of the sampled kinds, 0 to 2 ** 31 - 1.
         distance: How far rays reach, in world units, except to the sun and the sky; infinite by default.
@@ -82,7 +83,7 @@ def bake_rays(
             anything within the distance counts fully.
         method: THICKNESS: "CONE", the mean over a cone of half the opening `angle` (0 to pi / 2, 30 degrees by default)
             of the distances along the normal, weighted by the cosine; or "SPHERE", the diameter of the largest sphere
-            inside the solid that touches its surface there.
+            inside the solid that touches its surface there. Only the object itself is in the way of these rays.
         viewers: EXPOSURE: an object, whose origin it is (a camera sees its frame only, a curve counts all its points),
             or (V, 3) positions; None, the default, for the scene's camera.
         frames: At which the scene is read: one, or for EXPOSURE any number, whose viewers count together; None, the
@@ -91,7 +92,6 @@ def bake_rays(
         instances: Whether instances that others make of the objects get their own values as well.
         evaluated: Whether values are for the elements that modifiers make, for tables. By default an object whose
             modifiers make others than its own mesh has is refused, as its attributes have no place for them.
-        casters: "SCENE": everything is in the way of rays; "OWN": only the object itself, the default for thickness.
 
     Raises:
         ValueError: For settings that make no bake, and for objects that cannot get values: by name. The scene is
@@ -110,7 +110,7 @@ def bake_rays(
 
 @dataclass(slots=True)
 class _Job:
-    """One receiver. tallies: of its blocks, between frames. totals, known: sums of values and of their shares."""
+    """One receiver. tallies: of its blocks, between frames. totals, known: sums of values, and how many."""
 
     receiver: Receiver
     key: str
@@ -128,10 +128,9 @@ class _Job:
                 np.fmin.at(self.totals.setdefault(name, np.full(count, np.nan)), points.elements, values)
                 continue
             is_known = ~np.isnan(values)
-            parts = np.where(is_known, points.weights * values, 0.0) ** (2 if name == "error" else 1)
-            for sums, added in ((self.totals, parts), (self.known, points.weights * is_known)):
-                sums.setdefault(name, np.zeros(count))
-                sums[name] += np.bincount(points.elements, added, count)
+            parts = np.where(is_known, values, 0.0) ** (2 if name == "error" else 1)
+            for sums, added in ((self.totals, parts), (self.known, is_known)):
+                np.add.at(sums.setdefault(name, np.zeros(count)), points.elements, added)
         if tally.settings.domain == "FACE":
             kept = {"origins": points.positions}
             if tally.settings.keep_visible:
@@ -148,19 +147,14 @@ class _Job:
             columns |= {name: columns[name] / known for name, known in self.known.items()}
         error, receiver = columns.pop("error", None), self.receiver
         columns = {name: columns.get(name, np.full(receiver.count, np.nan)) for name in settings.units}
-        areas = receiver.areas if settings.domain == "FACE" else None
-        kept = (areas, self.of_faces.get("origins"), self.of_faces.get("visible"))
-        where = (receiver.mesh.positions, receiver.transform)
         return BakedObject(
-            receiver.name,
-            receiver.session_uid,
-            receiver.instance,
-            receiver.instancer,
-            columns,
-            error,
-            *kept,
-            self.key,
-            *where,
+            *(receiver.name, receiver.session_uid, receiver.instance, receiver.instancer, columns, error),
+            areas=receiver.areas if settings.domain == "FACE" else None,
+            origins=self.of_faces.get("origins"),
+            visible=self.of_faces.get("visible"),
+            key=self.key,
+            positions=receiver.mesh.positions,
+            transform=receiver.transform,
         )
 
 
@@ -205,10 +199,9 @@ class Baker:
         self._needed = {obj.session_uid: obj.name for obj in needed}
         self._places = None
         if viewers is not None and not self._viewer:
-            expected = "an object, or finite positions of shape (V, 3)"
-            self._places = places = numbers_of("viewers", viewers, expected)
-            if places.ndim != 2 or places.shape[1] != 3 or not len(places) or not np.isfinite(places).all():
-                raise ValueError(f"{NAME}: viewers must be {expected}, got {viewers!r}")
+            self._places = check_column(NAME, "viewers", viewers, np.float64, (3,))
+            if not len(self._places) or not np.isfinite(self._places).all():
+                raise ValueError(f"{NAME}: viewers must be an object, or finite positions, got {viewers!r}")
         self.settings, self._threads, self._skip_missing = settings, threads, skip_missing
         self._chosen = {obj.session_uid: obj.name for obj in chosen}
         self._view = SceneView("bake", scene, layer, for_viewport=for_viewport)
@@ -264,7 +257,7 @@ class Baker:
         has_camera = settings.kind == "EXPOSURE" and self._places is None and (not viewer or viewer.type == "CAMERA")
         if has_camera and viewer is None and moment.camera is None:
             raise ValueError(f"{NAME}: scene {moment.scene.name!r} has no camera: choose viewers, or add one")
-        rays = len(settings.directions) if isinstance(settings.directions, np.ndarray) else settings.rays
+        rays = len(settings.directions.directions) if settings.kind == "SUN_HOURS" else settings.rays
         expected = sum(len(obj.data.polygons) for obj in objects if obj.type == "MESH") * rays
         building = self._sync.begin_update(depsgraph, expected, camera=viewer if has_camera else None)
         receivers = find_receivers(self._sync.record, depsgraph, objects, settings, self._skip_missing)
@@ -280,10 +273,13 @@ class Baker:
     def _begin(self, receivers: list[Receiver]) -> list[_Job]:
         """Makes the jobs, with what their values depend on; of exposure that is not known."""
         settings = self.settings
-        scene = () if settings.has_own_casters else _arrays_of(self._sync.record)
-        common = _digest(*scene, *(getattr(settings, each.name) for each in fields(BakeSettings)))
         if settings.kind == "EXPOSURE":
             return [_Job(receiver, "") for receiver in receivers]
+        scene = () if settings.kind == "THICKNESS" else _arrays_of(self._sync.record)
+        table = settings.directions
+        light = () if settings.kind != "SUN_HOURS" else (table.directions, table.weights, settings.has_cosine)
+        others = (getattr(settings, each.name) for each in fields(BakeSettings) if each.name != "directions")
+        common = _digest(*scene, *light, *others)
         keys = [
             _digest(common, one.who, *_shape_of(one.mesh), one.transform, one.uvs, one.corners, one.count)
             for one in receivers
@@ -294,7 +290,7 @@ class Baker:
         self, jobs: list[_Job], building: UpdateCommit, viewers: list[Viewer], is_last: bool
     ) -> Generator[float, None, None]:
         """Casts the rays of all jobs at one frame; in the last one, finishes them."""
-        if all(job.key in self._kept for job in jobs):
+        if self.settings.kind == "THICKNESS" or all(job.key in self._kept for job in jobs):
             self._sync.stop_building()
         else:
             while not building.wait(WAIT_SECONDS):
@@ -314,8 +310,8 @@ class Baker:
     def _cast(self, job: _Job, viewers: list[Viewer], is_last: bool) -> Generator[float, None, None]:
         """Casts the rays of a job at one frame, block by block."""
         settings = self.settings
-        scene = _own_scene(job.receiver) if settings.has_own_casters else self._sync.scene
-        points = place_points(job.receiver, settings, job.order)
+        scene = yield from self._scene_for(job.receiver)
+        points = yield from place_points(job.receiver, settings, job.order)
         job.order = points.ids.astype(np.int64)
         if settings.domain == "POINT" and len(points):  # rays are a vertex's, which has several points
             shared = len(np.unique(points.elements)) / len(points)
@@ -330,13 +326,28 @@ class Baker:
             for step in range(tally.step_count):
                 tally.cast(step)
                 if time.perf_counter() - yielded > YIELD_SECONDS:
-                    yield (number + step / tally.step_count) / len(blocks)
+                    yield PLACE_SHARE + (1.0 - PLACE_SHARE) * (number + step / tally.step_count) / len(blocks)
                     yielded = time.perf_counter()
             self._ray_count += tally.ray_count
             if is_last:
                 job.gather(tally)
             else:
                 job.tallies[number] = tally
+
+    def _scene_for(self, receiver: Receiver) -> Generator[float, None, Scene]:
+        """Returns the scene that the rays of a receiver may hit: for thickness one of it alone, which is built."""
+        if self.settings.kind != "THICKNESS":
+            return self._sync.scene
+        scene = Scene()
+        scene.add_instance(scene.add_mesh(receiver.mesh.positions, receiver.mesh.triangles), receiver.transform)
+        building = BackgroundWork(lambda progress: scene.commit(progress=progress), lambda report: report)
+        try:
+            while not building.wait(WAIT_SECONDS):
+                yield 0.0
+            building.result()
+        finally:
+            building.stop()
+        return scene
 
 
 def _check_same(before: list[Receiver], now: list[Receiver]) -> None:
@@ -345,14 +356,6 @@ def _check_same(before: list[Receiver], now: list[Receiver]) -> None:
         counts = [Counter(one.name for one in receivers) for receivers in (before, now)]
         name = next(iter((counts[0] - counts[1]) + (counts[1] - counts[0])), before[0].name)
         raise ValueError(f"{NAME}: object {name!r} is not the same in all of the frames: leave it out")
-
-
-def _own_scene(receiver: Receiver) -> Scene:
-    """A scene of the object alone."""
-    scene = Scene()
-    scene.add_instance(scene.add_mesh(receiver.mesh.positions, receiver.mesh.triangles), receiver.transform)
-    scene.commit()
-    return scene
 
 
 def _places_of(placed: Any) -> Float64Array:

@@ -7,8 +7,9 @@ everything else is where it is. Nothing of this is to be tuned.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from dataclasses import dataclass
+from collections.abc import Generator, Iterable, Iterator
+from dataclasses import dataclass, fields
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -17,7 +18,11 @@ import numpy.typing as npt
 from ..sync.records import Float32Array, Float64Array, MeshRecord, SceneRecord
 from .settings import NAME, BakeSettings
 
+PLACE_SHARE = 0.05  # of a bake's work
+
 IntArray = npt.NDArray[np.int64]
+# Of points on triangles: the triangles' rows, barycentric coordinates, and the elements that they belong to.
+Choice = tuple[IntArray, Float64Array, IntArray]
 
 _ROUNDING = 2.0**-47  # 32 units in the last place: the maps to the world and back, and the plane, are off by fewer
 _FLAT = 2.0**-40  # times the square of a triangle's extent: its normal would be rounding
@@ -25,7 +30,7 @@ _INSIDE = -1e-6  # barycentric: a centre on the diagonal of a quad is on both of
 # Least barycentric coordinate of a point. Rays from an edge, as from the middle of a quad, would need exact arithmetic
 # to tell on which side of it they pass; and in a corner it would be open which face they leave.
 _INSET = 2.0**-6
-_TEXELS_AT_ONCE = 1 << 22
+_TRIANGLES_AT_ONCE = _TEXELS_AT_ONCE = 1 << 16  # between two of which a bake may be stopped
 _MOST_NAMED = 5
 
 
@@ -37,14 +42,12 @@ class Points:
         positions: (P, 3) float64, world space, just off the triangle.
         normals: (P, 3) float64, unit, world space, to the side that rays leave on.
         elements: (P,) int64: the row of the value that it belongs to.
-        weights: (P,) float64: the point's share of that value.
         ids: (P,) uint64: numbers for random streams, for any order and division of the points.
     """
 
     positions: Float64Array
     normals: Float64Array
     elements: IntArray
-    weights: Float64Array
     ids: npt.NDArray[np.uint64]
 
     def __len__(self) -> int:
@@ -52,7 +55,7 @@ class Points:
 
     def blocks(self, most: int) -> list[Points]:
         """Cuts them into blocks of at most `most`."""
-        arrays = (self.positions, self.normals, self.elements, self.weights, self.ids)
+        arrays = [getattr(self, each.name) for each in fields(self)]
         cuts = [slice(first, first + most) for first in range(0, len(self), most)]
         return [Points(*(array[rows] for array in arrays)) for rows in cuts]
 
@@ -199,8 +202,10 @@ def name_flat_faces(receiver: Receiver) -> str | None:
 # Points --------------------------------------------------------------------------------------------------------------
 
 
-def place_points(receiver: Receiver, settings: BakeSettings, order: IntArray | None = None) -> Points:
-    """Places the points of a receiver; for thickness, rays leave on the inner side.
+def place_points(
+    receiver: Receiver, settings: BakeSettings, order: IntArray | None = None
+) -> Generator[float, None, Points]:
+    """Places the points of a receiver; yields from 0 to PLACE_SHARE. For thickness, rays leave on the inner side.
 
     Args:
         order: (P,) int64: the points in the order of another frame, its `Points.ids`; None for a curve through them.
@@ -208,31 +213,48 @@ def place_points(receiver: Receiver, settings: BakeSettings, order: IntArray | N
     Raises:
         ValueError: If there are more or fewer points than at that frame.
     """
-    domain = settings.domain
-    mesh, linear = receiver.mesh, receiver.transform[:, :3]
-    triangles = mesh.positions.astype(np.float64)[mesh.triangles]
-    areas, is_solid = _areas(triangles @ linear.T)
-    if domain == "FACE":
-        rows, weights, elements = _face_centres(triangles, areas, is_solid, mesh.polygon_ids)
-    elif domain == "TEXEL":
-        assert receiver.uvs is not None
-        rows, weights, elements = _texels(receiver.uvs, is_solid, settings.image_size)
-    else:
-        rows, weights, elements = _corners(areas, is_solid, receiver.corners)
-    shares = np.ones(len(rows))
+    mesh, linear, domain = receiver.mesh, receiver.transform[:, :3], settings.domain
+    side = -1.0 if settings.kind == "THICKNESS" else 1.0
+    taken = np.zeros(receiver.count if domain == "TEXEL" else 0, np.bool_)
+
+    def choose(rows: slice, triangles: Float64Array) -> Iterable[Choice]:
+        areas, is_solid = _areas(triangles @ linear.T)
+        if domain == "FACE":
+            return (_face_centres(triangles, areas, is_solid, mesh.polygon_ids[rows]),)
+        if receiver.uvs is not None:
+            return _texels(receiver.uvs[rows], is_solid, settings.image_size, taken)
+        return (_corners(areas, is_solid, receiver.corners[rows]),)
+
+    parts = []
+    cuts = _cuts(mesh.polygon_ids)
+    for first, last in pairwise(cuts):
+        rows = slice(first, last)
+        triangles = mesh.positions[mesh.triangles[rows]].astype(np.float64)
+        for chosen, weights, elements in choose(rows, triangles):
+            parts.append((*_lift(triangles[chosen], weights, receiver.transform, side), elements))
+            yield 0.8 * PLACE_SHARE * last / max(cuts[-1], 1)
+    positions, normals, elements = (np.concatenate(part) for part in zip(*parts, strict=True))
+    rows = np.arange(len(positions))
+    if domain == "TEXEL":  # in the order of the image
+        taken_by = np.full(receiver.count, -1)
+        taken_by[elements] = rows
+        rows = taken_by[taken_by >= 0]
     if domain == "POINT":
-        owners = np.zeros(int(receiver.corners.max()) + 1, np.int64)
+        owners = np.zeros(int(receiver.corners.max(initial=0)) + 1, np.int64)
         owners[receiver.corners] = mesh.triangles
         elements = owners[elements]
-        shares /= np.bincount(elements)[elements]
-    side = -1.0 if settings.kind == "THICKNESS" else 1.0
-    positions, normals = _lift(triangles[rows], weights, receiver.transform, side)
-    if order is None:
-        order = np.argsort(_morton(positions), kind="stable")
+    order = (yield from _curve_order(positions, rows)) if order is None else order
     if len(order) != len(positions):
         raise ValueError(f"{NAME}: the faces of object {receiver.name!r} change from frame to frame: bake one frame")
-    ids = np.arange(len(rows), dtype=np.uint64)
-    return Points(positions[order], normals[order], elements[order], shares[order], ids[order])
+    yield PLACE_SHARE
+    rows = rows[order]
+    return Points(positions[rows], normals[rows], elements[rows], order.astype(np.uint64))
+
+
+def _cuts(polygons: npt.NDArray[np.int32]) -> list[int]:
+    """Where to cut triangles into portions that share no polygon, with both ends."""
+    inner = polygons[_TRIANGLES_AT_ONCE::_TRIANGLES_AT_ONCE]
+    return [0, *np.unique(np.searchsorted(polygons, inner)).tolist(), len(polygons)]
 
 
 def _areas(triangles: Float64Array) -> tuple[Float64Array, npt.NDArray[np.bool_]]:
@@ -245,6 +267,7 @@ def _areas(triangles: Float64Array) -> tuple[Float64Array, npt.NDArray[np.bool_]
 
 def _best(keys: IntArray, scores: Float64Array) -> IntArray:
     """Rows of the best score of each key, ascending by key; the first of equals."""
+    keys = keys - (keys.min() if len(keys) else 0)
     best = np.full(int(keys.max(initial=-1)) + 1, -np.inf)
     np.maximum.at(best, keys, scores)
     rows = np.flatnonzero(scores == best[keys])[::-1]
@@ -255,17 +278,18 @@ def _best(keys: IntArray, scores: Float64Array) -> IntArray:
 
 def _face_centres(
     triangles: Float64Array, areas: Float64Array, is_solid: npt.NDArray[np.bool_], polygons: npt.NDArray[np.int32]
-) -> tuple[IntArray, Float64Array, IntArray]:
+) -> Choice:
     """The centre of area of each face, if it is on one of its triangles; else the centre of its largest triangle."""
     solid = np.flatnonzero(is_solid)
     corners, faces, areas = triangles[solid], polygons[solid].astype(np.int64), areas[solid]
-    total = np.bincount(faces, areas)
+    numbers = faces - (faces[0] if len(faces) else 0)
+    total = np.bincount(numbers, areas)
     middles = corners.mean(axis=1)
     with np.errstate(invalid="ignore"):
-        centres = np.stack([np.bincount(faces, areas * middles[:, axis]) / total for axis in range(3)], axis=1)
-    weights = _barycentric(corners, centres[faces])
+        centres = np.stack([np.bincount(numbers, areas * middles[:, axis]) / total for axis in range(3)], axis=1)
+    weights = _barycentric(corners, centres[numbers])
     least = weights.min(axis=1, initial=np.inf)
-    inside, largest = _best(faces, least), _best(faces, areas)
+    inside, largest = _best(numbers, least), _best(numbers, areas)
     is_inside = least[inside] >= _INSIDE
     chosen = np.where(is_inside, inside, largest)
     found = np.where(is_inside[:, None], np.maximum(weights[chosen], _INSET), 1.0)
@@ -282,9 +306,7 @@ def _barycentric(triangles: Float64Array, points: Float64Array) -> Float64Array:
     return np.stack([1.0 - v - w, v, w], axis=1)
 
 
-def _corners(
-    areas: Float64Array, is_solid: npt.NDArray[np.bool_], corners: IntArray
-) -> tuple[IntArray, Float64Array, IntArray]:
+def _corners(areas: Float64Array, is_solid: npt.NDArray[np.bool_], corners: IntArray) -> Choice:
     """Each face corner, in its largest triangle, a little inside: there a wall next to it shadows as it should."""
     solid = np.flatnonzero(is_solid)
     keys = corners[solid].reshape(-1)
@@ -295,9 +317,9 @@ def _corners(
 
 
 def _texels(
-    uvs: Float32Array, is_solid: npt.NDArray[np.bool_], size: tuple[int, int]
-) -> tuple[IntArray, Float64Array, IntArray]:
-    """Each texel whose centre is in a triangle of the map, within 0 to 1; the first triangle where several overlap."""
+    uvs: Float32Array, is_solid: npt.NDArray[np.bool_], size: tuple[int, int], taken: npt.NDArray[np.bool_]
+) -> Iterator[Choice]:
+    """Texels whose centre is in a triangle of the map, within 0 to 1, and that no other has taken; some at a time."""
     is_solid = is_solid & np.isfinite(uvs).all(axis=(1, 2))
     scaled = np.where(is_solid[:, None, None], uvs, 0.0) * size - 0.5  # texel centres are whole numbers
     low = np.maximum(np.ceil(scaled.min(axis=1)), 0).astype(np.int64)
@@ -305,24 +327,21 @@ def _texels(
     spans = np.where(is_solid[:, None], np.maximum(high - low + 1, 0), 0)
     counts = spans.prod(axis=1)
     ends = np.cumsum(counts)
-    found: list[tuple[IntArray, Float64Array, IntArray]] = []
-    first = 0
-    while first < len(counts):
-        before = ends[first] - counts[first]
-        last = max(first + 1, int(np.searchsorted(ends, before + _TEXELS_AT_ONCE, side="right")))
-        rows = np.repeat(np.arange(first, last), counts[first:last])
-        number = np.arange(len(rows)) - (ends[rows] - counts[rows] - before)
-        x, y = low[rows, 0] + number % spans[rows, 0], low[rows, 1] + number // spans[rows, 0]
+    total = int(counts.sum())
+    for first in range(0, max(total, 1), _TEXELS_AT_ONCE):
+        numbers = np.arange(first, min(first + _TEXELS_AT_ONCE, total))
+        rows = np.searchsorted(ends, numbers, side="right")
+        y, x = np.divmod(numbers - (ends - counts)[rows], spans[rows, 0])
+        x, y = x + low[rows, 0], y + low[rows, 1]
         corners = np.zeros((len(rows), 3, 3))
         corners[:, :, :2] = scaled[rows]
         with np.errstate(invalid="ignore", divide="ignore"):
             weights = _barycentric(corners, np.stack([x, y, np.zeros(len(x))], axis=1))
-        inside = np.flatnonzero(weights.min(axis=1, initial=np.inf) >= 0.0)
-        found.append((rows[inside], weights[inside], y[inside] * size[0] + x[inside]))
-        first = last
-    rows, weights, texels = (np.concatenate(part) for part in zip(*found, strict=True))
-    chosen = np.unique(texels, return_index=True)[1]
-    return rows[chosen], weights[chosen], texels[chosen]
+        texels = y * size[0] + x
+        inside = np.flatnonzero((weights.min(axis=1, initial=np.inf) >= 0.0) & ~taken[texels])
+        chosen = inside[np.unique(texels[inside], return_index=True)[1]]  # the first triangle where several overlap
+        taken[texels[chosen]] = True
+        yield rows[chosen], weights[chosen], texels[chosen]
 
 
 def _lift(
@@ -349,14 +368,18 @@ def _lift(
     return lifted @ linear.T + origin, turned / np.linalg.norm(turned, axis=1, keepdims=True)
 
 
-def _morton(positions: Float64Array) -> npt.NDArray[np.uint64]:
-    """(P,): the index along a curve that keeps neighbours together."""
-    if not len(positions):
-        return np.zeros(0, np.uint64)
-    low, high = positions.min(axis=0), positions.max(axis=0)
-    cells = ((positions - low) * (1023.0 / max(float((high - low).max()), 1e-300))).astype(np.uint64)
-    codes = np.zeros(len(positions), np.uint64)
-    for bit in range(10):
-        for axis in range(3):
-            codes |= ((cells[:, axis] >> np.uint64(bit)) & np.uint64(1)) << np.uint64(3 * bit + axis)
-    return codes
+def _curve_order(positions: Float64Array, rows: IntArray) -> Generator[float, None, IntArray]:
+    """Returns the order of some rows along a curve that keeps neighbours together; yields as `place_points`."""
+    codes = np.zeros(len(positions), np.uint32)  # of Morton
+    low, high = (positions.min(axis=0), positions.max(axis=0)) if len(positions) else (0.0, np.zeros(3))
+    scale = 1023.0 / max(float((high - low).max()), 1e-300)
+    for first in range(0, len(positions), _TRIANGLES_AT_ONCE):
+        some = slice(first, first + _TRIANGLES_AT_ONCE)
+        cells = ((positions[some] - low) * scale).astype(np.uint32)
+        for bit in range(10):
+            for axis in range(3):
+                codes[some] |= (cells[:, axis] >> bit & 1) << (3 * bit + axis)
+        yield 0.9 * PLACE_SHARE
+    codes = codes[rows]
+    order = np.argsort(codes.astype(np.uint16), kind="stable")  # numpy is fast for 16 bits
+    return np.asarray(order[np.argsort((codes >> 16).astype(np.uint16)[order], kind="stable")])

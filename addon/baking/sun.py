@@ -17,7 +17,7 @@ from zoneinfo import ZoneInfo
 
 import numpy as np
 import numpy.typing as npt
-from perfect_bvh._checks import check_count, check_number
+from perfect_bvh._checks import check_column, check_count, check_number
 
 Float64Array = npt.NDArray[np.float64]
 
@@ -76,27 +76,38 @@ class Place:
             ) from error
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class DirectionTable:
     """Directions towards light, with a weight each. A face gets the sum of the weights from which it is not shaded.
 
-    directions: (N, 3) float64 unit vectors. weights: (N,) float64, in `unit`.
-    times: (N,) datetime64[s] clock time of each; not-a-time for the sky.
+    directions: (N, 3) float64 unit vectors. weights: (N,) float64, in `unit`; without any, 1 each.
+    times: (N,) datetime64[s] clock time of each; not-a-time for the sky. None if they have none.
     unit: "h", or "kWh/m2". has_cosine: whether a face gets a weight times the cosine of its incidence.
     warnings: why the table is not as expected.
+
+    Raises ValueError for directions that are no unit vectors, and weights that are no finite numbers, one for each.
     """
 
     directions: Float64Array
-    weights: Float64Array
-    times: npt.NDArray[np.datetime64]
+    weights: Float64Array | None = None
+    times: npt.NDArray[np.datetime64] | None = None
     unit: str = "h"
     has_cosine: bool = False
     warnings: tuple[str, ...] = ()
 
-    @property
-    def arguments(self) -> dict[str, Any]:
-        """The table as arguments of `bake_rays`."""
-        return {"directions": self.directions, "weights": self.weights, "unit": self.unit, "cosine": self.has_cosine}
+    def __post_init__(self) -> None:
+        directions = check_column("DirectionTable", "directions", self.directions, np.float64, (3,))
+        off = np.flatnonzero(~(np.abs(np.linalg.norm(directions, axis=1) - 1.0) <= 1e-6))
+        if len(off):
+            wrong = directions[off[0]].tolist()
+            raise ValueError(f"DirectionTable: directions must be unit vectors, got {wrong} in row {off[0]}")
+        given = np.ones(len(directions)) if self.weights is None else self.weights
+        weights = check_column("DirectionTable", "weights", given, np.float64, ())
+        if len(weights) != len(directions) or not np.isfinite(weights).all():
+            raise ValueError(f"DirectionTable: weights must be {len(directions)} finite numbers, got {given!r}")
+        _check_kind("DirectionTable", "unit", self.unit, str)
+        object.__setattr__(self, "directions", directions)
+        object.__setattr__(self, "weights", weights)
 
 
 # Sun -----------------------------------------------------------------------------------------------------------------

@@ -63,8 +63,7 @@ def bake_work(scene: bpy.types.Scene, _stop: StopRequest, arguments: argparse.Na
     kind, suffix = arguments.kind.replace("-", "_").upper(), f".{arguments.format}"
     try:
         table = _table(arguments) if kind == "SUN_HOURS" else None
-        choices |= {} if table is None else table.arguments
-        settings = BakeSettings(kind, arguments.domain.upper(), **choices)
+        settings = BakeSettings(kind, arguments.domain.upper(), directions=table, **choices)
     except ValueError as error:
         raise CommandError(str(error)) from error
     except OSError as error:

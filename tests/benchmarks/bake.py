@@ -29,6 +29,7 @@ import numpy as np
 import numpy.typing as npt
 from benchmarks import options
 from benchmarks.rounds import Spread, run_rounds
+from blender.baked_scenes import end_of
 from embreex import rtcore_scene
 from embreex.mesh_construction import TriangleMesh
 from perfect_bvh._tuning import Traced
@@ -116,7 +117,7 @@ def race_rays(chosen: argparse.Namespace) -> Row:
     depsgraph, sync = bpy.context.evaluated_depsgraph_get(), SceneSync(watch=False)
     sync.update(depsgraph, chosen.faces * chosen.suns)
     (receiver,) = find_receivers(sync.record, depsgraph, [made], settings, False)
-    points = place_points(receiver, settings)
+    points = end_of(place_points(receiver, settings))
     scene = rtcore_scene.EmbreeScene()
     TriangleMesh(scene, receiver.mesh.positions[receiver.mesh.triangles].astype(np.float32))
     above = [np.flatnonzero(points.normals @ sun > 0.0) for sun in suns(RACED_SUNS)]

@@ -1,11 +1,9 @@
-"""Values that rays bake onto surfaces: closed forms, a brute force in double precision, and what is refused."""
+"""Values that rays bake onto surfaces: closed forms, and a brute force in double precision."""
 
 from __future__ import annotations
 
-import csv
 import math
 from collections.abc import Sequence
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -15,67 +13,36 @@ import pytest
 
 bpy = pytest.importorskip("bpy")
 
-from blender.builders import (  # noqa: E402
-    camera_object,
-    collection,
-    collection_instance,
-    instances_on_grid,
-    made_cube,
-    mesh_object,
+from blender.baked_scenes import (  # noqa: E402
+    SUN_PATH,
+    SUNS,
+    UP,
+    Floats,
+    box,
+    centres,
+    end_of,
+    ground,
+    made,
+    normals,
+    world_corners,
+    world_quads,
 )
-from perfect_bvh_addon import Bake, bake_rays  # noqa: E402
+from blender.builders import camera_object, mesh_object  # noqa: E402
+from perfect_bvh_addon import DirectionTable, bake_rays  # noqa: E402
 from perfect_bvh_addon.baking import Baker, BakeSettings  # noqa: E402
 from perfect_bvh_addon.baking.receivers import Receiver, place_points  # noqa: E402
 from perfect_bvh_addon.sync.records import MeshRecord  # noqa: E402
 
-Floats = npt.NDArray[np.float64]
-BOX = ((0, 3, 2, 1), (4, 5, 6, 7), (0, 1, 5, 4), (1, 2, 6, 5), (2, 3, 7, 6), (3, 0, 4, 7))
-SUN_PATH = np.radians(np.arange(1.0, 180.0))
-SUNS = np.stack([np.cos(SUN_PATH), np.zeros(len(SUN_PATH)), np.sin(SUN_PATH)], axis=1)  # over the x axis
-UP = [[0.0, 0.0, 1.0]]
-
 pytestmark = pytest.mark.usefixtures("scene")
 
-
-def made(name: str, vertices: Any, faces: Sequence[Sequence[int]], **how: Any) -> Any:
-    mesh = bpy.data.meshes.new(name)
-    mesh.from_pydata(np.asarray(vertices, np.float64).tolist(), [], faces)
-    return mesh_object(name, mesh, **how)
-
-
-def box(name: str, low: Sequence[float], high: Sequence[float], **how: Any) -> Any:
-    """A box whose faces show outwards: below, above, and the sides."""
-    (x, y, z), (u, v, w) = low, high
-    bottom, top = ((x, y), (u, y), (u, v), (x, v)), ((x, y), (u, y), (u, v), (x, v))
-    return made(name, [(*xy, z) for xy in bottom] + [(*xy, w) for xy in top], BOX, **how)
-
-
-def ground(name: str, size: tuple[float, float], counts: tuple[int, int], **how: Any) -> Any:
-    """A grid in the plane z = 0, around the origin; faces show up."""
-    bpy.ops.mesh.primitive_grid_add(x_subdivisions=counts[0], y_subdivisions=counts[1], size=1.0)
-    obj = bpy.context.object
-    for vertex in obj.data.vertices:
-        vertex.co.x, vertex.co.y = vertex.co.x * size[0], vertex.co.y * size[1]
-    obj.name, obj.location = name, how.get("location", (0.0, 0.0, 0.0))
-    return obj
-
-
-def centres(obj: Any) -> Floats:
-    return np.array([face.center for face in obj.data.polygons])
-
-
-def normals(obj: Any) -> Floats:
-    return np.array([face.normal for face in obj.data.polygons])
-
-
-# Closed forms --------------------------------------------------------------------------------------------------------
+# Closed forms ---------------------------------------------------------------------------------------------------------
 
 
 def test_a_wall_shades_the_ground_for_as_long_as_the_sun_is_behind_it() -> None:
     floor = ground("Floor", (10.0, 2.0), (50, 1), location=(5.0, 0.0, 0.0))
     box("Wall", (-1.0, -1000.0, -1.0), (0.0, 1000.0, 3.0))
     weights = np.linspace(0.1, 2.0, len(SUNS))
-    bake = bake_rays([floor], kind="SUN_HOURS", directions=SUNS, weights=weights)
+    bake = bake_rays([floor], kind="SUN_HOURS", directions=DirectionTable(SUNS, weights))
     origins = bake["Floor"].origins
     assert np.abs(origins[:, :2] - centres(floor)[:, :2] - (5.0, 0.0)).max() < 0.02  # near the centres
     away = origins[:, 0]
@@ -85,9 +52,20 @@ def test_a_wall_shades_the_ground_for_as_long_as_the_sun_is_behind_it() -> None:
     assert bake.ray_count == len(away) * len(SUNS)
 
 
+def test_sums_of_hours_are_exact() -> None:
+    """Steps of a sixth or of seven sixtieths of an hour are no whole binary fractions."""
+    floor = ground("Floor", (1.0, 1.0), (1, 1))
+    for minutes, count in ((10, 72), (7, 60), (1, 720)):
+        table = DirectionTable(UP * count, np.full(count, minutes / 60.0))
+        assert np.cumsum(table.weights)[-1] != count * minutes / 60
+        for domain in ("FACE", "CORNER", "POINT"):
+            baked = bake_rays([floor], kind="SUN_HOURS", domain=domain, directions=table)["Floor"]
+            assert set(baked.values.tolist()) == {count * minutes / 60}
+
+
 def test_irradiance_has_the_cosine() -> None:
     slope = made("Slope", [(0, 0, 0), (1, 0, 1), (1, 1, 1), (0, 1, 0)], [(0, 1, 2, 3)])
-    bake = bake_rays([slope], kind="SUN_HOURS", directions=SUNS, cosine=True, unit="kWh/m2")
+    bake = bake_rays([slope], kind="SUN_HOURS", directions=DirectionTable(SUNS, unit="kWh/m2", has_cosine=True))
     cosines = SUNS @ np.array([-math.sqrt(0.5), 0.0, math.sqrt(0.5)])
     assert bake["Slope"].values == pytest.approx([cosines[cosines > 0].sum()], rel=1e-12)
     assert bake.units == {"sun_hours": "kWh/m2"}
@@ -134,8 +112,6 @@ def test_a_slab_is_as_thick_as_it_is(method: str, angle: float, scale: Sequence[
     box("Beside", (-5.0, -5.0, 0.1), (5.0, 5.0, 0.2), location=slab.location).rotation_euler = slab.rotation_euler
     baked = bake_rays([slab], kind="THICKNESS", method=method, angle=angle)["Slab"]
     assert baked.values[:2] == pytest.approx([0.25 * scale[2]] * 2, rel=1e-5)
-    through = bake_rays([slab], kind="THICKNESS", method=method, angle=angle, casters="SCENE")["Slab"]
-    assert through.values[0] < 0.12 * scale[2] < baked.values[0]
 
 
 def test_a_ball_is_as_thick_as_its_diameter() -> None:
@@ -177,7 +153,7 @@ def test_occlusion_falls_off_with_the_distance() -> None:
     assert baked.values.mean() == pytest.approx(1.0 - (1.0 - c) ** 2, abs=5.0 * baked.values.std() / 10 + 1e-5)
 
 
-# Where rays begin ----------------------------------------------------------------------------------------------------
+# Where rays begin -----------------------------------------------------------------------------------------------------
 
 
 def test_a_ray_never_hits_the_triangle_that_it_leaves() -> None:
@@ -201,7 +177,7 @@ def test_a_ray_never_hits_the_triangle_that_it_leaves() -> None:
         scene.add_instance(scene.add_mesh(mesh.positions, mesh.triangles), transform)
         scene.commit()
         for kind, domain in (("SKY_VIEW", "FACE"), ("THICKNESS", "CORNER")):
-            points = place_points(receiver, BakeSettings(kind, domain))
+            points = end_of(place_points(receiver, BakeSettings(kind, domain)))
             for position, normal in zip(points.positions, points.normals, strict=True):
                 directions = random.normal(size=(ray_count, 3))
                 heights = directions @ normal
@@ -214,10 +190,10 @@ def test_the_sides_of_a_crease_shadow_each_other() -> None:
     room = made(
         "Room", [(0, -9, 0), (9, -9, 0), (9, 9, 0), (0, 9, 0), (0, -9, 9), (0, 9, 9)], [(0, 1, 2, 3), (0, 3, 5, 4)]
     )
-    suns = [[-0.6, 0.0, 0.8], [0.6, 0.0, 0.8]]
-    corners = bake_rays([room], kind="SUN_HOURS", domain="CORNER", directions=suns, weights=[1.0, 10.0])["Room"]
+    suns = DirectionTable([[-0.6, 0.0, 0.8], [0.6, 0.0, 0.8]], [1.0, 10.0])
+    corners = bake_rays([room], kind="SUN_HOURS", domain="CORNER", directions=suns)["Room"]
     assert corners.values.tolist() == [10.0, 11.0, 11.0, 10.0, 10.0, 10.0, 10.0, 10.0]
-    points = bake_rays([room], kind="SUN_HOURS", domain="POINT", directions=suns, weights=[1.0, 10.0])["Room"]
+    points = bake_rays([room], kind="SUN_HOURS", domain="POINT", directions=suns)["Room"]
     assert points.values == pytest.approx([10.0, 11.0, 11.0, 10.0, 10.0, 10.0])
 
 
@@ -302,22 +278,13 @@ def test_sun_hours_of_a_street_are_those_of_a_brute_force() -> None:
     ]
 
 
-def world_corners(obj: Any) -> Floats:
-    matrix = np.array(obj.matrix_world, np.float64)
-    return np.array([vertex.co for vertex in obj.data.vertices]) @ matrix[:3, :3].T + matrix[:3, 3]
-
-
-def world_quads(obj: Any) -> Floats:
-    return world_corners(obj)[[list(face.vertices) for face in obj.data.polygons]]
-
-
 def test_a_mirrored_object_faces_where_it_is_shown_to() -> None:
     obj = ground("Mirrored", (1.0, 1.0), (1, 1))
     obj.scale = (-1.0, 1.0, 1.0)
     assert bake_rays([obj], kind="SUN_HOURS", directions=UP)["Mirrored"].values.tolist() == [1.0]
 
 
-# Exposure ------------------------------------------------------------------------------------------------------------
+# Exposure -------------------------------------------------------------------------------------------------------------
 
 
 def test_a_camera_sees_what_is_in_its_frames(scene: Any) -> None:
@@ -358,7 +325,7 @@ def test_a_curve_and_positions_are_viewers() -> None:
     assert by_places.columns["exposure"].tolist() == [0.5]
 
 
-# Repeatable ----------------------------------------------------------------------------------------------------------
+# Repeatable -----------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("kind", ["SKY_VIEW", "AMBIENT_OCCLUSION", "THICKNESS"])
@@ -374,6 +341,21 @@ def test_threads_and_blocks_do_not_change_a_byte(kind: str, monkeypatch: pytest.
     assert not np.array_equal(other.objects[0].values, first.objects[0].values)
 
 
+@pytest.mark.parametrize("domain", ["FACE", "CORNER", "POINT", "TEXEL"])
+def test_points_placed_in_portions_are_the_same(domain: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    bpy.ops.mesh.primitive_monkey_add()
+    head = bpy.context.object
+    how: dict[str, Any] = {"kind": "SKY_VIEW", "domain": domain, "rays": 8, "image_size": (32, 24)}
+    whole = bake_rays([head], **how).objects[0]
+    count = len(list(Baker([head], BakeSettings(**how)).steps()))
+    monkeypatch.setattr("perfect_bvh_addon.baking.receivers._TRIANGLES_AT_ONCE", 7)
+    monkeypatch.setattr("perfect_bvh_addon.baking.receivers._TEXELS_AT_ONCE", 5)
+    parts = bake_rays([head], **how).objects[0]
+    assert np.isfinite(whole.values).any()
+    np.testing.assert_array_equal(parts.values, whole.values)
+    assert len(list(Baker([head], BakeSettings(**how)).steps())) > count + 967 // 14  # it can be stopped in between
+
+
 def test_what_did_not_change_is_kept() -> None:
     objects = [ground("One", (1.0, 1.0), (2, 2)), ground("Two", (1.0, 1.0), (2, 2), location=(3.0, 0.0, 0.0))]
     how: dict[str, Any] = {"kind": "SKY_VIEW", "rays": 16}
@@ -384,9 +366,10 @@ def test_what_did_not_change_is_kept() -> None:
     assert bake_rays(objects, previous=first, kind="SKY_VIEW", rays=32).ray_count > 0
     objects[1].location.z = 1.0
     assert bake_rays(objects, previous=again, **how)["One"] is not first["One"]  # something that it sees moved
-    alone = bake_rays(objects, casters="OWN", **how)
+    how["kind"] = "THICKNESS"  # for which only the object itself counts
+    alone = bake_rays(objects, **how)
     objects[1].location.z = 2.0
-    moved = bake_rays(objects, casters="OWN", previous=alone, **how)
+    moved = bake_rays(objects, previous=alone, **how)
     assert moved["One"] is alone["One"]
     assert moved["Two"] is not alone["Two"]
 
@@ -407,267 +390,3 @@ def test_a_stopped_bake_has_whole_objects() -> None:
     baker = Baker(objects, BakeSettings("SKY_VIEW", rays=4))
     assert not baker.run(lambda _: len(baker.result().objects) < 1)
     assert [len(baked.values) for baked in baker.result().objects] in ([4], [4, 4])
-
-
-# Where values go -----------------------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("domain", ["FACE", "CORNER", "POINT"])
-def test_attributes_are_those_of_the_own_mesh(domain: str) -> None:
-    floor = ground("Floor", (4.0, 4.0), (3, 2))
-    floor.modifiers.new("Wave", "WAVE")  # it moves vertices, and makes none
-    bake = bake_rays([floor], kind="SUN_HOURS", domain=domain, directions=SUNS)
-    assert bake.write_attributes("Light") == ("Light",)
-    attribute = floor.data.attributes["Light"]
-    assert (attribute.domain, attribute.data_type) == (domain, "FLOAT")
-    found = np.empty(len(attribute.data), np.float32)
-    attribute.data.foreach_get("value", found)
-    assert found.tolist() == bake["Floor"].values.astype(np.float32).tolist()
-    assert bake.write_attributes("Light") == ("Light",)  # the same place again
-
-
-def test_instances_and_shared_meshes_get_copies() -> None:
-    boxes = collection("Boxes", linked=False)
-    part = ground("Part", (1.0, 1.0), (2, 2))
-    bpy.context.scene.collection.objects.unlink(part)
-    boxes.objects.link(part)
-    bpy.context.scene.collection.children.link(boxes)
-    collection_instance("Shown", boxes, location=(5.0, 0.0, 1.0))
-    ground("Roof", (1.0, 1.0), (1, 1), location=(5.0, 0.0, 3.0))
-    bake = bake_rays([part], kind="SUN_HOURS", directions=UP, instances=True)
-    assert [(baked.name, bool(baked.instance)) for baked in bake.objects] == [("Part", False), ("Part", True)]
-    assert [baked.values.tolist() for baked in bake.objects] == [[1.0] * 4, [0.0] * 4]
-    assert [table["instance"][0] for table in bake.tables()] == ["", "Shown 0"]
-    with pytest.raises(ValueError, match=r"'Part' shares its mesh with an instance of it: .*realise=True"):
-        bake.write_attributes()
-    assert "sun_hours" not in part.data.attributes
-    bake.write_attributes(realise=True)
-    bpy.context.view_layer.update()
-    copies = bpy.data.collections["Baked"].objects
-    assert [tuple(copy.matrix_world.translation) for copy in copies] == [(0.0, 0.0, 0.0), (5.0, 0.0, 1.0)]
-    assert [copy.data.attributes["sun_hours"].data[0].value for copy in copies] == [1.0, 0.0]
-
-
-def test_instances_that_geometry_nodes_make_are_no_copies_of_the_mesh() -> None:
-    field = instances_on_grid("Field", made_cube, keep_own=True)
-    bake = bake_rays([field], kind="SUN_HOURS", directions=UP, instances=True, evaluated=True)
-    assert [len(baked.values) for baked in bake.objects] == [len(bake.objects[0].origins)]
-    assert not bake.objects[0].instance
-
-
-def test_a_sheared_object_has_a_copy_in_its_place() -> None:
-    turned = box("Turned", (0.0, 0.0, 0.0), (1.0, 2.0, 3.0))
-    for mirror in (1.0, -1.0):
-        turned.parent = mesh_object(f"Stretched {mirror}", location=(1.0, 2.0, 3.0))
-        turned.parent.scale, turned.rotation_euler = (1.0, 5.0 * mirror, 1.0), (0.5, 0.6, 0.7)
-        bpy.context.view_layer.update()
-        bake_rays([turned], kind="SUN_HOURS", directions=UP).write_attributes(realise=True)
-        bpy.context.view_layer.update()
-        copy = bpy.data.collections["Baked"].objects[-1]
-        np.testing.assert_allclose(world_corners(copy), world_corners(turned), atol=1e-5)
-        assert copy.matrix_world.is_negative == turned.matrix_world.is_negative
-
-
-def test_an_object_of_a_library_may_have_the_name_of_another(tmp_path: Path) -> None:
-    floor = ground("Floor", (1.0, 1.0), (1, 1), location=(5.0, 0.0, 0.0))
-    bpy.data.libraries.write(str(tmp_path / "library.blend"), {floor})
-    with bpy.data.libraries.load(str(tmp_path / "library.blend"), link=True) as (_, wanted):
-        wanted.objects = ["Floor"]
-    bpy.context.collection.objects.link(wanted.objects[0])
-    floor.location.x = 0.0
-    bake = bake_rays([floor, wanted.objects[0]], kind="SUN_HOURS", directions=UP)
-    assert [baked.transform[0, 3] for baked in bake.objects] == [0.0, 5.0]
-
-
-def test_what_frames_do_not_share_is_named(scene: Any) -> None:
-    floor, gone = ground("Floor", (1.0, 1.0), (1, 1)), ground("Gone", (1.0, 1.0), (1, 1), location=(5.0, 0.0, 0.0))
-    for frame, is_hidden in ((1, False), (2, True)):
-        gone.hide_render = is_hidden
-        gone.keyframe_insert("hide_render", frame=frame)
-    for frames in ((1, 2), (2, 1)):
-        settings = BakeSettings("EXPOSURE", viewers=[(0.0, 0.0, 1.0)], frames=frames)
-        with pytest.raises(ValueError, match="bake_rays: object 'Gone' is not the same in all of the frames"):
-            Baker([floor, gone], settings, skip_missing=True).run()
-    viewer = mesh_object("Viewer", location=(0.0, 0.0, 2.0))
-    steps = Baker([floor], BakeSettings("EXPOSURE", viewers=viewer, frames=(1, 2))).steps()
-    next(steps)
-    bpy.data.objects.remove(viewer)
-    with pytest.raises(ValueError, match="object 'Viewer' was deleted during the bake"):
-        list(steps)
-
-
-def test_an_image_shows_faces_by_their_uv_map() -> None:
-    wide = ground("Wide", (2.0, 2.0), (2, 1))
-    for loop, uv in enumerate(wide.data.uv_layers.active.uv):
-        vertex = wide.data.vertices[wide.data.loops[loop].vertex_index].co
-        uv.vector = (0.25 + 0.25 * (vertex.x + 1.0), 0.25 + 0.25 * (vertex.y + 1.0))
-    box("Roof", (0.0, -5.0, 1.0), (5.0, 5.0, 2.0))
-    bake = bake_rays([wide], kind="SUN_HOURS", domain="TEXEL", directions=UP, image_size=(32, 16))
-    values = bake["Wide"].values.reshape(16, 32)
-    assert np.isnan(values[:4]).all()
-    assert np.isnan(values[12:]).all()
-    assert (values[4:12, 8:16] == 1.0).all()
-    assert (values[4:12, 16:24] == 0.0).all()
-    (image,) = bake.to_image(margin=2)
-    pixels = np.array(image.pixels[:]).reshape(16, 32, 4)
-    assert tuple(image.size) == (32, 16)
-    assert (pixels[:, :, 3] > 0.0).sum() == 12 * 20
-    assert (pixels[2, 6:14, 0] == 1.0).all()
-    assert bake.to_image(margin=0)[0] == image
-    with pytest.raises(ValueError, match="to_image: margin must be an integer from 0"):
-        bake.to_image(margin=-1)
-    bpy.data.images.remove(image)
-    bpy.data.images.new("Wide sun_hours", 32, 16)
-    assert bake.to_image()[0].is_float
-    with pytest.raises(ValueError, match="texels belong to images"):
-        bake.write_attributes()
-
-
-def test_tables_have_a_row_a_face(tmp_path: Path) -> None:
-    objects = [ground("One", (2.0, 1.0), (2, 1)), ground("Two", (1.0, 1.0), (1, 1), location=(9.0, 0.0, 0.0))]
-    bake = bake_rays(objects, kind="SKY_VIEW", rays=8)
-    rows = list(csv.DictReader(bake.write_csv(tmp_path / "sky.csv").read_text("utf-8").splitlines()))
-    assert [(row["object"], row["face"]) for row in rows] == [("One", "0"), ("One", "1"), ("Two", "0")]
-    assert [float(row["area"]) for row in rows] == pytest.approx([1.0, 1.0, 1.0])
-    assert [float(row["sky_view"]) for row in rows] == [*bake["One"].values, *bake["Two"].values]
-    parquet = pytest.importorskip("pyarrow.parquet")
-    table = parquet.read_table(bake.write_parquet(tmp_path / "sky.parquet")).to_pydict()
-    assert table["sky_view"] == [float(row["sky_view"]) for row in rows]
-    assert list(table) == list(rows[0]) == ["object", "instance", "face", "area", "sky_view", "sky_view_error"]
-
-
-# What is refused -----------------------------------------------------------------------------------------------------
-
-
-def refused(match: str, *objects: Any, **how: Any) -> None:
-    before = [obj.name for obj in bpy.data.objects], [mesh.name for mesh in bpy.data.meshes]
-    with pytest.raises(ValueError, match=match):
-        bake_rays(objects, **({"kind": "SKY_VIEW", "rays": 4} | how))
-    assert ([obj.name for obj in bpy.data.objects], [mesh.name for mesh in bpy.data.meshes]) == before
-    assert all("sky_view" not in mesh.attributes for mesh in bpy.data.meshes)
-
-
-def test_objects_without_a_place_for_values_are_named(scene: Any) -> None:
-    floor = ground("Floor", (1.0, 1.0), (1, 1))
-    refused("no objects: select the meshes")
-    for wrong in (floor, "Floor", ["Floor"], 3):
-        with pytest.raises(ValueError, match="bake_rays: objects must be a sequence of bpy"):
-            bake_rays(wrong, kind="SKY_VIEW")  # type: ignore[arg-type]
-    refused("object 'Eye' is of type CAMERA, not a mesh", floor, camera_object("Eye"))
-    refused("object 'Dust' has no faces", floor, made("Dust", [(0, 0, 0)], []))
-    refused("object 'Loose' is not in scene", floor, mesh_object("Loose", collection=False))
-    hidden = ground("Hidden", (1.0, 1.0), (1, 1))
-    hidden.hide_render = True
-    refused("object 'Hidden' is not in the evaluated scene", hidden)
-    flat = ground("Flat", (1.0, 1.0), (1, 1))
-    flat.scale.z = 0.0
-    refused("object 'Flat' is flattened by a scale of 0", flat)
-    round_one = ground("Round", (1.0, 1.0), (1, 1))
-    round_one.modifiers.new("Smoother", "SUBSURF")
-    refused("object 'Round' has 1 faces, but 16 or others after 'Smoother'", round_one)
-    bpy.context.view_layer.objects.active = floor
-    bpy.ops.object.mode_set(mode="EDIT")
-    refused("object 'Floor' is in Edit Mode", floor)
-    bpy.ops.object.mode_set(mode="OBJECT")
-    bare = made("Bare", [(0, 0, 0), (1, 0, 0), (0, 1, 0)], [(0, 1, 2)])
-    refused("object 'Bare' has no UV map", bare, domain="TEXEL")
-    refused("object 'Floor' has no UV map 'Other'", floor, domain="TEXEL", uv_map="Other")
-
-
-@pytest.mark.parametrize(
-    ("match", "how"),
-    [
-        ("kind must be one of SUN_HOURS, .*; got 'MOON'", {"kind": "MOON"}),
-        ("domain must be one of FACE, .*; got 'EDGE'", {"domain": "EDGE"}),
-        ("rays must be an integer from 1", {"rays": 0}),
-        ("distance must be a finite number above 0", {"distance": 0.0}),
-        ("distance must be a finite number above 0, got 'far'", {"distance": "far"}),
-        ("cosine must be True or False, got 'no'", {"cosine": "no"}),
-        ("unit must be a text, got 3", {"unit": 3}),
-        ("image_size must be .width, height., got 3", {"image_size": 3}),
-        ("frames must be a sequence of integers, got 5", {"frames": 5}),
-        ("frames must be an integer from -1048574 .*, got 1.5", {"frames": [1.5]}),
-        ("directions must be numbers of shape .D, 3., got 'up'", {"kind": "SUN_HOURS", "directions": "up"}),
-        ("threads must be an integer from 0 .*, got 'all'", {"threads": "all"}),
-        ("previous must be a Bake, an earlier result, got 'last'", {"previous": "last"}),
-        ("progress must be a function of the share done, got 3", {"progress": 3}),
-        ("viewers must be .*finite positions .*nan", {"kind": "EXPOSURE", "viewers": [[0.0, 0.0, math.nan]]}),
-        ("viewers must be .*, got 'Camera'", {"kind": "EXPOSURE", "viewers": "Camera"}),
-        ("falloff needs a distance", {"falloff": 1.0}),
-        ("needs directions", {"kind": "SUN_HOURS"}),
-        ("unit vectors, got .* in row 1", {"kind": "SUN_HOURS", "directions": [[0, 0, 1], [0, 0, 2]]}),
-        ("weights must be 1 finite numbers", {"kind": "SUN_HOURS", "directions": UP, "weights": [math.nan]}),
-        ("frames must be one, or more for the kind 'EXPOSURE'", {"frames": (1, 2)}),
-        ("scene 'Scene' has no camera", {"kind": "EXPOSURE"}),
-        ("viewers must be an object, or finite positions", {"kind": "EXPOSURE", "viewers": [1.0, 2.0]}),
-    ],
-)
-def test_settings_that_make_no_bake_are_named(match: str, how: dict[str, Any]) -> None:
-    refused(f"^bake_rays: .*{match}", ground("Floor", (1.0, 1.0), (1, 1)), **how)
-
-
-def test_an_unknown_argument_is_named() -> None:
-    with pytest.raises(TypeError, match="unexpected keyword argument 'ray'"):
-        bake_rays(kind="SKY_VIEW", ray=3)
-
-
-def test_faces_without_an_area_are_named_and_have_no_value() -> None:
-    obj = made("Odd", [(0, 0, 0), (1, 0, 0), (0, 1, 0), (2, 0, 0)], [(0, 1, 2), (0, 1, 3)])
-    bake = bake_rays([obj], kind="SUN_HOURS", directions=UP)
-    assert bake["Odd"].values.tolist()[0] == 1.0
-    assert np.isnan(bake["Odd"].values[1])
-    assert "Odd: 1 faces without an area have no value: 1" in bake.warnings
-    vertices = bake_rays([obj], kind="SUN_HOURS", domain="POINT", directions=UP)["Odd"].values
-    assert np.isnan(vertices).tolist() == [False, False, False, True]
-
-
-def test_an_object_of_flat_faces_has_no_values() -> None:
-    obj = made("Line", [(0, 0, 0), (1, 0, 0), (2, 0, 0)], [(0, 1, 2)])
-    for domain in ("FACE", "CORNER", "POINT"):
-        baked = bake_rays([obj], kind="SKY_VIEW", domain=domain, rays=2)["Line"]
-        assert np.isnan(baked.values).all()
-        assert len(baked.values) == (1 if domain == "FACE" else 3)
-
-
-def test_viewports_have_their_own_scene() -> None:
-    floor, roof = ground("Floor", (1.0, 1.0), (1, 1)), ground("Roof", (2.0, 2.0), (1, 1), location=(0.0, 0.0, 1.0))
-    roof.hide_render = True
-    for for_viewport, hours in ((False, 1.0), (True, 0.0)):
-        bake = bake_rays([floor], kind="SUN_HOURS", directions=UP, for_viewport=for_viewport)
-        assert bake["Floor"].values.tolist() == [hours]
-
-
-def written(bake: Bake, match: str) -> None:
-    with pytest.raises(ValueError, match=match):
-        bake.write_attributes()
-    assert all("sun_hours" not in obj.data.attributes for obj in bpy.data.objects if obj.name == "Floor")
-
-
-def test_attributes_are_all_written_or_none() -> None:
-    floor, other = ground("Floor", (1.0, 1.0), (1, 1)), ground("Other", (1.0, 1.0), (1, 1), location=(5.0, 0.0, 0.0))
-    bake = bake_rays([floor, other], kind="SUN_HOURS", directions=UP)
-    other.data.attributes.new("sun_hours", "INT", "POINT")
-    written(bake, "'Other' has an attribute 'sun_hours', a INT of the domain POINT")
-    other.data.attributes.remove(other.data.attributes["sun_hours"])
-    own, other.data = other.data, floor.data
-    written(bake, "shares its mesh with '(Floor|Other)': make it single-user")
-    written(bake_rays([other], kind="SUN_HOURS", directions=UP), "'Other' shares its mesh with 'Floor'")
-    other.data = made("More", [(0, 0, 0), (1, 0, 0), (0, 1, 0), (1, 1, 1)], [(0, 1, 2), (1, 3, 2)]).data
-    written(bake, "the mesh of object 'Other' has other elements")
-    other.data = own
-    other.vertex_groups.new(name="sun_hours")
-    written(bake, "'Other' has a vertex group 'sun_hours': choose a name")
-    other.vertex_groups.clear()
-    for name in ("", "material_index", "long" * 20):
-        with pytest.raises(ValueError, match=f"an attribute cannot have the name '{name}'"):
-            bake.write_attributes(name)
-    with pytest.raises(ValueError, match="name must be a text, got 3"):
-        bake.write_attributes(3)  # type: ignore[arg-type]
-    evaluated = bake_rays([floor, other], kind="SUN_HOURS", directions=UP, evaluated=True)
-    written(evaluated, "the elements are not those of the meshes: bake without evaluated=True")
-    bpy.context.view_layer.objects.active = other
-    bpy.ops.object.mode_set(mode="EDIT")
-    written(bake, "'Other' is in Edit Mode")
-    bpy.ops.object.mode_set(mode="OBJECT")
-    bpy.data.objects.remove(other)
-    written(bake, "object 'Other' was deleted since the bake")
