@@ -22,7 +22,7 @@ from ..live.scene_view import SceneMoment, SceneView
 from ..support.background_work import BackgroundWork
 from ..sync.records import Float64Array, MeshRecord, SceneRecord
 from .baked import Bake, BakedObject
-from .kinds import Tally, Viewer, tally_of
+from .kinds import SunTally, Tally, Viewer, tally_of
 from .receivers import PLACE_SHARE, Receiver, find_receivers, name_flat_faces, place_points
 from .settings import NAME, BakeSettings
 
@@ -132,13 +132,10 @@ class _Job:
             for sums, added in ((self.totals, parts), (self.known, is_known)):
                 np.add.at(sums.setdefault(name, np.zeros(count)), points.elements, added)
         if tally.settings.domain == "FACE":
-            kept = {"origins": points.positions}
-            if tally.settings.keep_visible:
-                kept["visible"] = tally.visible  # type: ignore[attr-defined]
-            for name, values in kept.items():
-                empty = np.zeros(1, values.dtype) if name == "visible" else np.nan
-                rows = self.of_faces.setdefault(name, np.full((count, values.shape[1]), empty))
-                rows[points.elements] = values
+            self.of_faces.setdefault("origins", np.full((count, 3), np.nan))[points.elements] = points.positions
+        if isinstance(tally, SunTally) and tally.settings.keep_visible:
+            visible = self.of_faces.setdefault("visible", np.zeros((count, tally.visible.shape[1]), np.uint8))
+            visible[points.elements] = tally.visible
 
     def result(self, settings: BakeSettings) -> BakedObject:
         """Returns the values of all elements."""
@@ -190,20 +187,21 @@ class Baker:
             raise ValueError(f"{NAME}: objects must be a sequence of bpy.types.Object, got {objects!r}")
         if not chosen:
             raise ValueError(f"{NAME}: no objects: select the meshes that get values, or pass them")
-        self._viewer = viewers.session_uid if isinstance(viewers, bpy.types.Object) else None
-        shown = set(scene.objects)  # names are not enough: a library's object may have that of a local one
-        needed = (*chosen, *([viewers] if self._viewer else []))
-        for obj in needed:
-            if obj not in shown:
-                raise ValueError(f"{NAME}: object {obj.name!r} is not in scene {scene.name!r}")
-        self._needed = {obj.session_uid: obj.name for obj in needed}
-        self._places = None
-        if viewers is not None and not self._viewer:
+        self._chosen = [obj.session_uid for obj in chosen]
+        self._places = self._viewer = None
+        if isinstance(viewers, bpy.types.Object):
+            self._viewer = viewers.session_uid
+            chosen.append(viewers)
+        elif viewers is not None:
             self._places = check_column(NAME, "viewers", viewers, np.float64, (3,))
             if not len(self._places) or not np.isfinite(self._places).all():
                 raise ValueError(f"{NAME}: viewers must be an object, or finite positions, got {viewers!r}")
+        shown = set(scene.objects)  # names are not enough: a library's object may have that of a local one
+        for obj in chosen:
+            if obj not in shown:
+                raise ValueError(f"{NAME}: object {obj.name!r} is not in scene {scene.name!r}")
+        self._needed = {obj.session_uid: obj.name for obj in chosen}
         self.settings, self._threads, self._skip_missing = settings, threads, skip_missing
-        self._chosen = {obj.session_uid: obj.name for obj in chosen}
         self._view = SceneView("bake", scene, layer, for_viewport=for_viewport)
         self._kept = {baked.key: baked for baked in (previous.objects if previous else ()) if baked.key}
         self._sync = SceneSync(watch=False)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import math
 import os
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
@@ -115,6 +116,23 @@ class Bake:
                 belongs to a library, for a mesh that has changed or is shared, and for an attribute or vertex group of
                 that name that holds something else: by name. For a name that Blender does not take.
         """
+        names = self.check_attributes(name, realise=realise)
+        objects = _objects_by_uid()
+        for baked in self.objects:
+            obj = objects[baked.session_uid]
+            mesh = _realise(obj, baked) if realise else obj.data
+            for column, values in baked.all_columns.items():
+                attribute = mesh.attributes.get(names[column])
+                if attribute is not None and not self._fits(attribute):  # of a copy
+                    mesh.attributes.remove(attribute)
+                    attribute = None
+                attribute = attribute or mesh.attributes.new(names[column], "FLOAT", self.domain)
+                attribute.data.foreach_set("value", np.nan_to_num(values, nan=0.0).astype(np.float32))
+            mesh.update()
+        return tuple(names.values())
+
+    def check_attributes(self, name: str | None = None, *, realise: bool = False) -> dict[str, str]:
+        """Does all of `write_attributes` but writing; returns the names of the attributes by the columns'."""
         if self.domain == "TEXEL":
             raise ValueError("write_attributes: texels belong to images: call to_image, or bake another domain")
         if self.is_evaluated:
@@ -126,24 +144,15 @@ class Bake:
             main = next(iter(self.units))
             names |= {column: column.replace(main, name, 1) for column in (main, f"{main}_error") if column in names}
         self._check_names(names.values())
-        targets = [self._target(baked, realise, names.values()) for baked in self.objects]
-        for obj, baked in zip(() if realise else targets, () if realise else self.objects, strict=True):
-            others = (f"{other.name!r}" for other in _shown_objects() if other.data == obj.data and other != obj)
-            other = "an instance of it" if baked.instance else next(others, None)
-            if other is not None:
-                way_out = "make it single-user (Object > Relations), or write to copies with realise=True"
-                raise ValueError(f"write_attributes: {obj.name!r} shares its mesh with {other}: {way_out}")
-        for obj, baked in zip(targets, self.objects, strict=True):
-            mesh = _realise(obj, baked) if realise else obj.data
-            for column, values in baked.all_columns.items():
-                attribute = mesh.attributes.get(names[column])
-                if attribute is not None and not self._fits(attribute):  # of a copy
-                    mesh.attributes.remove(attribute)
-                    attribute = None
-                attribute = attribute or mesh.attributes.new(names[column], "FLOAT", self.domain)
-                attribute.data.foreach_set("value", np.nan_to_num(values, nan=0.0).astype(np.float32))
-            mesh.update()
-        return tuple(names.values())
+        objects = _objects_by_uid()
+        for baked in self.objects:
+            obj = objects.get(baked.session_uid)
+            if obj is None:
+                raise ValueError(f"write_attributes: object {baked.name!r} was deleted since the bake")
+            self._check_mesh(obj, baked, names.values(), realise)
+        if not realise:
+            self._check_sharing(objects)
+        return names
 
     def _check_names(self, names: Iterable[str]) -> None:
         """Tries names of attributes on a mesh of its own: Blender has its own for some, and a largest length."""
@@ -158,37 +167,44 @@ class Bake:
         finally:
             bpy.data.meshes.remove(mesh)
 
-    def _target(self, baked: BakedObject, realise: bool, names: Iterable[str]) -> Any:
-        """Finds the object, and checks that its mesh takes the values."""
-        import bpy
-
-        obj = next((obj for obj in bpy.data.objects if obj.session_uid == baked.session_uid), None)
-        if obj is None:
-            raise ValueError(f"write_attributes: object {baked.name!r} was deleted since the bake")
-        if obj.data.is_editmode:
-            raise ValueError(f"write_attributes: object {obj.name!r} is in Edit Mode: leave it first")
+    def _check_mesh(self, obj: Any, baked: BakedObject, names: Iterable[str], realise: bool) -> None:
+        """Checks that a mesh takes the values."""
         mesh = obj.data
+        if mesh.is_editmode:
+            raise ValueError(f"write_attributes: object {obj.name!r} is in Edit Mode: leave it first")
         elements = {"FACE": mesh.polygons, "CORNER": mesh.loops, "POINT": mesh.vertices}[self.domain]
         if len(elements) != len(baked.values):
             way_out = "bake it again, or apply the modifiers that make faces"
             raise ValueError(f"write_attributes: the mesh of object {obj.name!r} has other elements: {way_out}")
         if not realise and not mesh.is_editable:
-            raise ValueError(
-                f"write_attributes: the mesh of {obj.name!r} is a library's: make it local, or realise=True"
-            )
+            way_out = "make it local, or realise=True"
+            raise ValueError(f"write_attributes: the mesh of {obj.name!r} is a library's: {way_out}")
         for name in names:
             if name in obj.vertex_groups:
                 raise ValueError(f"write_attributes: {obj.name!r} has a vertex group {name!r}: choose a name")
-        for attribute in filter(None, () if realise else map(mesh.attributes.get, names)):
-            if not self._fits(attribute):
-                what = f"{attribute.name!r}, a {attribute.data_type} of the domain {attribute.domain}"
+            attribute = None if realise else mesh.attributes.get(name)
+            if attribute is not None and not self._fits(attribute):
+                what = f"{name!r}, a {attribute.data_type} of the domain {attribute.domain}"
                 raise ValueError(f"write_attributes: {obj.name!r} has an attribute {what}: choose a name")
-        return obj
+
+    def _check_sharing(self, objects: Mapping[int, Any]) -> None:
+        """Checks that each mesh is that of one object in the scenes, without instances that have values."""
+        users: dict[Any, list[Any]] = {}
+        for obj in objects.values():
+            if obj.users_scene:
+                users.setdefault(obj.data, []).append(obj)
+        for baked in self.objects:
+            obj = objects[baked.session_uid]
+            others = (f"{other.name!r}" for other in users.get(obj.data, ()) if other != obj)
+            other = "an instance of it" if baked.instance else next(others, None)
+            if other is not None:
+                way_out = "make it single-user (Object > Relations), or write to copies with realise=True"
+                raise ValueError(f"write_attributes: {obj.name!r} shares its mesh with {other}: {way_out}")
 
     def _fits(self, attribute: Any) -> bool:
         return (attribute.data_type, attribute.domain) == ("FLOAT", self.domain)
 
-    def to_image(self, name: str | None = None, *, margin: int = 8) -> list[Any]:
+    def to_image(self, name: str | None = None, *, margin: int = 16) -> list[Any]:
         """Makes a float image of the main column of each object, grey, with alpha where the UV map is.
 
         Args:
@@ -263,11 +279,10 @@ class Bake:
         return path
 
 
-def _shown_objects() -> list[Any]:
-    """All objects that are in a scene."""
+def _objects_by_uid() -> dict[int, Any]:
     import bpy
 
-    return [obj for obj in bpy.data.objects if obj.users_scene]
+    return {obj.session_uid: obj for obj in bpy.data.objects}
 
 
 def _realise(obj: Any, baked: BakedObject) -> Any:
@@ -284,11 +299,9 @@ def _realise(obj: Any, baked: BakedObject) -> Any:
     made.shape_key_clear()
     linear, positions = baked.transform[:, :3], baked.positions
     squares = linear.T @ linear
-    if np.abs(squares - np.diag(np.diag(squares))).max() > 1e-6 * squares.max():
-        # Objects have no shear. The mesh gets a turn, no mirror, after which what is left is a scale along the axes.
-        linear, scale, turn = np.linalg.svd(linear)
-        linear *= scale * np.linalg.det(turn)
-        positions = (positions @ (turn * np.linalg.det(turn)).T).astype(np.float32)
+    if np.abs(squares - np.diag(np.diag(squares))).max() > 1e-6 * squares.max():  # objects have no shear
+        mirror = math.copysign(1.0, np.linalg.det(linear))
+        positions, linear = (positions @ (mirror * linear).T).astype(np.float32), mirror * np.eye(3)
     mesh.vertices.foreach_set("co", positions.reshape(-1))
     matrix = np.vstack([np.c_[linear, baked.transform[:, 3]], (0.0, 0.0, 0.0, 1.0)])
     made.matrix_world = mathutils.Matrix(matrix.tolist())

@@ -32,5 +32,5 @@ def register() -> None:
 def unregister() -> None:
     for operator in reversed(_CLASSES):
         bpy.utils.unregister_class(operator)
-    for module in (results, scan_request, ticking):
+    for module in (results, scan_request, bake_button, ticking):
         module.forget()

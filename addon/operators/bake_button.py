@@ -14,23 +14,27 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import bpy
+import numpy as np
 
 from ..settings.bake_choices import KINDS
-from ..settings.bake_settings import sun_position_of
+from ..settings.bake_settings import options_of, sun_position_of
 from ..statistics.words import duration
-from ..view3d.baked_colors import color_meshes
+from ..support.files import data_library
+from ..view3d.baked_colors import check_colors, color_meshes
 from ..view3d.baked_view import SunTimes, last_sun
+from ..view3d.legend import OneShown
 from .measure import find_space
 from .piece_jobs import JobOperator
+from .preview import show_in_editor
 from .scan_request import threads_of
 
 if TYPE_CHECKING:
-    from ..baking import Bake
-    from ..baking.sun import DirectionTable
+    from ..baking import Bake, DirectionTable
 
 MOST_BYTES = 1 << 29  # of the times at which faces have sun, for the chart
-# How light by a weather file is called.
-IRRADIATION, IRRADIATION_LABEL = "irradiation", "Irradiation"
+IRRADIATION = "irradiation"  # the attribute of light by a weather file
+
+last_bake: OneShown[Bake] = OneShown()  # whose values are kept where nothing has changed, until another file is loaded
 
 
 class PERFECT_BVH_OT_bake_rays(JobOperator, bpy.types.Operator):
@@ -74,7 +78,7 @@ class PERFECT_BVH_OT_bake_rays(JobOperator, bpy.types.Operator):
         self._started, self._space = time.perf_counter(), find_space(context)
         try:
             self._job = BakeJob(context)
-        except (ValueError, OSError) as problem:
+        except (ValueError, ImportError, OSError) as problem:
             self._complain(problem)
             return False
         self._steps = self._job.steps()
@@ -89,39 +93,43 @@ class PERFECT_BVH_OT_bake_rays(JobOperator, bpy.types.Operator):
             return {"CANCELLED"}
         for warning in job.warnings:
             self._complain(warning, "WARNING")
-        _show_colors(context, self._space)
+        if not job.images:
+            _show_colors(context, self._space)
+        elif not bpy.app.background:
+            show_in_editor(context, job.images[0])
         self.report({"INFO"}, f"{text}, {duration(1e3 * (time.perf_counter() - self._started))}")
         return {"FINISHED"}
 
 
 class BakeJob:
-    """The bake that the panel describes. Raises ValueError for settings that cannot be baked, and OSError."""
+    """The bake that the panel describes. Raises ValueError for settings that cannot be baked, OSError and ImportError.
+
+    images: that were written; none if values are attributes.
+    """
 
     where, built_share = "", None
-    _previous: ClassVar[Bake | None] = None  # what has not changed since is kept
 
     def __init__(self, context: bpy.types.Context) -> None:
         from ..baking import Baker, BakeSettings
 
         scene, settings = context.scene, context.scene.perfect_bvh.bake
         objects = [obj for obj in context.selected_objects if obj.type == "MESH"]
-        choices: dict[str, Any] = {"kind": settings.kind, "domain": settings.domain, "rays": settings.samples}
+        choices: dict[str, Any] = {name: getattr(settings, name) for name in ("kind", "domain", *options_of(settings))}
+        choices |= {"uv_map": settings.uv_map or None, "image_size": (settings.width, settings.height)}
         self._table: DirectionTable | None = None
         if settings.kind == "SUN_HOURS":
             table = self._table = table_of(scene)
             bits = len(table.weights) * sum(len(obj.data.polygons) for obj in objects)
             keeps = settings.domain == "FACE" and not table.has_cosine and bits <= 8 * MOST_BYTES
-            choices |= table.arguments | {"keep_visible": keeps}
-        elif settings.kind == "AMBIENT_OCCLUSION":
-            choices["distance"] = settings.distance
-        elif settings.kind == "EXPOSURE":
-            choices["viewers"] = settings.viewer
-            if settings.use_frames:
-                choices["frames"] = range(scene.frame_start, scene.frame_end + 1)
-        self._label, self._path = KINDS[settings.kind].label, settings.table.strip()
-        if self._table is not None and self._table.has_cosine:
-            self._label = IRRADIATION_LABEL
-        how = {"previous": BakeJob._previous, "threads": threads_of(scene)}
+            choices |= {"directions": table, "keep_visible": keeps}
+        if settings.kind == "EXPOSURE" and settings.use_frames:
+            choices["frames"] = range(scene.frame_start, scene.frame_end + 1)
+        is_light = self._table is not None and self._table.has_cosine
+        self._name = IRRADIATION if is_light else None
+        self._label = IRRADIATION.title() if is_light else KINDS[settings.kind].label
+        self._path, self._margin = _table_path(settings.table.strip()), settings.margin
+        self.images: list[bpy.types.Image] = []
+        how = {"previous": last_bake.found, "threads": threads_of(scene)}
         self.baker = Baker(objects, BakeSettings(**choices), **how)
 
     @property
@@ -141,24 +149,50 @@ class BakeJob:
         return "Bake canceled: nothing was written"
 
     def write(self) -> str:
-        """Writes the attributes, the table and the colours; returns a sentence. Raises ValueError and OSError."""
-        bake, table = self.baker.result(), self._table
-        path = Path(bpy.path.abspath(self._path))
-        if self._path:
-            (bake.write_parquet if path.suffix == ".parquet" else bake.write_csv)(path)
-        name = bake.write_attributes(IRRADIATION if table is not None and table.has_cosine else None)[0]
-        BakeJob._previous = bake
+        """Writes the table and the values; returns a sentence. Nothing is written if the values have no place.
+
+        Raises ValueError, ImportError and OSError.
+        """
+        bake, is_image = self.baker.result(), self.baker.settings.domain == "TEXEL"
         by_uid = {obj.session_uid: obj for obj in bpy.data.objects}  # the window may show another scene by now
-        meshes = [by_uid[baked.session_uid].data for baked in bake.objects]
-        unit = next(iter(bake.units.values()))
-        meaning = color_meshes(meshes, name, self._label, unit)
+        if not is_image:
+            names = bake.check_attributes(self._name)
+            check_colors([by_uid[baked.session_uid] for baked in bake.objects], next(iter(names.values())))
+        if self._path is not None:
+            (bake.write_parquet if self._path.suffix == ".parquet" else bake.write_csv)(self._path)
+        last_bake.show(bake)
         last_sun.hide()
+        if is_image:
+            self.images = bake.to_image(self._name, margin=self._margin)
+            others = len(self.images) - 1
+            where = f", in the image {self.images[0].name!r}{f' and {others} others' if others else ''}"
+        else:
+            self._show(bake, [by_uid[baked.session_uid].data for baked in bake.objects])
+            where = ""
+        known = np.concatenate([baked.values[np.isfinite(baked.values)] for baked in bake.objects])
+        span = f"from {known.min(initial=0.0):.4g} to {known.max(initial=0.0):.4g}"
+        text = f"{self._label}: {len(known):,} values {span} {next(iter(bake.units.values()))}".rstrip()
+        return f"{text}{where}{'' if self._path is None else f', also in {self._path}'}"
+
+    def _show(self, bake: Bake, meshes: list[bpy.types.Mesh]) -> None:
+        """Writes the attributes and the colours."""
+        name = bake.write_attributes(self._name)[0]
+        color_meshes(meshes, name, self._label, next(iter(bake.units.values())))
         visible = {mesh.session_uid: baked.visible for mesh, baked in zip(meshes, bake.objects, strict=True)}
-        if table is not None and all(bits is not None for bits in visible.values()):
-            last_sun.show(SunTimes(visible, table.times, table.weights))
-        count = sum(len(baked.values) for baked in bake.objects)
-        text = f"{self._label}: {count:,} values from {meaning.least:.4g} to {meaning.most:.4g} {unit}".rstrip()
-        return f"{text}, also in {path}" if self._path else text
+        if self._table is not None and all(bits is not None for bits in visible.values()):
+            last_sun.show(SunTimes(visible, self._table.times, self._table.weights))
+
+
+def _table_path(text: str) -> Path | None:
+    """Returns where the table goes, None for no table. Raises ValueError and ImportError if it cannot be written."""
+    if not text:
+        return None
+    path = Path(bpy.path.abspath(text))
+    if not path.parent.is_dir():
+        raise ValueError(f"Table: there is no folder {path.parent}")
+    if path.suffix == ".parquet":
+        data_library("pyarrow", "Parquet files need pyarrow")
+    return path
 
 
 def table_of(scene: bpy.types.Scene) -> DirectionTable:
@@ -202,3 +236,8 @@ def _show_colors(context: bpy.types.Context, space_pointer: int | None) -> None:
 
 
 CLASSES = (PERFECT_BVH_OT_bake_rays,)
+
+
+def forget() -> None:
+    """Drops the last bake."""
+    last_bake.hide()

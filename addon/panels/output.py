@@ -6,7 +6,7 @@ from typing import Any, ClassVar
 
 import bpy
 
-from ..settings.bake_settings import sun_position_of
+from ..settings.bake_settings import options_of, sun_position_of
 from ..settings.modes import mode_of_render
 from ..settings.preferences import denoising_data_settings
 from ..settings.scan_choices import FORMATS, OTHER
@@ -155,15 +155,17 @@ class PERFECT_BVH_PT_bake_rays(SidebarPanel, bpy.types.Panel):
         settings = context.scene.perfect_bvh.bake
         layout.prop(settings, "kind")
         layout.prop(settings, "domain")
+        if settings.domain == "TEXEL":
+            layout.prop(settings, "uv_map", placeholder="Active")
+            column = layout.column(align=True)
+            for name in ("width", "height", "margin"):
+                column.prop(settings, name)
         if settings.kind == "SUN_HOURS":
             _draw_sun(layout, settings, sun_position_of(context.scene))
-        elif settings.kind == "EXPOSURE":
-            layout.prop(settings, "viewer", placeholder="Scene Camera")
+        for name in options_of(settings):
+            layout.prop(settings, name, **({"placeholder": "Scene Camera"} if name == "viewers" else {}))
+        if settings.kind == "EXPOSURE":
             layout.prop(settings, "use_frames")
-        else:
-            if settings.kind == "AMBIENT_OCCLUSION":
-                layout.prop(settings, "distance")
-            layout.prop(settings, "samples")
         layout.prop(settings, "table")
         layout.operator("perfect_bvh.bake_rays", text="Bake", icon="RENDER_STILL")
         draw_messages_of(context, layout, "Bake Rays to Attribute")

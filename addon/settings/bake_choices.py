@@ -12,34 +12,43 @@ class BakeKind:
     Attributes:
         name, label, description: As a script, a menu and a tooltip have them.
         columns: The names of the values and their units, the main one first.
-        is_sampled: Whether random rays estimate it, so that there is a standard error.
+        options: The arguments of `bake_rays` that only some kinds have, as the panel shows them.
     """
 
     name: str
     label: str
     description: str
     columns: tuple[tuple[str, str], ...]
-    is_sampled: bool = False
+    options: tuple[str, ...] = ()
 
 
 BAKE_KINDS = (
     BakeKind(
         "SUN_HOURS", "Sun Hours", "How long the sun shines on it, over a table of directions", (("sun_hours", "h"),)
     ),
-    BakeKind("SKY_VIEW", "Sky View", "The share of the sky that it sees, 0 to 1", (("sky_view", ""),), True),
+    BakeKind(
+        "SKY_VIEW", "Sky View", "The share of the sky that it sees, 0 to 1", (("sky_view", ""),), ("cosine", "rays")
+    ),
     BakeKind(
         "AMBIENT_OCCLUSION",
         "Ambient Occlusion",
         "How open it is to its surroundings: 1 where nothing is near",
         (("ambient_occlusion", ""),),
-        True,
+        ("distance", "falloff", "rays"),
     ),
-    BakeKind("THICKNESS", "Thickness", "How thick the solid is below it", (("thickness", "units"),), True),
+    BakeKind(
+        "THICKNESS",
+        "Thickness",
+        "How thick the solid is below it",
+        (("thickness", "units"),),
+        ("method", "angle", "rays"),
+    ),
     BakeKind(
         "EXPOSURE",
         "Exposure",
         "The share of the viewpoints of a path that see it, from how near and how straight",
         (("exposure", ""), ("nearest_distance", "units"), ("smallest_angle", "rad")),
+        ("viewers",),
     ),
 )
 KINDS = {kind.name: kind for kind in BAKE_KINDS}
@@ -48,4 +57,8 @@ DOMAINS = {
     "CORNER": "One value a face corner",
     "POINT": "One value a vertex, the mean of its corners",
     "TEXEL": "One value a pixel of an image, by the UV map",
+}
+METHODS = {
+    "CONE": "The mean distance to the opposite side, over a cone of rays",
+    "SPHERE": "The diameter of the largest sphere inside that touches the surface there",
 }

@@ -2,14 +2,29 @@
 
 from __future__ import annotations
 
+import math
+from typing import Any
+
 import bpy
 
-from .bake_choices import BAKE_KINDS, DOMAINS
+from .bake_choices import BAKE_KINDS, DOMAINS, KINDS, METHODS
 from .scan_settings import PATH_OPTIONS
 
 _KINDS = [(kind.name, kind.label, kind.description, number) for number, kind in enumerate(BAKE_KINDS)]
-_LABELS = {"FACE": "Face", "CORNER": "Face Corner", "POINT": "Vertex"}
-_DOMAINS = [(name, label, DOMAINS[name], number) for number, (name, label) in enumerate(_LABELS.items())]
+_LABELS = ("Face", "Face Corner", "Vertex", "Image")
+_DOMAINS = [
+    (name, label, DOMAINS[name], number) for number, (name, label) in enumerate(zip(DOMAINS, _LABELS, strict=True))
+]
+_METHODS = [(name, name.title(), description, number) for number, (name, description) in enumerate(METHODS.items())]
+_LIGHTS = [
+    ("HOURS", "Hours", "The time that the sun shines on a face", 0),
+    ("WEATHER", "Weather File", "The energy of sun and sky of a typical year, by a weather file (EPW)", 1),
+]
+_PERIODS = [
+    ("DAY", "Day", "One day of the calendar", 0),
+    ("RANGE", "Range", "From one day to another, both included", 1),
+    ("YEAR", "Year", "The whole year", 2),
+]
 
 
 def suggest_zones(settings: PERFECT_BVH_PG_bake, context: bpy.types.Context, text: str) -> list[str]:
@@ -24,83 +39,69 @@ def sun_position_of(scene: bpy.types.Scene) -> bpy.types.bpy_struct | None:
     return getattr(scene, "sun_pos_properties", None)
 
 
+def options_of(settings: PERFECT_BVH_PG_bake) -> tuple[str, ...]:
+    """Returns the names of the settings that the chosen kind has for itself."""
+    is_sphere = settings.kind == "THICKNESS" and settings.method == "SPHERE"
+    return ("method",) if is_sphere else KINDS[settings.kind].options
+
+
+# A row a setting: its name, its label, its tooltip, its default, and for numbers the least and the largest value.
+
+
+def _choice(label: str, description: str, items: list[Any]) -> Any:
+    return bpy.props.EnumProperty(name=label, description=description, items=items, default=items[0][0])
+
+
+def _whole(label: str, description: str, default: int, least: int, most: int, **how: Any) -> Any:
+    return bpy.props.IntProperty(name=label, description=description, default=default, min=least, max=most, **how)
+
+
+def _number(label: str, description: str, default: float, least: float, most: float, **how: Any) -> Any:
+    return bpy.props.FloatProperty(name=label, description=description, default=default, min=least, max=most, **how)
+
+
+def _switch(label: str, description: str, default: bool) -> Any:
+    return bpy.props.BoolProperty(name=label, description=description, default=default)
+
+
+def _path(label: str, description: str) -> Any:
+    return bpy.props.StringProperty(name=label, description=description, subtype="FILE_PATH", options=PATH_OPTIONS)
+
+
 class PERFECT_BVH_PG_bake(bpy.types.PropertyGroup):
     """Which question rays answer for each face, and where and when the sun is looked for."""
 
-    kind: bpy.props.EnumProperty(
-        name="Bake", description="What rays find out about each face", items=_KINDS, default="SUN_HOURS"
-    )
-    domain: bpy.props.EnumProperty(
-        name="Domain", description="Which elements of the meshes get values", items=_DOMAINS, default="FACE"
-    )
-    light: bpy.props.EnumProperty(
-        name="Light",
-        description="What is summed over the times at which the sun is visible",
-        items=[
-            ("HOURS", "Hours", "The time that the sun shines on a face", 0),
-            ("WEATHER", "Weather File", "The energy of sun and sky of a typical year, by a weather file (EPW)", 1),
-        ],
-        default="HOURS",
-    )
-    weather: bpy.props.StringProperty(
-        name="Weather",
-        description="A weather file of EnergyPlus (EPW). It has its own place and time zone",
-        subtype="FILE_PATH",
-        options=PATH_OPTIONS,
-    )
-    period: bpy.props.EnumProperty(
-        name="Dates",
-        description="On which days the sun is followed",
-        items=[
-            ("DAY", "Day", "One day of the calendar", 0),
-            ("RANGE", "Range", "From one day to another, both included", 1),
-            ("YEAR", "Year", "The whole year", 2),
-        ],
-        default="DAY",
-    )
-    year: bpy.props.IntProperty(name="Year", description="Calendar year of the dates", default=2026, min=1900, max=2100)
-    month: bpy.props.IntProperty(name="Month", description="Month of the first day", default=3, min=1, max=12)
-    day: bpy.props.IntProperty(name="Day", description="The first day, within its month", default=21, min=1, max=31)
-    month_end: bpy.props.IntProperty(name="Month", description="Month of the last day", default=9, min=1, max=12)
-    day_end: bpy.props.IntProperty(
-        name="Day", description="The last day, within its month, which is included", default=21, min=1, max=31
-    )
-    step: bpy.props.IntProperty(
-        name="Step",
-        description="Minutes from one place of the sun to the next; 0 for 10 on a day, and 60 on more days",
-        default=0,
-        min=0,
-        max=1440,
+    kind: _choice("Bake", "What rays find out about each face", _KINDS)
+    domain: _choice("Domain", "Which elements of the meshes get values", _DOMAINS)
+    # Sun
+    light: _choice("Light", "What is summed over the times at which the sun is visible", _LIGHTS)
+    weather: _path("Weather", "A weather file of EnergyPlus (EPW). It has its own place and time zone")
+    period: _choice("Dates", "On which days the sun is followed", _PERIODS)
+    year: _whole("Year", "Calendar year of the dates", 2026, 1900, 2100)
+    month: _whole("Month", "Month of the first day", 3, 1, 12)
+    day: _whole("Day", "The first day, within its month", 21, 1, 31)
+    month_end: _whole("Month", "Month of the last day", 9, 1, 12)
+    day_end: _whole("Day", "The last day, within its month, which is included", 21, 1, 31)
+    step: _whole(
+        "Step",
+        "Minutes from one place of the sun to the next; 0 for 10 on a day, and 60 on more days",
+        *(0, 0, 1440),
         subtype="TIME",
     )
-    latitude: bpy.props.FloatProperty(
-        name="Latitude",
-        description="Degrees north of the equator, negative to the south",
-        default=52.52,
-        min=-90.0,
-        max=90.0,
-        precision=4,
-    )
-    longitude: bpy.props.FloatProperty(
-        name="Longitude",
-        description="Degrees east of Greenwich, negative to the west",
-        default=13.4,
-        min=-180.0,
-        max=180.0,
-        precision=4,
-    )
+    latitude: _number("Latitude", "Degrees north of the equator, negative to the south", 52.52, -90, 90, precision=4)
+    longitude: _number("Longitude", "Degrees east of Greenwich, negative to the west", 13.4, -180, 180, precision=4)
     zone: bpy.props.StringProperty(
         name="Time Zone",
         description="Its name, with summer time, or hours from UTC such as +1. The longitude decides if empty",
-        default="",
         search=suggest_zones,
         search_options={"SUGGESTION"},
     )
     north: bpy.props.FloatProperty(
-        name="North Offset",
-        description="Where north is: turned clockwise from +Y, as seen from above",
-        default=0.0,
-        subtype="ANGLE",
+        name="North Offset", description="Where north is: turned clockwise from +Y, as seen from above", subtype="ANGLE"
+    )
+    # Other kinds, by the names that `bake_rays` has for them
+    cosine: _switch(
+        "Cosine", "Weight the sky as diffuse light, by the cosine to the normal; else all of it evenly", True
     )
     distance: bpy.props.FloatProperty(
         name="Distance",
@@ -109,26 +110,27 @@ class PERFECT_BVH_PG_bake(bpy.types.PropertyGroup):
         min=0.001,
         subtype="DISTANCE",
     )
-    samples: bpy.props.IntProperty(
-        name="Samples",
-        description="Rays from each place. Four times as many halve the noise",
-        default=256,
-        min=1,
-        max=1 << 20,
+    falloff: _number(
+        "Falloff", "How fast surfaces count less with their distance; 0: all within it count fully", 0.0, 0.0, 100.0
     )
-    viewer: bpy.props.PointerProperty(
+    method: _choice("Method", "How the thickness is measured", _METHODS)
+    angle: _number(
+        "Angle", "Half the opening of the cone of rays", math.radians(30.0), 0.0, math.pi / 2, subtype="ANGLE"
+    )
+    rays: _whole("Samples", "Rays from each place. Four times as many halve the noise", 256, 1, 1 << 20)
+    viewers: bpy.props.PointerProperty(
         name="Seen From",
         description=(
             "Object that looks: a camera, within its frame; a curve, from all its points. The scene's camera if empty"
         ),
         type=bpy.types.Object,
     )
-    use_frames: bpy.props.BoolProperty(
-        name="Frame Range", description="Look from where it is in each frame of the scene's range", default=False
+    use_frames: _switch("Frame Range", "Look from where it is in each frame of the scene's range", False)
+    # Images
+    uv_map: bpy.props.StringProperty(
+        name="UV Map", description="Name of the UV map that places the pixels. Each mesh's active one if empty"
     )
-    table: bpy.props.StringProperty(
-        name="Table",
-        description="File (CSV or Parquet) that gets the value and the area of each face. None is written if empty",
-        subtype="FILE_PATH",
-        options=PATH_OPTIONS,
-    )
+    width: _whole("Width", "Horizontal resolution of each mesh's image", 1024, 1, 32768, subtype="PIXEL")
+    height: _whole("Height", "Vertical resolution of each mesh's image", 1024, 1, 32768, subtype="PIXEL")
+    margin: _whole("Margin", "Extends the values beyond the edges of the UV map", 16, 0, 32767, subtype="PIXEL")
+    table: _path("Table", "File (CSV or Parquet) that gets each value, and the area of each face. None if empty")

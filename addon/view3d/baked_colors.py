@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -39,6 +39,13 @@ def ramp_colors(values: npt.NDArray[Any], least: float, most: float) -> npt.NDAr
         mixed = np.interp(shares, np.arange(len(RAMP)), RAMP[:, channel])
         colors[:, channel] = np.where(is_known, mixed, NOTHING[channel])
     return colors
+
+
+def check_colors(objects: Iterable[Any], attribute: str) -> None:
+    """Raise ValueError for an object whose mesh cannot have the colours of an attribute."""
+    for obj in objects:
+        if attribute + SUFFIX in obj.vertex_groups:
+            raise ValueError(f"{obj.name!r} has a vertex group {attribute + SUFFIX!r}: rename it")
 
 
 def color_meshes(meshes: Sequence[Any], attribute: str, label: str, unit: str) -> Meaning:

@@ -17,7 +17,7 @@ bpy = pytest.importorskip("bpy")
 from blender.drawn_texts import drawn  # noqa: E402
 from blender.long_builds import ESCAPE, TIMER, FakeOperator, FakeWindow, patiently  # noqa: E402
 from perfect_bvh_addon import Place, bake_rays, panels, sun_table  # noqa: E402
-from perfect_bvh_addon.operators import piece_jobs  # noqa: E402
+from perfect_bvh_addon.operators import bake_button, piece_jobs  # noqa: E402
 from perfect_bvh_addon.operators.bake_button import PERFECT_BVH_OT_bake_rays, table_of  # noqa: E402
 from perfect_bvh_addon.view3d import baked_colors, baked_view  # noqa: E402
 
@@ -42,6 +42,7 @@ def yard(scene: Any, registered: None) -> Any:
     settings.year, settings.month, settings.day, settings.step = 2026, 3, 21, 30
     yield ground
     baked_view.last_sun.hide()
+    bake_button.forget()
 
 
 def bake(**values: Any) -> Any:
@@ -66,7 +67,7 @@ def viewport(obj: Any, **shading: Any) -> Any:
 
 def test_values_are_those_of_the_function_and_colours_are_on_the_ramp(yard: Any) -> None:
     assert bake() == {"FINISHED"}
-    expected = bake_rays(kind="SUN_HOURS", **sun_table(BERLIN, date(2026, 3, 21), step=30).arguments)["Ground"].values
+    expected = bake_rays(kind="SUN_HOURS", directions=sun_table(BERLIN, date(2026, 3, 21), step=30))["Ground"].values
     values = baked_colors.read_values(yard.data, NAME)
     np.testing.assert_allclose(values, expected, rtol=1e-6)
     assert values.min() < values.max() - 2.0  # the wall's shade
@@ -83,13 +84,90 @@ def test_values_are_those_of_the_function_and_colours_are_on_the_ramp(yard: Any)
     assert "UNDO" in PERFECT_BVH_OT_bake_rays.bl_options
 
 
+@pytest.mark.parametrize(
+    ("kind", "options"),
+    [
+        ("SKY_VIEW", {"cosine": False}),
+        ("AMBIENT_OCCLUSION", {"distance": 3.0, "falloff": 2.0}),
+        ("THICKNESS", {"angle": 0.1}),
+        ("THICKNESS", {"method": "SPHERE"}),
+    ],
+)
+def test_options_of_a_kind_are_used(kind: str, options: dict[str, Any], yard: Any) -> None:
+    assert bake(kind=kind, rays=16, **options) == {"FINISHED"}
+    found = [baked_colors.read_values(obj.data, kind.lower()) for obj in bpy.context.selected_objects]
+    expected, plain = (
+        [np.nan_to_num(one.values.astype(np.float32)) for one in bake_rays(kind=kind, rays=16, **how).objects]
+        for how in (options, {"distance": 3.0} if kind == "AMBIENT_OCCLUSION" else {})
+    )
+    for one, other in zip(found, expected, strict=True):
+        np.testing.assert_allclose(one, other, rtol=1e-6)
+    assert any(not np.array_equal(one, other) for one, other in zip(expected, plain, strict=True))
+
+
+@pytest.mark.parametrize(
+    ("values", "shown"),
+    [
+        ({"kind": "SKY_VIEW"}, ["cosine", "rays"]),
+        ({"kind": "AMBIENT_OCCLUSION"}, ["distance", "falloff", "rays"]),
+        ({"kind": "THICKNESS", "method": "CONE"}, ["method", "angle", "rays"]),
+        ({"kind": "THICKNESS", "method": "SPHERE"}, ["method"]),
+        ({"kind": "EXPOSURE"}, ["viewers", "use_frames"]),
+        ({"kind": "SKY_VIEW", "domain": "TEXEL"}, ["uv_map", "width", "height", "margin", "cosine", "rays"]),
+    ],
+)
+def test_the_panel_has_the_options_of_the_kind(values: dict[str, Any], shown: list[str], yard: Any) -> None:
+    bpy.context.scene.camera = bpy.data.objects.new("Camera", bpy.data.cameras.new("Camera"))
+    for name, value in values.items():
+        setattr(bpy.context.scene.perfect_bvh.bake, name, value)
+    settings = set(bpy.context.scene.perfect_bvh.bake.bl_rna.properties.keys())
+    drawn_ones = [text for text in drawn(panels.output.PERFECT_BVH_PT_bake_rays) if text in settings]
+    assert drawn_ones == ["kind", "domain", *shown, "table"]
+
+
+def test_images_are_written_and_named(yard: Any, tmp_path: Path) -> None:
+    for obj in bpy.context.selected_objects:
+        obj.select_set(obj == yard)
+    settings = bpy.context.scene.perfect_bvh.bake
+    settings.domain, settings.width, settings.height, settings.margin = "TEXEL", 16, 8, 0
+    settings.table = str(tmp_path / "hours.csv")
+    operator = FakeOperator(PERFECT_BVH_OT_bake_rays)
+    assert operator.execute(FakeWindow()) == {"FINISHED"}
+    image = bpy.data.images[f"Ground {NAME}"]
+    assert tuple(image.size) == (16, 8) and NAME not in yard.data.attributes
+    ((_, told),) = operator.reports
+    assert told.startswith("Sun Hours: 128 values from ") and f"in the image 'Ground {NAME}', also in " in told
+    settings.uv_map = "Other"
+    with pytest.raises(RuntimeError, match="has no UV map 'Other'"):
+        bpy.ops.perfect_bvh.bake_rays()
+
+
+def test_nothing_is_written_if_values_have_no_place(yard: Any, tmp_path: Path) -> None:
+    path = tmp_path / "hours.csv"
+    yard.data.attributes.new(NAME, "INT", "FACE")
+    with pytest.raises(RuntimeError, match=f"'Ground' has an attribute '{NAME}', a INT"):
+        bake(table=str(path))
+    yard.data.attributes.remove(yard.data.attributes[NAME])
+    yard.vertex_groups.new(name=NAME + baked_colors.SUFFIX)
+    with pytest.raises(RuntimeError, match=r"'Ground' has a vertex group 'sun_hours \(color\)': rename it"):
+        bake(table=str(path))
+    assert not path.exists() and NAME not in attributes()
+
+
+def test_another_file_drops_the_last_bake(yard: Any) -> None:
+    assert bake() == {"FINISHED"}
+    assert bake_button.last_bake.found["Ground"].values.shape == (64,)
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    assert bake_button.last_bake.found is None
+
+
 @pytest.mark.parametrize("domain", ["FACE", "CORNER", "POINT"])
 @pytest.mark.parametrize("kind", ["SKY_VIEW", "AMBIENT_OCCLUSION", "THICKNESS", "EXPOSURE"])
 def test_each_kind_and_domain_is_shown(kind: str, domain: str, yard: Any) -> None:
     camera = bpy.data.objects.new("Camera", bpy.data.cameras.new("Camera"))
     camera.location = (0.0, 0.0, 20.0)
     bpy.context.collection.objects.link(camera)
-    assert bake(kind=kind, domain=domain, samples=16, viewer=camera) == {"FINISHED"}
+    assert bake(kind=kind, domain=domain, rays=16, viewers=camera) == {"FINISHED"}
     meaning = baked_colors.meaning_of(yard.data)
     assert yard.data.attributes[meaning.attribute].domain == domain
     assert baked_colors.value_at(yard.data, meaning.attribute, 0) <= meaning.most + 1e-6
@@ -132,7 +210,7 @@ def test_the_chart_adds_up_to_the_value(yard: Any) -> None:
     names, shares, sums = baked_view.last_sun.found.chart(yard.data.session_uid, 63, read(63))
     assert names == ["Mar"] and sums[0] == pytest.approx(read(63), rel=1e-5)
     assert shares[0, 12] == pytest.approx(1.0)  # noon
-    assert bake(kind="SKY_VIEW", samples=4) == {"FINISHED"} and baked_view.last_sun.found is None
+    assert bake(kind="SKY_VIEW", rays=4) == {"FINISHED"} and baked_view.last_sun.found is None
 
 
 def test_a_legend_is_shown_where_the_colours_are(yard: Any) -> None:
@@ -248,7 +326,7 @@ def test_the_place_and_north_of_sun_position_are_read(sun_position: Any) -> None
         ({"period": "RANGE", "month_end": 1}, "Dates must be in order"),
         ({"light": "WEATHER", "weather": " "}, "No weather file: choose one"),
         ({"light": "WEATHER", "weather": "/nowhere/town.epw"}, "No such file"),
-        ({"table": "/nowhere/hours.csv"}, "No such file"),
+        ({"table": "/nowhere/hours.csv"}, "Table: there is no folder /nowhere"),
     ],
 )
 def test_bad_settings_are_named_and_change_nothing(values: dict[str, Any], message: str, yard: Any) -> None:

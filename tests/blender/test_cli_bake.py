@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+import math
 from pathlib import Path
 from typing import Any
 
@@ -93,6 +94,15 @@ def test_the_sun_shines_on_the_place(small_file: Path, tmp_path: Path) -> None:
     hours = [float(row["sun_hours"]) for row in rows_of(folder / "bake_0001.csv")]
     assert max(hours) == pytest.approx(14.4, abs=0.2)  # the longest day there
     assert min(hours) < 11.0  # below the cube
+
+
+def test_hours_are_weighted_by_the_cosine_if_asked(small_file: Path, tmp_path: Path) -> None:
+    sums = []
+    for name, words in (("plain", ()), ("cosine", ("--cosine",))):
+        how = ("--place", 0, 0, "--days", "2026-03-21", "--minutes", 60, "--objects", "Sheet", "-q", *words)
+        assert run("bake", small_file, "-o", tmp_path / name, "--kind", "sun-hours", *how) == 0
+        sums.append(max(float(row["sun_hours"]) for row in rows_of(tmp_path / name / "bake_0001.csv")))
+    assert sums[1] == pytest.approx(sums[0] * 2.0 / math.pi, rel=0.02)  # the mean sine of a sun that crosses the zenith
 
 
 def test_a_sun_that_does_not_rise_is_told(small_file: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
