@@ -25,6 +25,7 @@ _PERIODS = [
     ("RANGE", "Range", "From one day to another, both included", 1),
     ("YEAR", "Year", "The whole year", 2),
 ]
+_WIDEST = math.radians(89.0)  # the nearest float to 90 degrees is more
 
 
 def suggest_zones(settings: PERFECT_BVH_PG_bake, context: bpy.types.Context, text: str) -> list[str]:
@@ -103,20 +104,12 @@ class PERFECT_BVH_PG_bake(bpy.types.PropertyGroup):
     cosine: _switch(
         "Cosine", "Weight the sky as diffuse light, by the cosine to the normal; else all of it evenly", True
     )
-    distance: bpy.props.FloatProperty(
-        name="Distance",
-        description="How far away another surface still counts",
-        default=10.0,
-        min=0.001,
-        subtype="DISTANCE",
-    )
+    distance: _number("Distance", "How far away another surface still counts", 10.0, 0.001, 1e9, subtype="DISTANCE")
     falloff: _number(
         "Falloff", "How fast surfaces count less with their distance; 0: all within it count fully", 0.0, 0.0, 100.0
     )
     method: _choice("Method", "How the thickness is measured", _METHODS)
-    angle: _number(
-        "Angle", "Half the opening of the cone of rays", math.radians(30.0), 0.0, math.pi / 2, subtype="ANGLE"
-    )
+    angle: _number("Angle", "Half the opening of the cone of rays", math.radians(30.0), 0.0, _WIDEST, subtype="ANGLE")
     rays: _whole("Samples", "Rays from each place. Four times as many halve the noise", 256, 1, 1 << 20)
     viewers: bpy.props.PointerProperty(
         name="Seen From",

@@ -154,6 +154,10 @@ def test_nothing_is_written_if_values_have_no_place(yard: Any, tmp_path: Path) -
     assert not path.exists() and NAME not in attributes()
 
 
+def test_the_widest_cone_is_one(yard: Any) -> None:
+    assert bake(kind="THICKNESS", rays=4, angle=4.0) == {"FINISHED"}
+
+
 def test_another_file_drops_the_last_bake(yard: Any) -> None:
     assert bake() == {"FINISHED"}
     assert bake_button.last_bake.found["Ground"].values.shape == (64,)
