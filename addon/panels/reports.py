@@ -11,7 +11,7 @@ import bpy
 from ..bench.results import HEADINGS, Row, last_results
 from ..statistics.last_result import is_outdated, last_statistics, statistics_rows
 from ..statistics.messages import messages_of
-from ..statistics.not_shown import line_of, told
+from ..statistics.not_shown import line_of, was_read
 from ..statistics.update_list import FOLD, MORE, row_of, rows_of, updates_of
 from ..statistics.words import count_of, duration
 from ..sync.not_shown import SELECTABLE
@@ -283,6 +283,9 @@ NOT_SHOWN_ICONS = {
 }
 
 
+ALL_SHOWN = "Nothing is missing from the last image"
+
+
 class PERFECT_BVH_UL_not_shown(bpy.types.UIList):
     """A row: the data-block, and what is not shown. Rows of other scenes are left out."""
 
@@ -315,11 +318,13 @@ class PERFECT_BVH_PT_not_shown(EnginePanel, bpy.types.Panel):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        return super().poll(context) and bool(told(context.scene))
+        return super().poll(context) and was_read(context.scene)
 
     def draw(self, context: bpy.types.Context) -> None:
-        listed = context.window_manager.perfect_bvh_not_shown
-        draw_lines(context, self.layout, line_of(context.scene), icon="INFO")
+        listed, line = context.window_manager.perfect_bvh_not_shown, line_of(context.scene)
+        draw_lines(context, self.layout, line or ALL_SHOWN, icon="INFO" if line else "CHECKMARK")
+        if not line:
+            return
         self.layout.template_list("PERFECT_BVH_UL_not_shown", "", listed, "rows", listed, "active", rows=4)
         if not 0 <= listed.active < len(listed.rows):
             return

@@ -91,6 +91,11 @@ def told(scene: bpy.types.Scene) -> Rows:
     return () if of_scene is None else of_scene.rows
 
 
+def was_read(scene: bpy.types.Scene) -> bool:
+    """Whether an image of `scene` was made."""
+    return scene.original.session_uid in _told
+
+
 def line_of(scene: bpy.types.Scene) -> str:
     """The same in one line, empty if nothing lacks."""
     return summarize(told(scene))

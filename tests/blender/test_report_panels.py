@@ -94,6 +94,16 @@ def test_all_that_could_not_be_read_stays_in_the_list_and_the_statistics_tell_of
     assert "5 objects simplified: see Not Shown" in " ".join(drawn(reports.PERFECT_BVH_PT_statistics))
 
 
+def test_a_scene_of_which_nothing_is_missing_says_so_once_it_was_rendered() -> None:
+    (panel,) = panels.reports.NOT_SHOWN_CLASSES
+    assert drawn(panel)[0] == "No light"
+    bpy.context.scene.perfect_bvh.mode = "CLAY"
+    bpy.ops.render.render()
+    assert " ".join(drawn(panel)) == reports.ALL_SHOWN
+    other = bpy.data.scenes.new("Other")
+    assert not panel.poll(SimpleNamespace(engine=ENGINE_NAME, scene=other))
+
+
 def broken_scene() -> Any:
     """Build a scene with one unsupported feature of each kind; return the material that has one."""
     material = bpy.data.materials.new("Wall")
