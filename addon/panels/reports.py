@@ -111,11 +111,10 @@ ICONS = {
     "rebuilt": "MOD_BUILD",
     "built": "ADD",
 }
-# Parts of a row: of a name next to a time, and without one; and of the rest, that of a time.
-NAME_PART, LONG_NAME_PART, TIME_PART = 0.46, 0.78, 0.62
-# The free part of the sidebar's width for tabs and borders, and of a name's part for its icon, in pixels at the
-# usual resolution scale.
-LIST_BORDERS, ICON = 66, 34
+# In pixels at the usual resolution scale: the part of the sidebar's width for tabs and borders, the columns of times
+# and shares, and the icon of a name. Names have the rest, and this part of the width at least.
+LIST_BORDERS, TIME, SHARE, ICON = 66, 70, 45, 34
+LEAST_NAME_PART = 0.46
 
 
 class PERFECT_BVH_UL_updates(bpy.types.UIList):
@@ -139,7 +138,7 @@ class PERFECT_BVH_UL_updates(bpy.types.UIList):
         elif item.state == MORE:
             layout.label(text=item.name, icon="BLANK1")
         else:
-            draw_cells(layout, fitting_name(context, item), item.time, item.share, ICONS[item.state])
+            draw_cells(context, layout, fitting_name(context, item), item.time, item.share, ICONS[item.state])
 
     def draw_filter(self, context: bpy.types.Context, layout: bpy.types.UILayout) -> None:
         layout.prop(self, "filter_name", text="", icon="VIEWZOOM")
@@ -178,25 +177,38 @@ class PERFECT_BVH_PT_updates(StudyPanel, bpy.types.Panel):
             layout.label(text="Loading...")
             return
         _draw_heading(context, layout)
+        row = layout.row(align=True)
+        row.label(text="Sort By")
+        row.prop(rows, "sort_by", expand=True)
         column = layout.column(align=True)
-        draw_cells(column, "Object", "Time", "Share", "NONE")
+        draw_cells(context, column, "Object", "Time", "Share", "NONE")
         column.template_list("PERFECT_BVH_UL_updates", "", rows, "rows", rows, "active", rows=5, maxrows=10)
         _draw_active(context, layout, rows)
 
 
 def fitting_name(context: bpy.types.Context, item: bpy.types.PropertyGroup) -> str:
     """A row's name, with the number of its objects short where there is no room for more words."""
-    width = context.region.width / context.preferences.system.ui_scale - LIST_BORDERS
-    room = width * (NAME_PART if item.time else LONG_NAME_PART) - ICON
+    room = _list_width(context) * _name_part(context, item.time) - ICON
     return item.name if text_width(item.name) <= room else item.short_name
 
 
-def draw_cells(layout: bpy.types.UILayout, name: str, time: str, share: str, icon: str) -> None:
+def _list_width(context: bpy.types.Context) -> float:
+    return max(context.region.width / context.preferences.system.ui_scale - LIST_BORDERS, 1.0)
+
+
+def _name_part(context: bpy.types.Context, time: str) -> float:
+    """Returns the part of a row that its name may have."""
+    return max(1.0 - ((TIME if time else 0) + SHARE) / _list_width(context), LEAST_NAME_PART)
+
+
+def draw_cells(
+    context: bpy.types.Context, layout: bpy.types.UILayout, name: str, time: str, share: str, icon: str
+) -> None:
     """A row of up to three columns, the numbers flush right."""
-    split = layout.split(factor=NAME_PART if time else LONG_NAME_PART)
+    split = layout.split(factor=_name_part(context, time))
     split.label(text=name, icon=icon)
     if time:
-        split = split.split(factor=TIME_PART)
+        split = split.split(factor=TIME / (TIME + SHARE))
     for cell in (time, share) if time else (share,):
         column = split.row()
         column.alignment = "RIGHT"

@@ -31,6 +31,10 @@ def _on_active(rows: Any, _: bpy.types.Context) -> None:
         choose(rows)
 
 
+def _on_order(rows: Any, _: bpy.types.Context) -> None:
+    _asked.add(rows.scene_uid)
+
+
 class PERFECT_BVH_PG_update(bpy.types.PropertyGroup):
     """A row of the list."""
 
@@ -56,6 +60,17 @@ class PERFECT_BVH_PG_updates(bpy.types.PropertyGroup):
         description="Select the objects of this row in the scene",
         default=-1,
         update=_on_active,
+        options={"SKIP_SAVE"},
+    )
+    sort_by: bpy.props.EnumProperty(
+        name="Sort By",
+        description="Which objects come first in the list",
+        items=[
+            ("SHARE", "Share", "Those on which the camera's rays spend most", 0),
+            ("TIME", "Time", "Those whose BVH took longest to build or refit", 1),
+        ],
+        default="SHARE",
+        update=_on_order,
         options={"SKIP_SAVE"},
     )
     is_unfolded: bpy.props.BoolProperty(
@@ -147,7 +162,8 @@ def _fill_scene(scene: bpy.types.Scene) -> None:
         made.scene_uid = uid
     before = row_of(made, made.active)
     owners = statistics.owners
-    updates = Updates() if owners is None else find_updates(statistics.report, owners)
+    by_time = made.sort_by == "TIME"
+    updates = Updates() if owners is None else find_updates(statistics.report, owners, by_time=by_time)
     _listed[uid] = statistics, updates
     _write(made, updates)
     made.active = _index_of(made, before)

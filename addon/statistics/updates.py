@@ -87,7 +87,7 @@ class UpdateRow:
 
 @dataclass(frozen=True, slots=True)
 class Updates:
-    """The updates of one image. The rows are the first ones of all: longest times and most costly rays first.
+    """The updates of one image. The rows are the first ones of all, by time or by the cost of their rays.
 
     changed_count, unchanged_count: the number of objects of each. changed_more, unchanged_more: the number of these
     objects that are in no row.
@@ -122,8 +122,11 @@ class _Groups:
     members: Int64Array
 
 
-def find_updates(report: SyncReport, owners: Owners) -> Updates:
-    """Returns the updates of a sync for an image. owners: of the scene that the image shows."""
+def find_updates(report: SyncReport, owners: Owners, *, by_time: bool = True) -> Updates:
+    """Returns the updates of a sync for an image. owners: of the scene that the image shows.
+
+    by_time: whether the first rows are those with the longest times, not those with the most costly rays.
+    """
     uids = np.array([obj.session_uid for obj in owners.objects], np.int64)
     trees = {tree.mesh_id: tree for tree in (*report.commit.resting, *report.commit.meshes)}
     groups = _group(owners, uids, _states_of_trees(owners, trees), _states_of_objects(report, uids))
@@ -152,8 +155,10 @@ def find_updates(report: SyncReport, owners: Owners) -> Updates:
     is_changed = groups.states != _RANK["kept"]
     took = np.where(is_changed, milliseconds[groups.mesh_rows], 0.0)
     removed, unseen = tuple(_removed(report)), tuple(map(_row_of_unseen, report.unseen))
-    changed = (*_first(make, is_changed, took, groups, MOST_CHANGED - len(removed)), *removed)
-    unchanged = (*_first(make, ~is_changed, took, groups, MOST_UNCHANGED), *unseen)[:MOST_UNCHANGED]
+    keys = (-groups.counts, -groups.shares, -took) if by_time else (-groups.counts, -took, -groups.shares)
+    order = np.lexsort(keys)
+    changed = (*_first(make, order[is_changed[order]], MOST_CHANGED - len(removed)), *removed)
+    unchanged = (*_first(make, order[~is_changed[order]], MOST_UNCHANGED), *unseen)[:MOST_UNCHANGED]
     return Updates(
         changed=changed,
         unchanged=unchanged,
@@ -170,17 +175,8 @@ def find_instancers(row: UpdateRow, owners: Owners) -> set[int]:
     return set(uids[parents].tolist())
 
 
-def _first(
-    make: Callable[[int], UpdateRow],
-    wanted: npt.NDArray[np.bool_],
-    took: npt.NDArray[np.float64],
-    groups: _Groups,
-    most: int,
-) -> list[UpdateRow]:
-    """The rows of those groups whose trees took longest, then of those that cost rays most, then of many objects."""
-    rows = np.flatnonzero(wanted)
-    order = np.lexsort((-groups.counts[rows], -groups.shares[rows], -took[rows]))
-    return [make(int(row)) for row in rows[order[:most]]]
+def _first(make: Callable[[int], UpdateRow], groups: npt.NDArray[np.intp], most: int) -> list[UpdateRow]:
+    return [make(int(group)) for group in groups[:most]]
 
 
 def _states_of_trees(owners: Owners, trees: dict[int, MeshReport]) -> Int64Array:

@@ -90,6 +90,19 @@ def test_a_row_selects_all_its_objects_and_no_others(listed: Any) -> None:
     assert selected() == {"B"} and rows.note == ""
 
 
+def test_the_list_is_sorted_by_the_rays_or_by_the_time(listed: Any) -> None:
+    for name, size in (("Small", 0.1), ("Large", 3.0), ("Middle", 1.0)):
+        mesh_object(name).scale = (size,) * 3
+    rows = listed()
+    shares = {row.name: row.share for row in rows.rows}
+    assert rows.sort_by == "SHARE" and shown(rows)[0] == "Large" and shares["Large"] > shares["Small"]
+    rows.sort_by = "TIME"
+    assert update_list.fill()
+    found = update_list.updates_of(rows.scene_uid).changed
+    assert [row.milliseconds for row in found] == sorted((row.milliseconds for row in found), reverse=True)
+    assert shown(rows) == [row.name for row in found]
+
+
 def test_the_number_of_objects_is_seen_however_narrow_the_sidebar(listed: Any) -> None:
     mesh = mesh_data("shared")
     for number in range(9):
@@ -103,6 +116,10 @@ def test_the_number_of_objects_is_seen_however_narrow_the_sidebar(listed: Any) -
         context = SimpleNamespace(region=SimpleNamespace(width=1.5 * width), preferences=preferences)
         item = SimpleNamespace(name=shared.name, short_name=shared.short_name, time="0.24 ms")
         assert fitting_name(context, item) == expected
+    item.name = "A name that was cut in the middle of it"
+    for width, is_whole in ((300, False), (480, True)):
+        context = SimpleNamespace(region=SimpleNamespace(width=1.5 * width), preferences=preferences)
+        assert (fitting_name(context, item) == item.name) == is_whole
 
 
 def test_what_cannot_be_selected_is_said_and_raises_nothing(listed: Any) -> None:

@@ -108,6 +108,8 @@ def test_what_took_longest_stands_first_then_what_rays_work_on(scene: Any) -> No
     built = find_updates(report, plain)
     times = [row.milliseconds for row in built.changed]
     assert times == sorted(times, reverse=True) and min(times) > 0.0
+    by_share = find_updates(report, plain, by_time=False)
+    assert [row.name for row in by_share.changed] == ["B", "C", "A"]
     assert "60% of the camera rays' work" in facts_of(row_named(kept, "B"))
     sync.close()
 
