@@ -132,14 +132,18 @@ LAST_CLASSES = (
 # The amount of work for images, and the treatment of the remaining noise: in Cycles' layout.
 
 
+NO_OIDN = "OpenImageDenoise is missing: a built-in filter leaves more noise. Blender from blender.org has it"
+
+
 class PERFECT_BVH_PT_sampling(EnginePanel, bpy.types.Panel):
-    """Holds the panels of viewports and of renders."""
+    """Holds the panels of viewports and of renders; says once if the usual denoiser is missing."""
 
     bl_label = "Sampling"
     bl_options: ClassVar = set()
 
     def draw(self, context: bpy.types.Context) -> None:
-        """Draws nothing; its subpanels do."""
+        if _is_noisy(context.scene.perfect_bvh) and not _has_oidn():
+            draw_lines(context, self.layout, NO_OIDN, icon="INFO")
 
 
 class PERFECT_BVH_PT_sampling_viewport(EnginePanel, bpy.types.Panel):
@@ -153,7 +157,7 @@ class PERFECT_BVH_PT_sampling_viewport(EnginePanel, bpy.types.Panel):
         layout = settings_layout(self)
         settings = context.scene.perfect_bvh
         _draw_samples(layout, settings, "viewport_")
-        _draw_denoising(context, layout, settings, "use_viewport_denoising")
+        _draw_denoising(layout, settings, "use_viewport_denoising")
 
 
 class PERFECT_BVH_PT_sampling_render(EnginePanel, bpy.types.Panel):
@@ -168,7 +172,7 @@ class PERFECT_BVH_PT_sampling_render(EnginePanel, bpy.types.Panel):
         settings = context.scene.perfect_bvh
         _draw_samples(layout, settings, "")
         layout.prop(settings, "time_limit")
-        _draw_denoising(context, layout, settings, "use_denoising")
+        _draw_denoising(layout, settings, "use_denoising")
 
 
 class PERFECT_BVH_PT_sampling_advanced(EnginePanel, bpy.types.Panel):
@@ -208,17 +212,15 @@ def _draw_max(layout: bpy.types.UILayout, settings: bpy.types.bpy_struct, kind: 
         layout.prop(settings, "viewport_samples", text=" ")
 
 
-def _draw_denoising(
-    context: bpy.types.Context, layout: bpy.types.UILayout, settings: bpy.types.bpy_struct, name: str
-) -> None:
+def _draw_denoising(layout: bpy.types.UILayout, settings: bpy.types.bpy_struct, name: str) -> None:
     """A switch that says by what."""
     column = layout.column(heading="Denoise")
     column.active = _is_noisy(settings)
-    denoiser = denoiser_in_use()
-    is_built_in = not denoiser.startswith("OpenImageDenoise")
-    column.prop(settings, name, text="Built-in Filter" if is_built_in else denoiser)
-    if is_built_in:
-        draw_lines(context, column, "OpenImageDenoise is not in this Blender", icon="INFO")
+    column.prop(settings, name, text=denoiser_in_use() if _has_oidn() else "Built-in Filter")
+
+
+def _has_oidn() -> bool:
+    return denoiser_in_use().startswith("OpenImageDenoise")
 
 
 def _is_noisy(settings: bpy.types.bpy_struct) -> bool:

@@ -49,7 +49,6 @@ MAIN_BUTTONS = [
 ]
 HEADER_CHECKBOX_OF_PANEL = 0.13
 SWITCHES = 0.44  # of the region's width: the switches next to the values that they turn on
-LINE = 20  # of a text
 ROW_AND_GAP = 26  # from the middle of a button to that of the next group
 
 
@@ -121,17 +120,8 @@ def press_sampling_film_and_performance() -> Step:
 
 
 def change_the_seed(buttons: list[Button]) -> Step:
-    """In Advanced, below the note that some Blenders lack OpenImageDenoise."""
-    area, header = area_of("PROPERTIES"), header_height(min(buttons, key=lambda button: button.y), 0)
-    for y in (header, header - LINE, header - 2 * LINE):  # a click on the note does nothing
-        yield from toggle_panel(area, y)
-        found = yield from list_buttons(area, top=y - HEADER_HEIGHT / 2)
-        if any(button.what.endswith("seed") for button in found):
-            yield from change_all(settings(), {"seed": "5"})(found)
-            yield from leave(area)
-            yield from toggle_panel(area, y)
-            return
-    raise StepError("Advanced does not open")
+    """In Advanced."""
+    yield from work_below(buttons, 0, change_all(settings(), {"seed": "5"}))
 
 
 def work_below(buttons: list[Button], number: int, work: Callable[[list[Button]], Step]) -> Step:
