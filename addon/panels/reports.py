@@ -261,7 +261,8 @@ class PERFECT_BVH_PT_compare(StudyPanel, bpy.types.Panel):
         draw_purpose(
             context,
             layout,
-            "Two BVHs of the active object side by side, with the expected cost of a ray (SAH): lower is better",
+            "Two BVHs of the active object side by side. SAH: expected cost of a ray. EPO: what overlapping boxes add "
+            "to it. Lower is better",
         )
         compare = context.scene.perfect_bvh.compare
         column = layout.column(align=True)

@@ -220,9 +220,9 @@ def statistics_rows(statistics: FrameStatistics) -> list[tuple[str, str]]:
     rows = [
         (statistics.source, f"Frame {statistics.frame:g}"),
         ("Resolution", f"{width} x {height} px"),
-        ("Sync", duration(report.read_milliseconds + report.compare_milliseconds + report.apply_milliseconds)),
-        ("Build", duration(report.commit_milliseconds)),
-        ("Trace", duration(statistics.trace_milliseconds)),
+        ("Read Scene", duration(report.read_milliseconds + report.compare_milliseconds + report.apply_milliseconds)),
+        ("Build BVHs", duration(report.commit_milliseconds)),
+        ("Trace Rays", duration(statistics.trace_milliseconds)),
         *([("Denoise", duration(statistics.denoise_milliseconds))] if statistics.denoiser else []),
         ("Samples", f"{statistics.samples:.4g} per pixel"),
         ("Camera Rays", rate(statistics.rays_per_second)),

@@ -58,7 +58,7 @@ def rows_of(side: Side, other: Side | None = None) -> list[Row]:
     built = f" (built: {side.built_sah:,.1f})" if side.is_refitted else ""
     rows = [Row("SAH", f"{side.sah:,.1f}{built}", ratio(side.sah, other and other.sah))]
     if side.epo is not None:
-        rows.append(Row("End-Point Overlap", f"{side.epo:,.2f}", ratio(side.epo, other and other.epo)))
+        rows.append(Row("Overlap (EPO)", f"{side.epo:,.2f}", ratio(side.epo, other and other.epo)))
     rows.append(Row("Nodes", f"{side.nodes:,}"))
     rows.append(Row("Leaves", f"{side.leaves:,}"))
     name = "Refit" if side.is_refitted else "Build"
