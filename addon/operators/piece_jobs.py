@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import bpy
 from bpy.app.handlers import persistent
 
+from ..statistics.words import count_of
 from ..support.files import prepare_folder
 from .ticking import Ticking
 
@@ -19,6 +20,7 @@ if TYPE_CHECKING:
     from ..pieces.work import PieceWork
 
 STEP_SECONDS = 0.1
+ROUNDING = 1e-6  # of a frame: a share of a chunk may be just below a whole number of frames
 
 
 class JobOperator(Ticking):
@@ -156,7 +158,7 @@ class PiecesJob:
 
         work.place.prepare(work.pieces, *work.joined, resume=resumes)
         self._work, self._folder, self._resumes = work, folder, resumes
-        self._outcome = Outcome()
+        self._outcome, self._done = Outcome(), 0.0  # chunks, with the part of the current one
         _folders_in_use.add(folder)
 
     @property
@@ -166,7 +168,10 @@ class PiecesJob:
     @property
     def where(self) -> str:
         """The target of the work, for the status bar."""
-        return f" file {self._outcome.number} of {len(self._work.pieces)}"
+        counts = [len(piece.frames) for piece in self._work.pieces]
+        number = min(int(self._done), len(counts) - 1)
+        done = sum(counts[:number]) + int((self._done - number) * counts[number] + ROUNDING)
+        return f" frame {min(done + 1, sum(counts))} of {sum(counts)}"
 
     def steps(self) -> Generator[float, None, None]:
         """Yields the share done, 0 to 1; joins the chunks in the end."""
@@ -176,8 +181,8 @@ class PiecesJob:
         frame = scene.frame_current, scene.frame_subframe, scene.camera.session_uid if scene.camera else 0
         try:
             with saved_at_the_users_frame(self._work.view), closing(do_pieces(self._work, self._outcome)) as steps:
-                for done in steps:
-                    yield done / len(self._work.pieces)
+                for self._done in steps:
+                    yield self._done / len(self._work.pieces)
         finally:
             self._work.view.set_frame_back(*frame)
         self._work.join()
@@ -190,5 +195,5 @@ class PiecesJob:
         """Returns the message to a user who has stopped it."""
         start = f"Start {self.noun}"
         how = f"{start} continues" if self._resumes else f"To continue, enable Resume and press {start}"
-        count = f"{self._outcome.there} of {len(self._work.pieces)} files"
+        count = f"{self._outcome.there} of {count_of(len(self._work.pieces), 'file')}"
         return f"{self.noun} canceled: {count} written to {self._folder}. {how}"

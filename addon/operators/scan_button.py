@@ -15,7 +15,7 @@ import bpy
 
 from ..settings.scan_settings import label_names
 from ..statistics import messages
-from ..statistics.words import duration
+from ..statistics.words import count_of, duration
 from .piece_jobs import JobOperator, PiecesJob, prepare_free_folder, saved_at_the_users_frame
 from .scan_request import (
     ScannedFile,
@@ -213,8 +213,9 @@ class PointsJob:
     def summary(self, names: list[str], seconds: float) -> str:
         """Returns a sentence about the result. names: of the new objects."""
         cloud = self._scanner.result()
-        found = f"{len(cloud):,} points on {len(cloud.object_names):,} objects, {cloud.ray_count:,} rays"
-        return f"{names[0]}: {found}, {duration(1e3 * seconds)}"
+        points, objects = count_of(len(cloud), "point"), count_of(len(cloud.object_names), "object")
+        rays = count_of(cloud.ray_count, "ray")
+        return f"{names[0]}: {points} on {objects} by {rays}, {duration(1e3 * seconds)}"
 
 
 class FilesJob(PiecesJob):
@@ -254,10 +255,11 @@ class FilesJob(PiecesJob):
 
     def summary(self, names: list[str], seconds: float) -> str:
         """Returns a sentence about the result. names: of the new objects."""
-        added = f", {len(names)} objects" if self._keeps else ""
-        count = self._outcome.words(len(self._work.pieces), "files written")
-        points = self._work.summary(self._outcome)[0]
-        return f"{self._folder}: {count}; {points}{added}, {duration(1e3 * seconds)}"
+        written, kept = self._outcome.written, self._outcome.kept
+        points = f" with {self._work.summary(self._outcome)[0]}" if written else ""
+        existed = f", {count_of(kept, 'file')} existed" if kept else ""
+        added = f", added {count_of(len(names), 'object')} to the scene" if self._keeps else ""
+        return f"Wrote {count_of(written, 'file')}{points} to {self._folder}{existed}{added}, {duration(1e3 * seconds)}"
 
     def _take(self, piece: Piece, cloud: PointCloud) -> None:
         self._file.check_unedited(piece.first)

@@ -13,6 +13,8 @@ from contextlib import closing
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, TypeVar
 
+from ..statistics.words import count_of
+
 if TYPE_CHECKING:
     from ..live.scene_view import SceneView
     from .piece import Piece, PieceFolder
@@ -34,10 +36,7 @@ Steps = Generator[float | Done, None, None]  # the share done, 0 to 1; then, unl
 
 @dataclass(slots=True)
 class Outcome:
-    """The outcome of a run. warnings: of the finished chunks, each once. failed: chunks and the reasons.
-
-    number: of the current chunk, from 1.
-    """
+    """The outcome of a run. warnings: of the finished chunks, each once. failed: chunks and the reasons."""
 
     written: int = 0
     kept: int = 0
@@ -45,7 +44,6 @@ class Outcome:
     warnings: dict[str, None] = field(default_factory=dict)
     failed: list[tuple[Piece, str]] = field(default_factory=list)
     is_stopped: bool = False
-    number: int = 1
 
     @property
     def there(self) -> int:
@@ -127,7 +125,7 @@ class PieceWork(ABC):
 
     def summary(self, outcome: Outcome) -> tuple[str, ...]:
         """How much was made, in few words, and further lines."""
-        return (f"{outcome.counts.get('frames', 0)} frames",)
+        return (count_of(outcome.counts.get("frames", 0), "frame"),)
 
     def _play_to(self, frame: int) -> Generator[float, None, None]:
         """Goes through the frames before, if anything is simulated: it depends on them."""
@@ -146,7 +144,6 @@ def do_pieces(
     outcome: the results so far. do: makes a chunk at once, given the number of chunks before it; None: in steps.
     """
     for before, piece in enumerate(work.pieces):
-        outcome.number = before + 1
         yield before
         if work.place.is_done(piece):
             outcome.kept += 1

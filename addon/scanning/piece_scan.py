@@ -19,6 +19,7 @@ from ..pieces.piece import Piece, PieceFolder, runs_of, scene_inputs
 from ..pieces.work import Done, Outcome, PieceWork, Steps
 from ..settings.preferences import denoiser_in_use
 from ..settings.scan_choices import FORMATS, KITTI
+from ..statistics.words import count_of
 from .formats import label_columns, save_cloud
 from .light.model import Light
 from .outcomes import RayCounts
@@ -163,7 +164,7 @@ class ScanWork(PieceWork):
 
     def summary(self, outcome: Outcome) -> tuple[str, ...]:
         """How many points there are, and what became of the rays."""
-        points = f"{outcome.counts.get('points', 0):,} points"
+        points = count_of(outcome.counts.get("points", 0), "point")
         return (points, str(ray_counts(outcome))) if outcome.written else (points,)
 
 

@@ -189,16 +189,18 @@ def test_esc_leaves_whole_pieces_and_start_goes_on(small_file: Path) -> None:
             break
     assert contents(folder) == expected and window.progress[-1] == 100.0
     ((kind, report),) = operator.reports
-    assert kind == "INFO" and report.startswith(f"{folder}: 1 of 3 files written, 2 existed; ")
+    assert kind == "INFO" and report.startswith("Wrote 1 file with ")
+    assert f" points to {folder}, 2 files existed, " in report
 
 
-def test_the_status_bar_tells_which_piece_is_worked_on(small_file: Path) -> None:
+def test_the_status_bar_tells_which_frame_is_worked_on(small_file: Path) -> None:
     operator, window = started()
     seen: list[str | None] = []
-    tick_until(operator, window, lambda: seen.append(window.status) or "file 3 of 3" in (window.status or ""))
+    tick_until(operator, window, lambda: seen.append(window.status) or "frame 6 of 6" in (window.status or ""))
     operator.modal(window, ESCAPE)
-    assert seen[0] == "Scanning file 1 of 3 | Esc: Cancel"
-    assert {text.rpartition("file ")[2] for text in seen if text} == {f"{n} of 3 | Esc: Cancel" for n in (1, 2, 3)}
+    assert seen[0] == "Scanning frame 1 of 6 | Esc: Cancel"
+    told = {text.rpartition("frame ")[2].partition(" ")[0] for text in seen if text}
+    assert {"1", "3", "5", "6"} <= told <= set("123456")
 
 
 @pytest.mark.parametrize("as_files", [True, False])

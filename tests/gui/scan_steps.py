@@ -77,7 +77,7 @@ def scan_to_ply() -> Step:
 
     def finish() -> Step:
         yield from wait_until(lambda: not is_working(), "the scan does not end")
-        yield from wait_for_report("1 of 1 files written")
+        yield from wait_for_report("Wrote 1 file with ")
 
     yield from press_scan(finish)
     (made,) = folder.glob("*.ply")
