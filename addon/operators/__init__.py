@@ -10,6 +10,7 @@ piece_jobs    the common parts of *Scan*, *Label Images* and *Bake Rays*
 measure       *Bench*, and the comparison of two trees
 select        selects objects that are not shown, or were updated
 walk          keys of the walk of a ray
+help_buttons  open the manual, copy a command
 ticking       the common parts of all: reasons why not, steps of a timer, the status bar
 """
 
@@ -18,9 +19,22 @@ from __future__ import annotations
 import bpy
 
 from ..bench import results
-from . import add_sensor, bake_button, label_button, measure, preview, scan_button, scan_request, select, ticking, walk
+from . import (
+    add_sensor,
+    bake_button,
+    help_buttons,
+    label_button,
+    measure,
+    preview,
+    scan_button,
+    scan_request,
+    select,
+    ticking,
+    walk,
+)
 
 _MODULES = (preview, scan_button, scan_request, add_sensor, label_button, bake_button, measure, select, walk)
+_MODULES += (help_buttons,)
 _CLASSES = tuple(operator for module in _MODULES for operator in module.CLASSES)
 
 

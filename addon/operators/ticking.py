@@ -79,10 +79,15 @@ class Checked:
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        complaint = native_error() or cls._find_complaint(context)
+        complaint = cls.why_not(context)
         if complaint is not None:
             cls.poll_message_set(complaint)
         return complaint is None
+
+    @classmethod
+    def why_not(cls, context: bpy.types.Context) -> str | None:
+        """Why its button is grey; None if it is not."""
+        return native_error() or cls._find_complaint(context)
 
     @classmethod
     def _find_complaint(cls, context: bpy.types.Context) -> str | None:

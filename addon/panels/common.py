@@ -11,6 +11,7 @@ import bpy
 from ..settings.preferences import native_error
 from ..settings.scene_settings import ENGINE_NAME
 from ..statistics.messages import Message, messages_of
+from ..support.files import command_in
 
 # Labels do not wrap, and a panel is as wide as its region. In pixels at the usual resolution scale: the width for
 # borders and an icon, and the shortest length of a line. The font is the interface's own.
@@ -67,11 +68,15 @@ class StudyPanel(SidebarPanel):
 
 
 def draw_manual(layout: bpy.types.UILayout, page: str, text: str = "") -> None:
-    """Draws a button that opens a page of the manual in the browser; none where the manual is not installed."""
+    """Draws a button that opens a page of the manual in the browser; none where the manual is not installed.
+
+    text: its name in a menu; a panel has a question mark.
+    """
     name, _, heading = page.partition("#")
     path = MANUAL / f"{name}.html"
     if path.exists():
-        button = layout.operator("wm.url_open", text=text, icon="HELP", emboss=bool(text))
+        opener = "wm.url_open" if text else "perfect_bvh.open_manual"
+        button = layout.operator(opener, text=text, icon="HELP", emboss=bool(text))
         button.url = f"{path.as_uri()}#{heading}" if heading else path.as_uri()
 
 
@@ -112,6 +117,27 @@ def wrapped(context: bpy.types.Context, text: str, inset: float = 0.0) -> list[s
 def draw_message(context: bpy.types.Context, layout: bpy.types.UILayout, message: Message, inset: float = 0.0) -> None:
     """Something that went wrong, or not as it should."""
     draw_lines(context, layout, message.text, "CANCEL" if message.is_error else "ERROR", inset)
+    draw_command(layout, message.text)
+
+
+def draw_command(layout: bpy.types.UILayout, text: str) -> None:
+    """Draws a button that copies the command that a message has; none for other messages."""
+    command = command_in(text)
+    if command is not None:
+        layout.operator("perfect_bvh.copy_command", icon="COPYDOWN").command = command
+
+
+def draw_main_button(
+    context: bpy.types.Context, layout: bpy.types.UILayout, name: str, text: str, icon: str
+) -> bpy.types.UILayout:
+    """Draws the button of a sidebar panel's work; if it is grey, the reason is below it. Returns the button's row."""
+    row = layout.row(align=True)
+    row.operator(name, text=text, icon=icon)
+    operator = bpy.types.Operator.bl_rna_get_subclass_py(f"PERFECT_BVH_OT_{name.partition('.')[2]}")
+    reason = operator.why_not(context)
+    if reason is not None:
+        draw_lines(context, layout, reason, "INFO", TABS)
+    return row
 
 
 def draw_messages_of(context: bpy.types.Context, layout: bpy.types.UILayout, source: str) -> None:

@@ -12,7 +12,17 @@ from ..settings.preferences import denoising_data_settings
 from ..settings.scan_choices import FORMATS, OTHER
 from ..statistics.messages import notes_of
 from ..support.files import how_to_get
-from .common import TABS, RenderPanel, SidebarPanel, draw_lines, draw_messages_of, draw_purpose, settings_layout
+from .common import (
+    TABS,
+    RenderPanel,
+    SidebarPanel,
+    draw_command,
+    draw_lines,
+    draw_main_button,
+    draw_messages_of,
+    draw_purpose,
+    settings_layout,
+)
 
 # The settings of the Scan button's sensor and of its points, and the button.
 
@@ -31,7 +41,7 @@ class PERFECT_BVH_PT_scan(SidebarPanel, bpy.types.Panel):
         _draw_frames(layout, settings)
         _draw_points(layout, settings)
         _draw_files(context, layout, settings)
-        layout.operator("perfect_bvh.scan", text="Start Scan", icon="OUTLINER_OB_POINTCLOUD")
+        draw_main_button(context, layout, "perfect_bvh.scan", "Start Scan", "OUTLINER_OB_POINTCLOUD")
         draw_messages_of(context, layout, "Scan")
         for note in notes_of(context.scene, "Scan"):
             draw_lines(context, layout, note, "INFO", TABS)
@@ -104,6 +114,7 @@ def _draw_missing(context: bpy.types.Context, layout: bpy.types.UILayout, what: 
     missing = how_to_get(what, *modules)
     if missing is not None:
         draw_lines(context, layout, missing, "ERROR", TABS)
+        draw_command(layout, missing)
 
 
 class PERFECT_BVH_PT_label_images(SidebarPanel, bpy.types.Panel):
@@ -136,7 +147,7 @@ class PERFECT_BVH_PT_label_images(SidebarPanel, bpy.types.Panel):
         layout.prop(settings, "use_coco")
         layout.prop(settings, "folder")
         layout.prop(settings, "use_resume")
-        layout.operator("perfect_bvh.label_images", text="Start Labels", icon="IMAGE_DATA")
+        draw_main_button(context, layout, "perfect_bvh.label_images", "Start Labelling", "IMAGE_DATA")
         draw_messages_of(context, layout, "Label Images")
 
 
@@ -167,8 +178,8 @@ class PERFECT_BVH_PT_bake_rays(SidebarPanel, bpy.types.Panel):
         if settings.kind == "EXPOSURE":
             layout.prop(settings, "use_frames")
         layout.prop(settings, "table")
-        layout.operator("perfect_bvh.bake_rays", text="Bake", icon="RENDER_STILL")
-        draw_messages_of(context, layout, "Bake Rays to Attribute")
+        draw_main_button(context, layout, "perfect_bvh.bake_rays", "Bake", "RENDER_STILL")
+        draw_messages_of(context, layout, self.bl_label)
 
 
 def _draw_sun(layout: bpy.types.UILayout, settings: bpy.types.PropertyGroup, other: Any) -> None:

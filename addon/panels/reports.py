@@ -21,6 +21,7 @@ from .common import (
     RenderPanel,
     StudyPanel,
     draw_lines,
+    draw_main_button,
     draw_message,
     draw_messages_of,
     draw_purpose,
@@ -268,8 +269,7 @@ class PERFECT_BVH_PT_compare(StudyPanel, bpy.types.Panel):
         column = layout.column(align=True)
         column.prop(compare, "left")
         column.prop(compare, "right")
-        row = layout.row(align=True)
-        row.operator("perfect_bvh.compare", icon="MOD_MIRROR")
+        row = draw_main_button(context, layout, "perfect_bvh.compare", "Compare", "MOD_MIRROR")
         if compare_view.shown() is not None:
             row.operator("perfect_bvh.end_comparison", text="", icon="X")
         draw_messages_of(context, layout, "Compare")
@@ -369,7 +369,7 @@ class PERFECT_BVH_PT_bench(StudyPanel, bpy.types.Panel):
     def draw(self, context: bpy.types.Context) -> None:
         text = "Find out in about a minute which BVH builder and update policy suit this scene"
         draw_purpose(context, self.layout, text)
-        self.layout.operator("perfect_bvh.bench", icon="TIME")
+        draw_main_button(context, self.layout, "perfect_bvh.bench", "Benchmark This Scene", "TIME")
         draw_messages_of(context, self.layout, "Benchmark This Scene")
         results = last_results(context.scene.session_uid)
         if results is not None:

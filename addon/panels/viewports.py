@@ -15,6 +15,7 @@ from .common import (
     SidebarPanel,
     StudyPanel,
     draw_lines,
+    draw_main_button,
     draw_manual,
     draw_messages_of,
     draw_purpose,
@@ -147,7 +148,7 @@ class PERFECT_BVH_PT_render_view(SidebarPanel, bpy.types.Panel):
 
     def draw(self, context: bpy.types.Context) -> None:
         draw_purpose(context, self.layout, "Renders this viewport into the Image Editor")
-        self.layout.operator("perfect_bvh.preview", text="Render View", icon="RENDER_STILL")
+        draw_main_button(context, self.layout, "perfect_bvh.preview", "Render View", "RENDER_STILL")
         draw_messages_of(context, self.layout, "Render View to Image")
 
 
@@ -215,8 +216,7 @@ class PERFECT_BVH_PT_walk_ray(StudyPanel, bpy.types.Panel):
         layout = self.layout
         draw_purpose(context, layout, "Click a pixel to follow its ray through the BVH, box by box")
         walk = walk_view.shown()
-        row = layout.row(align=True)
-        row.operator("perfect_bvh.walk_ray", icon="CURVE_PATH")
+        row = draw_main_button(context, layout, "perfect_bvh.walk_ray", "Walk a Ray", "CURVE_PATH")
         if walk is None:
             draw_messages_of(context, layout, "Walk a Ray")
             return

@@ -66,17 +66,25 @@ def how_to_get(what: str, *modules: str) -> str | None:
     return f"{what} need {' and '.join(missing)}. {how_to_install(*missing)}" if missing else None
 
 
+_INSTALL, _RESTART = "Install them with: ", ". Then restart Blender"
+
+
+def command_in(text: str) -> str | None:
+    """Returns the command that a message of `how_to_install` has; None if it has none."""
+    return text.rpartition(_INSTALL)[2].removesuffix(_RESTART) if _INSTALL in text else None
+
+
 def how_to_install(*packages: str) -> str:
     """Says which command installs packages where this Python, or this Blender, imports them from."""
     bpy = sys.modules.get("bpy")
     names = " ".join(packages)
     if bpy is None or not bpy.app.binary_path:  # Blender's module in an environment of the user's
-        return f'Install them with: "{sys.executable}" -m pip install {names}'
+        return f'{_INSTALL}"{sys.executable}" -m pip install {names}'
     folder = bpy.utils.user_resource("SCRIPTS", path="modules")
     version = ".".join(map(str, sys.version_info[:2]))
     # Any Python's pip will do: Blender's own often has none.
     options = f'--only-binary=:all: --python-version {version} --target "{folder}"'
-    return f"Install them with: python3 -m pip install {options} {names}. Then restart Blender"
+    return f"{_INSTALL}python3 -m pip install {options} {names}{_RESTART}"
 
 
 # Paths ---------------------------------------------------------------------------------------------------------------

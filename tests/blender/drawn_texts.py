@@ -109,13 +109,14 @@ def drawn(panel: type) -> list[str]:
         engine, scene, view_layer = "PERFECT_BVH", bpy.context.scene, bpy.context.view_layer
         window_manager = bpy.context.window_manager
         camera, object = bpy.context.scene.camera.data, bpy.data.objects.get("Cube")
+        mode, window, selected_objects = bpy.context.mode, bpy.context.window, bpy.context.selected_objects
         light, world = bpy.data.lights.get("Tried"), bpy.data.worlds.get("Tried")
         material = bpy.data.materials.get("Tried")
         space_data, screen = shaded_space(), bpy.data.screens["Layout"]
         preferences = SimpleNamespace(system=SimpleNamespace(ui_scale=1.0))  # 0 without a window
         region = SimpleNamespace(width=280)
 
-    stand = SimpleNamespace(layout=RecordingLayout())
+    stand = SimpleNamespace(layout=RecordingLayout(), bl_label=panel.bl_label)
     assert panel.poll(Context)
     if panel is panels.reports.PERFECT_BVH_PT_updates:  # its rows are listed only after a first request
         panel.draw(SimpleNamespace(layout=RecordingLayout()), Context)

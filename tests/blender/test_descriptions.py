@@ -20,7 +20,8 @@ OPERATORS = [
     found
     for module in (
         *(operators.preview, operators.scan_button, operators.scan_request, operators.label_button, operators.measure),
-        *(operators.add_sensor, operators.select, operators.walk, operators.bake_button, pointer),
+        *(operators.add_sensor, operators.select, operators.walk, operators.bake_button, operators.help_buttons),
+        pointer,
     )
     for found in vars(module).values()
     if isinstance(found, type) and issubclass(found, bpy.types.Operator)

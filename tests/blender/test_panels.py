@@ -8,12 +8,13 @@ import pytest
 
 bpy = pytest.importorskip("bpy")
 
-from blender.drawn_texts import drawn, render_a_cube, shaded_space  # noqa: E402
-from perfect_bvh_addon import panels  # noqa: E402
+from blender.drawn_texts import RecordingLayout, drawn, render_a_cube, shaded_space  # noqa: E402
+from perfect_bvh_addon import operators, panels  # noqa: E402
 from perfect_bvh_addon.extract.camera import panorama_settings  # noqa: E402
 from perfect_bvh_addon.panels import common  # noqa: E402
 from perfect_bvh_addon.settings.scene_settings import ENGINE_NAME, read_settings  # noqa: E402
 from perfect_bvh_addon.statistics import messages  # noqa: E402
+from perfect_bvh_addon.support import files  # noqa: E402
 
 
 @pytest.fixture(autouse=True)
@@ -156,5 +157,51 @@ def test_a_path_that_is_longer_than_a_line_is_broken() -> None:
 @pytest.mark.parametrize(("denoiser", "is_built_in"), [("OpenImageDenoise 2.3.3", False), ("Joint Filter", True)])
 def test_sampling_says_by_what_is_denoised(monkeypatch, denoiser: str, is_built_in: bool) -> None:
     monkeypatch.setattr(panels.render, "denoiser_in_use", lambda: denoiser)
-    told = drawn(panels.render.PERFECT_BVH_PT_sampling_render)
-    assert ("OpenImageDenoise is not in this Blender" in " ".join(told)) == is_built_in
+    told = [" ".join(drawn(panel)) for panel in panels.render.SAMPLING_CLASSES]
+    assert sum(text.count(panels.render.NO_OIDN) for text in told) == is_built_in
+    bpy.context.scene.perfect_bvh.mode = "NORMAL"
+    assert drawn(panels.render.PERFECT_BVH_PT_sampling) == []
+
+
+@pytest.mark.parametrize(
+    ("panel", "button", "reason"),
+    [
+        (panels.output.PERFECT_BVH_PT_scan, "Start Scan", "No sensor: choose a Sensor Object, or add a camera"),
+        (panels.output.PERFECT_BVH_PT_label_images, "Start Labelling", "No camera: choose a Camera, or add one"),
+        (panels.output.PERFECT_BVH_PT_bake_rays, "Bake", "Nothing selected: select the meshes whose faces get values"),
+        (panels.viewports.PERFECT_BVH_PT_walk_ray, "Walk a Ray", "There is no 3D viewport"),
+        (panels.reports.PERFECT_BVH_PT_compare, "Compare", "There is no active object"),
+    ],
+    ids=lambda value: getattr(value, "__name__", None),
+)
+def test_a_grey_main_button_has_its_reason_below_it(panel: type, button: str, reason: str) -> None:
+    """Walk a Ray is always grey without windows."""
+    bpy.context.scene.camera = None
+    bpy.ops.object.select_all(action="DESELECT")
+    bpy.context.view_layer.objects.active = None
+    layout = RecordingLayout()
+    region, system = SimpleNamespace(width=280), SimpleNamespace(ui_scale=1.0)
+    given = {"region": region, "preferences": SimpleNamespace(system=system), "object": None, "mode": "OBJECT"}
+    given |= {"scene": bpy.context.scene, "selected_objects": [], "window": None}
+    panel.draw(SimpleNamespace(layout=layout, bl_label=panel.bl_label), SimpleNamespace(**given))
+    assert f"{button} {reason}" in " ".join(layout.texts)
+
+
+def test_the_benchmark_and_the_view_say_why_they_are_grey_without_the_engine(monkeypatch) -> None:
+    reason = "The native engine could not be loaded: a damaged file"
+    monkeypatch.setattr(operators.ticking, "native_error", lambda: reason)
+    for panel in (panels.reports.PERFECT_BVH_PT_bench, panels.viewports.PERFECT_BVH_PT_render_view):
+        assert reason in " ".join(drawn(panel))
+
+
+def test_a_command_in_a_message_can_be_copied() -> None:
+    command = files.command_in(files.how_to_install("laspy", "lazrs"))
+    assert command is not None and command.endswith(" -m pip install laspy lazrs")
+    assert files.command_in("Choose a folder for the files") is None
+    messages.tell(bpy.context.scene, "Scan", f"LAZ files need laspy. {files.how_to_install('laspy')}", is_error=True)
+    assert "perfect_bvh.copy_command" in drawn(panels.output.SCAN_CLASSES[0])
+    reports, manager = [], SimpleNamespace(clipboard="")
+    pressed = SimpleNamespace(command=command, report=lambda kinds, text: reports.append(text))
+    copy = operators.help_buttons.PERFECT_BVH_OT_copy_command.execute
+    assert copy(pressed, SimpleNamespace(window_manager=manager)) == {"FINISHED"}
+    assert manager.clipboard == command and reports == [f"Copied: {command}"]

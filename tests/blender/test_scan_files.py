@@ -328,5 +328,7 @@ def test_a_format_without_its_library_is_named_with_how_to_get_it(small_file: Pa
     told = " ".join(drawn(panels.output.PERFECT_BVH_PT_scan))
     monkeypatch.undo()
     assert "LAZ files need laspy and lazrs" in told and "-m pip install laspy lazrs" in told
+    assert "perfect_bvh.copy_command" in told
     scan_settings().file_format = "npz"
-    assert "-m pip install" not in " ".join(drawn(panels.output.PERFECT_BVH_PT_scan))
+    told = " ".join(drawn(panels.output.PERFECT_BVH_PT_scan))
+    assert "-m pip install" not in told and "perfect_bvh.copy_command" not in told

@@ -75,7 +75,7 @@ def test_each_panel_opens_its_page(
     layout = RecordingLayout()
     common.draw_manual(layout, panel.page)
     ((operator, button),) = layout.made
-    assert operator == "wm.url_open" and button.url.startswith(tmp_path.as_uri())
+    assert operator == "perfect_bvh.open_manual" and button.url.startswith(tmp_path.as_uri())
     name, _, heading = button.url.removeprefix(f"{tmp_path.as_uri()}/").partition("#")
     assert name in manual and (not heading or f'id="{heading}"' in manual[name])
     monkeypatch.setattr(common, "MANUAL", tmp_path / "none")

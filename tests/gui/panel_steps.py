@@ -183,7 +183,7 @@ def find_the_manual() -> Step:
             hover(region.x + region.width * column / 100, region.y + region.height - FIRST_HEADER)
             yield from handled()
             found = button_under_mouse(area) or ""
-            if "wm.url_open" in found:
+            if "perfect_bvh.open_manual" in found:
                 break
         else:
             raise StepError("the header of Scan has no button that opens the manual")
