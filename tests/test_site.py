@@ -41,7 +41,7 @@ def test_tables_have_each_setting_in_plain_words() -> None:
     pages = site_tables.pages()
     in_blender, sensor_files = pages["in_blender.md"], pages["sensor_files.md"]
     assert "| `noise_threshold` | Noise Threshold | 0.01 | 0 to 1 | Noise that may remain" in in_blender
-    assert "| `formats` | Formats | `npz` | any of `npz` NumPy, " in in_blender
+    assert "| `formats` | Formats | `png` | any of `png` PNG, " in in_blender
     assert "\n### `space.shading.perfect_bvh.overlay`\n" in in_blender
     assert "| `level` | Level | 2 | 0 to 64 | " in in_blender
     assert "| `threads` | Threads | 0 | 0 to 1,024 | " in in_blender

@@ -1,8 +1,8 @@
 """The button Label Images: exact ids, masks and depths of a camera's view, written to files frame by frame.
 
 In a window it works in steps of a timer while Blender's user continues, and Esc cancels it and keeps whole files.
-Without one, or when a script calls it, it does the same in one go. The last frame's labels are shown in the Image
-Editor.
+Without one, or when a script calls it, it does the same in one go. The last frame's labels are shown in an open Image
+Editor; no window opens for them.
 """
 
 from __future__ import annotations
@@ -13,9 +13,9 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import bpy
 import numpy as np
 
-from ..statistics.words import duration
+from ..statistics.words import count_of, duration
 from .piece_jobs import JobOperator, PiecesJob, prepare_free_folder
-from .preview import show_in_editor
+from .preview import set_in_editors
 from .scan_request import ScannedFile, folder_of, frames_of, threads_of
 
 if TYPE_CHECKING:
@@ -71,9 +71,10 @@ class PERFECT_BVH_OT_label_images(JobOperator, bpy.types.Operator):
         for warning in self._job.warnings:
             self._complain(warning, "WARNING")
         images = make_images(self._job.last, "" if context.object is None else context.object.name)
-        if images and not bpy.app.background:
-            _show_soon(images[0])
-        self.report({"INFO"}, self._job.summary(time.perf_counter() - self._started))
+        text = self._job.summary(time.perf_counter() - self._started)
+        if images and not set_in_editors(context, images[0]):
+            text = f'{text}. The last frame is in the image "{images[0].name}": open an Image Editor to see it'
+        self.report({"INFO"}, text)
         return {"FINISHED"}
 
 
@@ -84,7 +85,7 @@ class LabelsJob(PiecesJob):
     OSError for a folder that takes no files.
     """
 
-    noun = "Labels"
+    noun = "Labelling"
 
     def __init__(self, scene: bpy.types.Scene, view_layer: bpy.types.ViewLayer) -> None:
         from ..extract.scene_in_time import has_simulations
@@ -116,7 +117,7 @@ class LabelsJob(PiecesJob):
     def summary(self, seconds: float) -> str:
         """Returns a sentence about the written files."""
         frames = self._outcome.counts.get("frames", 0)
-        return f"Labelled {frames} frame{'s' if frames != 1 else ''} into {self._folder}, {duration(1e3 * seconds)}"
+        return f"Labelled {count_of(frames, 'frame')} into {self._folder}, {duration(1e3 * seconds)}"
 
     def _take(self, frame: int, labels: Labels) -> None:
         self._file.check_unedited(frame)
@@ -171,20 +172,6 @@ def make_images(labels: Labels | None, name: str) -> list[bpy.types.Image]:
         grey = 1.0 - 0.9 * (labels.depth - near) / max(float(far - near), 1e-9)
         depth[..., :3] = np.where(is_there, grey, 0.0)[..., None]
     return [_store(OBJECTS, colors), _store(MASK, mask), _store(DEPTH, depth)]
-
-
-def _show_soon(image: bpy.types.Image) -> None:
-    """When the operator is over: a window that opens hands events on, which would have it end a second time."""
-    uid = image.session_uid
-
-    def show() -> None:
-        found = next((image for image in bpy.data.images if image.session_uid == uid), None)
-        window = next(iter(bpy.context.window_manager.windows), None)
-        if found is not None and window is not None:
-            with bpy.context.temp_override(window=window):
-                show_in_editor(bpy.context, found)
-
-    bpy.app.timers.register(show, first_interval=0.0)
 
 
 def _store(name: str, pixels: Any) -> bpy.types.Image:

@@ -189,16 +189,16 @@ def _store(refinement: Refinement) -> bpy.types.Image:
 
 def show_in_editor(context: bpy.types.Context, image: bpy.types.Image) -> None:
     """Shows an image in an open Image Editor, or where the user wants renders to appear."""
-    if not _set_in_editors(context, image):
+    if not set_in_editors(context, image):
         bpy.ops.render.view_show("INVOKE_DEFAULT")
-        _set_in_editors(context, image)
+        set_in_editors(context, image)
 
 
 def _windows(context: bpy.types.Context) -> set[int]:
     return {window.as_pointer() for window in context.window_manager.windows}
 
 
-def _set_in_editors(context: bpy.types.Context, image: bpy.types.Image) -> bool:
+def set_in_editors(context: bpy.types.Context, image: bpy.types.Image) -> bool:
     """Show it in the first Image Editor of any window whose image is not pinned; whether there is one."""
     for window, area in _image_editors(context):
         space = area.spaces.active

@@ -8,11 +8,12 @@ import bpy
 
 from .scan_settings import MOST, PATH_OPTIONS
 
+# The last is a number that files store.
 FORMATS = (
-    ("npz", "NumPy", "One .npz file per frame with all images, masks and names"),
-    ("npy", "NumPy Arrays", "One .npy file per image, which programs can map into memory"),
-    ("png", "PNG", "Ids and depth as images of 16 bits"),
-    ("exr", "OpenEXR", "One file of layers per frame. Needs the library OpenEXR"),
+    ("png", "PNG", "Images of 16 bits: ids and depth", "NONE", 4),
+    ("npz", "NumPy", "One .npz file per frame with all images, masks and names", "NONE", 1),
+    ("npy", "NumPy Arrays", "One .npy file per image, which programs can map into memory", "NONE", 2),
+    ("exr", "OpenEXR", "One file of layers per frame. Needs the library OpenEXR", "NONE", 8),
 )
 
 
@@ -73,8 +74,8 @@ class PERFECT_BVH_PG_label_images(bpy.types.PropertyGroup):
     formats: bpy.props.EnumProperty(
         name="Formats",
         description="File formats; several can be chosen",
-        items=[(*one, "NONE", 1 << number) for number, one in enumerate(FORMATS)],
-        default={"npz"},
+        items=FORMATS,
+        default={"png"},
         options={"ENUM_FLAG"},
     )
     use_coco: bpy.props.BoolProperty(

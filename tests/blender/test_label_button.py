@@ -42,7 +42,7 @@ def scene_file(registered: None, tmp_path: Path) -> Path:
 
 def settings_for(folder: Path, **values: Any) -> Any:
     settings = bpy.context.scene.perfect_bvh.label_images
-    settings.folder, settings.frames = str(folder), "SCENE"
+    settings.folder, settings.frames, settings.formats = str(folder), "SCENE", {"npz"}
     for name, value in values.items():
         setattr(settings, name, value)
     return settings
@@ -115,12 +115,13 @@ def test_escape_keeps_whole_files(scene_file: Path, tmp_path: Path, monkeypatch:
             if (tmp_path / "panel" / "labels_0001-0001.json").exists():
                 break
             operator.modal(window, TIMER)
-        assert "Labelling file" in window.status and window.status.endswith("| Esc: Cancel")
+        assert window.status == "Labelling frame 2 of 3 | Esc: Cancel"
         assert operator.modal(window, ESCAPE) == {"CANCELLED"}
     finally:
         label_button.PIECE = label_button_piece
     ((kind, told),) = operator.reports
-    assert kind == "INFO" and told.startswith("Labels canceled: ") and "enable Resume and press Start Labels" in told
+    assert kind == "INFO" and told.startswith("Labelling canceled: 1 of 3 files written to ")
+    assert told.endswith("To continue, enable Resume and press Start Labelling")
     assert bpy.context.scene.frame_current == 1 and window.status is None
 
 
@@ -142,4 +143,39 @@ def test_what_cannot_be_labelled_is_named(scene_file: Path, tmp_path: Path) -> N
 def test_the_panel_shows_what_can_be_chosen(scene_file: Path) -> None:
     bpy.context.scene.perfect_bvh.label_images.use_render_size = False
     told = drawn(panels.output.PERFECT_BVH_PT_label_images)
-    assert "Start Labels" in told
+    assert "Start Labelling" in told and "No camera: choose a Camera, or add one" not in told
+
+
+def test_images_that_people_can_open_are_preselected(registered: None) -> None:
+    settings = bpy.context.scene.perfect_bvh.label_images
+    formats = settings.bl_rna.properties["formats"]
+    assert formats.default_flag == {"png"} and formats.enum_items[0].identifier == "png"
+    numbers = {item.identifier: item.value for item in formats.enum_items}
+    assert numbers == {"npz": 1, "npy": 2, "png": 4, "exr": 8}, "files store these"
+
+
+def test_the_status_bar_counts_frames_and_not_files(scene_file: Path, tmp_path: Path) -> None:
+    settings_for(tmp_path / "panel")
+    operator, window = FakeOperator(PERFECT_BVH_OT_label_images), FakeWindow()
+    assert operator.invoke(window, None) == {"RUNNING_MODAL"}
+    job, seen = operator._job, []
+    for _ in operator._steps:
+        seen.append(job.where)
+    operator._end(window)
+    assert list(dict.fromkeys(seen)) == [f" frame {number} of {COUNT}" for number in range(1, COUNT + 1)]
+
+
+@pytest.mark.parametrize("is_open", [True, False])
+def test_the_last_frame_is_shown_in_an_open_editor_or_its_place_is_reported(
+    scene_file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, is_open: bool
+) -> None:
+    from perfect_bvh_addon.operators import label_button
+
+    shown: list[str] = []
+    monkeypatch.setattr(label_button, "set_in_editors", lambda _, image: shown.append(image.name) or is_open)
+    settings_for(tmp_path / "panel", frames="CURRENT")
+    operator = FakeOperator(PERFECT_BVH_OT_label_images)
+    assert operator.execute(bpy.context) == {"FINISHED"}
+    ((kind, told),) = operator.reports
+    assert shown == [OBJECTS] and kind == "INFO" and told.startswith("Labelled 1 frame into ")
+    assert ("open an Image Editor to see it" in told) == (not is_open)
