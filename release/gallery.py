@@ -25,7 +25,7 @@ OTHERS = {
     "blend_scenes/pictures/meadow.jpg": "`perfect-bvh render blend_scenes/meadow.blend -o meadow.png --samples 10`",
     "blend_scenes/pictures/in_blender.jpg": "a screenshot of a Rendered viewport in Blender 5.2",
     "blend_scenes/pictures/walk_a_ray.jpg": "a screenshot of *Walk a Ray* in Blender 5.2",
-    "blend_scenes/pictures/bake_rays.jpg": "a screenshot of *Bake Rays* over a year in Blender 5.2",
+    "blend_scenes/pictures/bake_rays.jpg": "a screenshot of *Bake Sun, Sky and Thickness* over a year in Blender 5.2",
     "docs/pictures/walk.png": "[a data set, step by step](../docs/data_set.md)",
 }
 

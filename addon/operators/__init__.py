@@ -5,8 +5,8 @@ scan_button   *Scan*
 scan_request  the settings of its panel, checked
 add_sensor    *Add Sensor*
 label_button  *Label Images*
-bake_button   *Bake Rays to Attribute*
-piece_jobs    the common parts of *Scan*, *Label Images* and *Bake Rays*
+bake_button   *Bake Sun, Sky and Thickness*
+piece_jobs    the common parts of *Scan*, *Label Images* and *Bake Sun, Sky and Thickness*
 measure       *Bench*, and the comparison of two trees
 select        selects objects that are not shown, or were updated
 walk          keys of the walk of a ray

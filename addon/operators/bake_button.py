@@ -1,4 +1,4 @@
-"""The button Bake Rays to Attribute: a value for each face of the selected meshes, shown as colours at once.
+"""The button Bake Sun, Sky and Thickness: a value for each face of the selected meshes, shown as colours at once.
 
 In a window it works in steps of a timer while Blender continues, and Esc cancels it. Without one, or when a script
 calls it, it does the same in one go. The scene does not change before the end.
@@ -41,7 +41,7 @@ class PERFECT_BVH_OT_bake_rays(JobOperator, bpy.types.Operator):
     """Steps through a bake in a timer."""
 
     bl_idname = "perfect_bvh.bake_rays"
-    bl_label = "Bake Rays to Attribute"
+    bl_label = "Bake Sun, Sky and Thickness"
     bl_description = "Cast rays from each face of the selected meshes, and show what they find as colors. Esc cancels"
     bl_options: ClassVar = {"REGISTER", "UNDO"}
     doing = "Baking"

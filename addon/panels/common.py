@@ -63,7 +63,7 @@ class SidebarPanel:
 class StudyPanel(SidebarPanel):
     """A panel that explains the trees and their rays, in a separate tab."""
 
-    bl_category = "BVH"
+    bl_category = "BVH Study"
     bl_options: ClassVar = {"DEFAULT_CLOSED"}
 
 

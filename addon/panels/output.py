@@ -31,7 +31,7 @@ class PERFECT_BVH_PT_scan(SidebarPanel, bpy.types.Panel):
     """The sensor, its object, and the output of the points."""
 
     bl_label = "Scan"
-    page = "blender#the-sidebars-tab-perfect-bvh-scan-label-images-and-bake-rays"
+    page = "blender#the-sidebars-tab-perfect-bvh-scan-label-and-bake"
 
     def draw(self, context: bpy.types.Context) -> None:
         layout = settings_layout(self)
@@ -154,7 +154,7 @@ class PERFECT_BVH_PT_label_images(SidebarPanel, bpy.types.Panel):
 class PERFECT_BVH_PT_bake_rays(SidebarPanel, bpy.types.Panel):
     """What is baked onto the selected meshes, and the button."""
 
-    bl_label = "Bake Rays"
+    bl_label = "Bake Sun, Sky and Thickness"
     bl_options: ClassVar = {"DEFAULT_CLOSED"}
     page = "how_to/sun_hours"
 

@@ -59,7 +59,7 @@ class PERFECT_BVH_PT_display(StudyPanel, bpy.types.Panel):
     """The same settings in the sidebar, where Compare shows boxes of the same level in the same colors."""
 
     bl_label = "Display"
-    page = "blender#the-sidebars-tab-bvh-see-what-a-scene-costs"
+    page = "blender#the-sidebars-tab-bvh-study-see-what-a-scene-costs"
 
     def draw(self, context: bpy.types.Context) -> None:
         layout = settings_layout(self)
@@ -207,7 +207,7 @@ class PERFECT_BVH_PT_walk_ray(StudyPanel, bpy.types.Panel):
     """The controls of the walk. The viewport shows the current step."""
 
     bl_label = "Walk a Ray"
-    page = "blender#the-sidebars-tab-bvh-see-what-a-scene-costs"
+    page = "blender#the-sidebars-tab-bvh-study-see-what-a-scene-costs"
 
     def draw(self, context: bpy.types.Context) -> None:
         from ..view3d.walk import walk_view

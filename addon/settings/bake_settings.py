@@ -1,4 +1,4 @@
-"""The settings of the Bake Rays button: `scene.perfect_bvh.bake`."""
+"""The settings of the Bake Sun, Sky and Thickness button: `scene.perfect_bvh.bake`."""
 
 from __future__ import annotations
 

@@ -99,7 +99,9 @@ class PERFECT_BVH_PG_settings(bpy.types.PropertyGroup):
         name="Label Images", description="Settings of the Label Images button", type=PERFECT_BVH_PG_label_images
     )
     bake: bpy.props.PointerProperty(
-        name="Bake Rays", description="What the Bake Rays button asks of each face", type=PERFECT_BVH_PG_bake
+        name="Bake Sun, Sky and Thickness",
+        description="What the Bake Sun, Sky and Thickness button asks of each face",
+        type=PERFECT_BVH_PG_bake,
     )
     compare: bpy.props.PointerProperty(
         name="Compare", description="The two BVHs of the active object to compare", type=PERFECT_BVH_PG_compare

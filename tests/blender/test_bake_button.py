@@ -1,4 +1,4 @@
-"""The Bake Rays button: its values are those of `bake_rays`, and are shown as colours with a legend and a chart."""
+"""The bake's button: its values are those of `bake_rays`, and are shown as colours with a legend and a chart."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The Bake Rays button on the example of a town: colours, the legend, the value and the chart under the mouse."""
+"""A bake on the example of a town: colours, the legend, the value and the chart under the mouse."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The tab BVH of the sidebar, whose panels are closed at first: opened and closed by the mouse."""
+"""The tab BVH Study of the sidebar, whose panels are closed at first: opened and closed by the mouse."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def open_study(area: bpy.types.Area, title: str) -> Step:
     area.spaces.active.show_region_ui = True
     yield from redrawn()
     sidebar = region_of(area, "UI")
-    sidebar.active_panel_category = "BVH"
+    sidebar.active_panel_category = "BVH Study"
     sidebar.tag_redraw()
     yield from at_rest(area)
     yield from toggle_panel(area, header_of(area, title))
