@@ -53,7 +53,7 @@ Octants distances(const WideNode& node, std::uint32_t count) noexcept {
   return distance;
 }
 
-// Puts the larger into a. Whatever `max` returns for special values, neither is lost.
+// Puts the larger into a. Neither is lost, even if processors treat small values as zero.
 void put_far_first(Float4& a, Float4& b) noexcept {
   const Float4 far = max(a, b);
   b = from_bits(bits_of(a) ^ bits_of(b) ^ bits_of(far));
