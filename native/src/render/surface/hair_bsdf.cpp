@@ -37,18 +37,18 @@ double scaled_bessel(double x) noexcept {
 
 // The distribution along the fiber: over the sine of one angle, given the other (d'Eon et al. 2011), in a form that
 // does not overflow.
-double spread_along(double sine, double cosine, const HairDirection& view, double variance) noexcept {
+double spread_along(double sine, double cosine, const HairDirection& view, double variance, double whole) noexcept {
   const double a = cosine * view.cosine / variance, b = sine * view.sine / variance;
-  const double narrow = variance * (1.0 - exponential(-2.0 / variance));
-  return scaled_bessel(a) * exponential(a - b - 1.0 / variance) / narrow;
+  return scaled_bessel(a) * exponential(a - b - 1.0 / variance) / whole;
 }
+double whole_along(double variance) noexcept { return variance * (1.0 - exponential(-2.0 / variance)); }
 
 double logistic_below(double x, double scale) noexcept { return 1.0 / (1.0 + exponential(-x / scale)); }
 
 // The distribution around the fiber, from -pi to pi.
-double spread_around(double angle, double scale) noexcept {
+double spread_around(double angle, double scale, double whole) noexcept {
   const double away = exponential(-std::abs(angle) / scale);
-  return away / (scale * square(1.0 + away) * (1.0 - 2.0 * logistic_below(-kPi, scale)));
+  return away / (scale * square(1.0 + away) * whole);
 }
 double choose_around(double random, double scale) noexcept {
   const double least = logistic_below(-kPi, scale);
@@ -125,7 +125,12 @@ void HairFiber::set_widths(const Hair& hair, float least) noexcept {
   lobes_[0].variance = std::max(variance_of(first), widest);
   lobes_[1].variance = 0.25 * variance;
   lobes_[2].variance = lobes_[3].variance = 4.0 * variance;
-  for (Lobe& lobe : lobes_) lobe.scale = scale;
+  const double whole = 1.0 - 2.0 * logistic_below(-kPi, scale);
+  for (std::size_t i = 0; i < lobes_.size(); ++i) {
+    Lobe& lobe = lobes_[i];
+    lobe.scale = scale, lobe.whole_around = whole;
+    lobe.whole_along = i == 3 ? lobes_[2].whole_along : whole_along(lobe.variance);
+  }
   lobes_[3].scale = 0.0;
 }
 
@@ -171,9 +176,9 @@ void HairFiber::set_shares(const Hair& hair, Vec3f passed, double reflected) noe
 double HairFiber::density_of(const Lobe& lobe, const HairDirection& direction) const noexcept {
   const double sine = direction.sine * lobe.cosine_of_tilt + direction.cosine * lobe.sine_of_tilt;
   const double cosine = std::abs(direction.cosine * lobe.cosine_of_tilt - direction.sine * lobe.sine_of_tilt);
-  const double along = spread_along(sine, cosine, view_, lobe.variance);
+  const double along = spread_along(sine, cosine, view_, lobe.variance, lobe.whole_along);
   if (lobe.scale == 0.0) return along / (2.0 * kPi);
-  return along * spread_around(wrapped(direction.around - lobe.middle), lobe.scale);
+  return along * spread_around(wrapped(direction.around - lobe.middle), lobe.scale, lobe.whole_around);
 }
 
 HairValue HairFiber::evaluate(const HairDirection& direction) const noexcept {

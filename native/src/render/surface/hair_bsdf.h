@@ -54,6 +54,7 @@ class HairFiber {
     double middle = 0.0;    // around
     double sine_of_tilt = 0.0, cosine_of_tilt = 1.0;
     double chance = 0.0;
+    double whole_along = 1.0, whole_around = 1.0;  // the integrals of both distributions
   };
 
   void set_widths(const Hair& hair, float least) noexcept;
