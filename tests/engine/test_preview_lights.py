@@ -8,9 +8,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from engine.preview_looks import (
+    ABOVE,
     BLACK,
     DIRECT,
     PLAIN,
+    QUAD,
     ROOF,
     TILTED,
     brightness,
@@ -24,7 +26,7 @@ from engine.preview_looks import (
     square,
     two_materials,
 )
-from perfect_bvh import Appearance, Camera, MeshAppearance, render
+from perfect_bvh import Appearance, Camera, MeshAppearance, Scene, render
 
 
 @pytest.mark.parametrize("count", [1, 9], ids=["each light", "some lights"])
@@ -135,3 +137,26 @@ def test_corner_normals_far_off_their_triangle_are_lit_from_below_it(tilt, below
     look = Appearance(meshes={0: MeshAppearance(corner_normals=normals.copy())}, lights=sun, world=BLACK)
     expected = PLAIN * math.cos(math.pi / 2 - lean + sink)
     assert brightness(scene, look, looking((0, 0, 5), (0, 0, 0), 20.0)) == pytest.approx(max(expected, 0.0), abs=1e-3)
+
+
+def test_ribbons_closer_than_their_width_do_not_darken_each_other() -> None:
+    """A mesh that is as close does; so does a ribbon farther off."""
+    look = Appearance(lights=lights(0, position=(0, 10, 3), power=1000.0), world=BLACK)
+
+    def middle(*more: tuple[float, float], wall: bool = False) -> float:
+        scene = Scene()
+        for y, z in ((0.0, 0.0), *more):
+            curve = scene.add_curves([(-2, y, z), (2, y, z)], 0.1, [0, 2], shape="ribbon")
+            scene.add_instance(curve)
+        if wall:
+            scene.add_instance(scene.add_mesh([(-2, 0.12, -1), (2, 0.12, -1), (2, 0.12, 1), (-2, 0.12, 1)], QUAD))
+        scene.commit()
+        image = render(scene, ABOVE, "preview", (33, 33), 1, look, light_paths=DIRECT)
+        return float(image[16, 16, 0])
+
+    alone = middle()
+    assert alone > 0.01
+    assert middle((0.144, 0.043)) == pytest.approx(alone, rel=1e-3)
+    assert middle((0.48, 0.144)) == 0.0
+    assert middle(wall=True) == 0.0
+    assert middle((0.05, 0.015), wall=True) == 0.0

@@ -58,18 +58,6 @@ Vec3d tangent_at(const RoundList& list, std::uint32_t primitive, double u) noexc
   return own + before + (after - before) * u;
 }
 
-// Returns the path from where a ray enters a tube of this radius about the axis to where it is nearest to the axis, or
-// slightly farther. The ray passes the axis at `share` of the radius. The path is limited to a few radii, for rays
-// almost along the axis.
-Vec3d half_way_through(const RoundRay& ray, Vec3d direction, Vec3d axis, double radius, double share) noexcept {
-  constexpr double kLeastSine = 0x1p-5, kMore = 1.0 + 0x1p-20;
-  const Vec3d across = cross(direction, axis);
-  const double length = std::sqrt(ray.squared_length * dot(axis, axis));
-  const double sine = length > 0.0 ? std::sqrt(dot(across, across)) / length : 1.0;
-  const double half = radius * std::sqrt(std::max(1.0 - share * share, 0.0)) / std::max(sine, kLeastSine);
-  return direction * (half * kMore / std::sqrt(ray.squared_length));
-}
-
 // The distance off a curve at which secondary rays start, as a fraction of the largest coordinate: more than rounding
 // may move it.
 constexpr double kClear = 0x1p-40;
@@ -131,12 +119,7 @@ RoundPoint RoundPlacer::place(const Instance& instance, const Hit& hit, const Ra
   const double radius = ends.first.radius + surface.u * (ends.last.radius - ends.first.radius);
   const Vec3d normal = vector_of(surface.normal);
   const Vec3d position = instance.object_to_world.point(first + axis * surface.u + normal * radius);
-  return {position,
-          normalized(to_object_.transposed_vector(normal)),
-          instance.object_to_world.vector(axis),
-          is_entry,
-          position,
-          position};
+  return {position, normalized(to_object_.transposed_vector(normal)), instance.object_to_world.vector(axis), is_entry};
 }
 
 RoundPoint RoundPlacer::place_ribbon(const Instance& instance, const RoundList& list, std::uint32_t primitive,
@@ -151,13 +134,8 @@ RoundPoint RoundPlacer::place_ribbon(const Instance& instance, const RoundList& 
   const double share = radius > 0.0 ? std::sqrt(place.squared) / radius : 0.0;
   Vec3d normal;
   ribbon_normal(local.direction, &tangent.x, place.away, share, &normal.x);
-  const Vec3d through = half_way_through(local, vector_of(local.direction), axis, radius, share);
-  return {to_world.point(centre + away),
-          normalized(to_object_.transposed_vector(normal)),
-          to_world.vector(axis),
-          true,
-          to_world.point(centre + away - through),
-          to_world.point(centre + away + through)};
+  return {to_world.point(centre + away), normalized(to_object_.transposed_vector(normal)), to_world.vector(axis), true,
+          radius * length(to_world.vector(normalized(cross(vector_of(local.direction), axis))))};
 }
 
 }  // namespace perfect_bvh

@@ -24,19 +24,17 @@ namespace perfect_bvh {
 // Ribbons are flat, but their normals are round: those of a tube about the curve that is as wide as the curve where the
 // ray hits it. Like the ribbon, the tube is round in the mesh's own space, and stretched with its instance. It turns
 // with the curve from one segment to the next: its axis at a sphere is the mean of the two adjacent segments.
-// Secondary rays start where the incoming ray enters or leaves the tube. From there they hit the ribbon again only if
-// they go back into it.
 
 struct RoundPoint {
   Vec3d position;
-  Vec3d normal;          // of length 1, outward; zero at a tip
-  Vec3d along;           // from the segment's first centre to its last; zero for points
-  bool is_entry;         // the ray comes from outside; ribbons are always entered
-  Vec3d before, behind;  // the origins of secondary rays, on the near and far side: `position`, except for ribbons
+  Vec3d normal;                // of length 1, outward; zero at a tip
+  Vec3d along;                 // from the segment's first centre to its last; zero for points
+  bool is_entry;               // the ray comes from outside; ribbons are always entered
+  double ribbon_radius = 0.0;  // across the ray; 0 except for ribbons
 };
 
 // Returns where a ray from inside a curve leaves it, just outside. If segments overlap, it leaves where the last one
-// ends, from the given segment on. A ribbon is left where the tube of its normals ends. time: the ray's.
+// ends, from the given segment on. time: the ray's.
 [[nodiscard]] Vec3d leave_curve(const Instance& instance, std::uint32_t segment, Vec3d origin, Vec3d direction,
                                 float time);
 

@@ -221,14 +221,49 @@ void pass_layers(const Snapshot& snapshot, const Appearance& appearance, std::sp
 
 }  // namespace
 
+void begin_at_meshes(const Snapshot& snapshot, CancelToken& cancel, std::span<Ray> rays) {
+  std::vector<std::size_t> rows;
+  AlignedVector<Ray> starts;
+  AlignedVector<Hit> hits;
+  for (std::size_t row = 0; row < rays.size(); ++row) {
+    if (!(rays[row].t_min > 0.0f) || rays[row].t_max < 0.0f) continue;
+    Ray& start = starts.emplace_back(rays[row]);
+    start.t_max = std::min(start.t_min, start.t_max), start.t_min = 0.0f;
+    rows.push_back(row);
+  }
+  while (!starts.empty()) {
+    hits.assign(starts.size(), Hit{});
+    trace_closest(snapshot, cancel, starts, hits);
+    std::size_t left = 0;
+    for (std::size_t i = 0; i < starts.size(); ++i) {
+      if (!hits[i].found()) continue;
+      if (snapshot.instances[hits[i].instance_index].blas->mesh.shape != CurveShape::kRibbon) {
+        rays[rows[i]].t_min = hits[i].t;
+        continue;
+      }
+      starts[left] = starts[i], rows[left] = rows[i];
+      starts[left++].t_min = std::nextafter(hits[i].t, kInfiniteDistance);
+    }
+    starts.resize(left), rows.resize(left);
+  }
+}
+
 void find_what_passes(const Snapshot& snapshot, const Appearance& appearance, std::span<const Vertex> vertices,
                       int most_layers, CancelToken& cancel, ShadowRays& shadows) {
   shadows.passed.assign(shadows.rays.size(), 1.0f);
-  if (appearance.any_transparent()) return pass_layers(snapshot, appearance, vertices, most_layers, cancel, shadows);
+  if (appearance.any_transparent()) {
+    begin_at_meshes(snapshot, cancel, shadows.rays);
+    return pass_layers(snapshot, appearance, vertices, most_layers, cancel, shadows);
+  }
   shadows.blocked.resize(shadows.rays.size());
   trace_occluded(snapshot, cancel, shadows.rays, shadows.blocked);
   for (std::size_t i = 0; i < shadows.rays.size(); ++i) {
-    if (shadows.blocked[i] != 0) shadows.passed[i] = 0.0f;
+    if (shadows.blocked[i] != 0) shadows.passed[i] = 0.0f, shadows.rays[i].t_max = -1.0f;
+  }
+  begin_at_meshes(snapshot, cancel, shadows.rays);
+  for (std::size_t i = 0; i < shadows.rays.size(); ++i) {
+    const float width = vertices[shadows.vertices[i]].point.ribbon_width;
+    if (shadows.rays[i].t_min < width) shadows.passed[i] = 0.0f;  // a mesh
   }
 }
 

@@ -89,7 +89,9 @@ struct Vertex {
   ray.direction = to_double(direction);
   const bool leads_beyond = dot(direction, point.geometric_normal) < 0.0f;
   ray.origin = leads_beyond ? point.beyond : point.origin;
-  if (point.strand != nullptr && leads_beyond) {
+  if (point.ribbon_width > 0.0f) {
+    ray.t_min = point.ribbon_width;
+  } else if (point.strand != nullptr && leads_beyond) {
     ray.origin = leave_curve(*point.strand, point.segment, ray.origin, ray.direction, point.time);
   }
   ray.t_max = reach;
@@ -116,6 +118,10 @@ struct Vertex {
   }
   return ray;
 }
+
+// Rays that leave a ribbon have its width as t_min. Lets each begin at the first mesh before that, so that only ribbons
+// are skipped.
+void begin_at_meshes(const Snapshot& snapshot, CancelToken& cancel, std::span<Ray> rays);
 
 // Buffers of one thread; one row per ray.
 struct ShadowRays {

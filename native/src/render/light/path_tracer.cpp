@@ -228,6 +228,7 @@ void PathTracer::scatter(const Step& step, Scratch& scratch) const {
   const Dimension picks(seed_, step.first_dimension + kPickDimension);
   const Dimension directions(seed_, step.first_dimension + kDirectionDimension);
   const FixedPoint2 pick = picks.sample(step.sample), direction = directions.sample(step.sample);
+  const std::size_t passing = scratch.next.rays.size();
   for (const Vertex& vertex : scratch.vertices) {
     Path path = vertex.path;
     const Point2 chance = (pick ^ picks.offset(path.place)).to_unit();
@@ -240,6 +241,7 @@ void PathTracer::scatter(const Step& step, Scratch& scratch) const {
     if (goes_beyond) cross_border(path, vertex.point);
     scratch.next.add(path, ray_from(vertex.point, scattered.direction, kInfiniteDistance, mask_of(scattered.kind)));
   }
+  begin_at_meshes(snapshot_, cancel_, std::span(scratch.next.rays).subspan(passing));
 }
 
 bool PathTracer::goes_on(Path& path, const Bsdf::Sample& scattered, float roulette) const {

@@ -120,6 +120,7 @@ class ClayMode final : public ShadingMode {
   }
 
   void trace(ShadeScratch& scratch) const {
+    begin_at_meshes(snapshot_, cancel_, scratch.rays);
     scratch.hits.resize(scratch.rays.size());
     trace_closest(snapshot_, cancel_, scratch.rays, scratch.hits);
   }

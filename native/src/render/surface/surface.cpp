@@ -78,9 +78,9 @@ void set_round_normals(const Instance& instance, const Ray& ray, const Hit& hit,
   if (!with_origin) return;
   const auto largest = [](Vec3d v) { return std::max({std::abs(v.x), std::abs(v.y), std::abs(v.z)}); };
   const double clear = 0x1p-40 * (largest(round.position) + largest(instance.object_to_world.translation));
-  const bool is_ribbon = instance.blas->mesh.shape == CurveShape::kRibbon;
-  point.origin = round.before + facing * clear;
-  point.beyond = round.behind + (is_ribbon ? normalized(ray.direction) : -facing) * clear;
+  point.origin = round.position + facing * clear;
+  point.beyond = round.position - facing * clear;
+  point.ribbon_width = static_cast<float>(2.0 * round.ribbon_radius);
 }
 
 void set_normals(const Appearance& appearance, const Instance& instance, const Ray& ray, const Hit& hit,

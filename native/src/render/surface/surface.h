@@ -87,6 +87,9 @@ struct SurfacePoint {
   Vec3f lift{0, 0, 0};    // from there to the curved surface implied by smooth normals
   Vec3d beyond{0, 0, 0};  // the same two on the other side, for light that passes the surface
   Vec3f lift_beyond{0, 0, 0};
+  // Of a ribbon. Rays that leave it skip ribbons nearer than this, as in Cycles: itself, and strands that lie on it,
+  // which would darken each other.
+  float ribbon_width = 0.0f;
   // For hair, which light passes through: the curve's instance and segment, to find the exit point.
   const Instance* strand = nullptr;
   std::uint32_t segment = 0;
