@@ -151,7 +151,9 @@ class ImageDenoiser:
         other = given | {"color": given["color"] - noise[NOISY]}
         let_through = quick - self._denoiser(QUICK, size).denoise(**other, progress=share_of(progress, 0.8, 0.2))
         guides = {"albedo": given["albedo"], "normal": given["normal"]}
-        return perfect_bvh.restore_detail(images["combined"], noise["combined"], denoised, let_through, **guides)
+        # The renderer's pixel filter is wider than the pixels that are denoised.
+        clean, through = perfect_bvh.apply_pixel_filter(denoised), perfect_bvh.apply_pixel_filter(let_through)
+        return perfect_bvh.restore_detail(images["combined"], noise["combined"], clean, through, **guides)
 
     def _denoiser(self, quality: DenoiseQuality, size: tuple[int, int]) -> Denoiser:
         """Returns a denoiser for images of the size that was requested first."""

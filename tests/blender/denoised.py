@@ -67,7 +67,8 @@ def expect(
     with_noise, without = (
         denoise(image, *guides, quality="fast", prefilter=prefilter) for image in (color, color - noise[NOISY])
     )
-    return perfect_bvh.restore_detail(images["combined"], noise["combined"], clean, with_noise - without, *guides)
+    clean, through = (perfect_bvh.apply_pixel_filter(image) for image in (clean, with_noise - without))
+    return perfect_bvh.restore_detail(images["combined"], noise["combined"], clean, through, *guides)
 
 
 def trace(scene: bpy.types.Scene) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:

@@ -19,6 +19,7 @@ from perfect_bvh import (
     MaterialTable,
     MeshAppearance,
     Scene,
+    apply_pixel_filter,
     render,
     render_passes,
     render_progressively,
@@ -403,6 +404,28 @@ def test_pixels_share_samples_and_what_a_denoiser_takes_does_not() -> None:
 def test_at_pixel_centres_both_are_the_same() -> None:
     for asked in ({"filter_width": 0.0}, {"filter_width": 0.5}):
         np.testing.assert_array_equal(noise_of("combined", **asked), noise_of("denoising_color", **asked))
+
+
+@pytest.mark.parametrize("width", [1.5, 2.5])
+def test_own_samples_become_like_the_film_by_its_filter(width: float) -> None:
+    scene, camera = quad_scene(np.eye(4)), Camera.look_at((0.7, -3.0, 4.0), (0.0, 0.0, 0.0))
+    asked: dict[str, Any] = {"mode": "normal", "size": SIZE, "samples": 256, "filter_width": width}
+    made = render_passes(scene, camera, passes=("combined", *GUIDES), **asked)
+
+    def off(image: npt.NDArray[np.float32]) -> float:
+        return float(np.sqrt(np.mean((image - made["combined"]) ** 2)))
+
+    own = made["denoising_color"]
+    assert off(own) > 0.005
+    assert off(apply_pixel_filter(own, width)) < 0.55 * off(own)
+
+
+def test_a_filter_keeps_even_colours_and_one_within_a_pixel_keeps_all() -> None:
+    even, uneven = np.full((5, 1, 4), 0.3, np.float32), np.random.default_rng(0).random((6, 7, 3), np.float32)
+    np.testing.assert_array_equal(apply_pixel_filter(even, 16.0), even)
+    np.testing.assert_array_equal(apply_pixel_filter(uneven, 1.0), uneven)
+    with pytest.raises(ValueError, match=r"apply_pixel_filter: image must have shape \(H, W, C\), got \(6, 7\)"):
+        apply_pixel_filter(uneven[..., 0])
 
 
 def test_a_sample_that_others_follow_spreads_like_them() -> None:

@@ -27,7 +27,7 @@ from .build_config import BuildConfig
 from .calibration import Calibration
 from .camera import Camera, Lens, Shutter
 from .closest_points import ClosestPoints
-from .denoise import Denoiser, denoise, denoiser_name, restore_detail
+from .denoise import Denoiser, apply_pixel_filter, denoise, denoiser_name, restore_detail
 from .errors import Cancelled, EngineError, StaleSceneError
 from .finishes import FinishTable
 from .hits import Hits
@@ -104,6 +104,7 @@ __all__ = [
     "World",
     "__version__",
     "active_isa",
+    "apply_pixel_filter",
     "available_isas",
     "cost_to_color",
     "denoise",

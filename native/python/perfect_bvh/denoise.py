@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import threading
 from collections.abc import Iterable
 from os import PathLike, fsdecode
@@ -12,7 +13,7 @@ import numpy.typing as npt
 
 from . import _core, _oidn
 from ._arrays import Progress, as_array, share_of
-from ._checks import check_choice, check_count
+from ._checks import check_choice, check_count, check_number
 from ._render_arguments import check_size
 from .errors import EngineError
 
@@ -214,6 +215,43 @@ def _as_paths(libraries: Paths) -> tuple[str, ...]:
         raise ValueError(f"Denoiser: libraries must be paths of files, got {libraries!r}") from None
 
 
+# Pixel filter --------------------------------------------------------------------------------------------------------
+
+# The variance of the Blackman-Harris window over its whole width, in parts of the width's square; that of a pixel.
+_WINDOW_VARIANCE, _PIXEL_VARIANCE = 0.019179, 1.0 / 12.0
+_MOST_SHIFTED = 0.2  # to each neighbour at once
+
+
+def apply_pixel_filter(image: npt.ArrayLike, filter_width: float = 1.5) -> Image:
+    """Returns means of pixels' own samples, filtered to be like "combined": edges get its width.
+
+    The means of "denoising_color", and what a `Denoiser` makes of them, are those of squares, one pixel wide.
+    "combined" has the wider filter of the renderer. A pixel and its neighbours are weighted such that the sum has that
+    filter's variance. A filter that is no wider than a pixel changes nothing.
+
+    Args:
+        image: (H, W, C).
+        filter_width: That of the render, see `render_passes`.
+
+    Returns:
+        float32 of that shape, a new array.
+
+    Raises:
+        ValueError: For bad arguments.
+    """
+    pixels = as_array("apply_pixel_filter", "image", image).astype(np.float32)
+    if pixels.ndim != 3 or 0 in pixels.shape:
+        raise ValueError(f"apply_pixel_filter: image must have shape (H, W, C), got {pixels.shape}")
+    width = 2.0 * check_number("apply_pixel_filter", "filter_width", filter_width, 0.0, 16.0)
+    shifted = 0.5 * max(_WINDOW_VARIANCE * width**2 - _PIXEL_VARIANCE, 0.0)
+    times = math.ceil(shifted / _MOST_SHIFTED)
+    for axis in (0, 1) * times:
+        sides = np.pad(pixels, [(1, 1) if axis == side else (0, 0) for side in range(3)], mode="edge")
+        before, after = (sides[:-2], sides[2:]) if axis == 0 else (sides[:, :-2], sides[:, 2:])
+        pixels = pixels + np.float32(shifted / times) * ((before - pixels) + (after - pixels))
+    return pixels
+
+
 # Restore detail ------------------------------------------------------------------------------------------------------
 # Restores detail that a denoiser has removed from an image along with the noise.
 #
@@ -261,9 +299,9 @@ def restore_detail(
     Args:
         image: (H, W, C) with C 3 or 4, scene-linear: "combined" of `render_progressively`.
         noise: The array of the same name in `noise` of `render_progressively`.
-        denoised: The output of a `Denoiser` for "denoising_color".
+        denoised: The output of a `Denoiser` for "denoising_color", after `apply_pixel_filter`.
         let_through: How much `denoised` decreases if the `noise` of "denoising_color" is subtracted from that. The
-            difference of two images that a faster denoiser has made with the same guides is good enough.
+            difference of two images that a faster denoiser has made with the same guides is good enough, filtered too.
         albedo, normal: (H, W, 3), the guides.
 
     Raises:
