@@ -99,7 +99,7 @@ def test_what_is_opaque_or_not_there_stays_so(scene: bpy.types.Scene) -> None:
     for alpha in (0.0, 1.0):
         surely = raw[..., 3] == alpha
         assert surely.any()
-        np.testing.assert_allclose(made[surely, 3], alpha, atol=0.02)
+        np.testing.assert_allclose(made[surely, 3], alpha, atol=0.03)  # its samples are others
     assert not made[made[..., 3] == 0.0].any()
     assert made[..., 3].min() >= 0.0 and made[..., 3].max() <= 1.0
 
