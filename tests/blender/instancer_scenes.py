@@ -186,8 +186,7 @@ def a_whole_collection() -> None:
 
 def a_hidden_instancer() -> None:
     made_meshes_beside_the_own()
-    field = bpy.data.objects["field"]
-    field.show_instancer_for_viewport = field.show_instancer_for_render = False
+    hide_instancer(bpy.data.objects["field"])
 
 
 def repeated_ids() -> None:
@@ -237,6 +236,30 @@ def beside_instances_on_vertices() -> None:
     made_meshes()
 
 
+def hide_instancer(obj: Any) -> None:
+    obj.show_instancer_for_viewport = obj.show_instancer_for_render = False
+
+
+def beside_hidden_instancers() -> None:
+    """Two one after the other, then one of nodes, one after it, one that shows nothing, and one at the end."""
+    kinds = {"first": "VERTS", "second": "FACES", "after": "VERTS", "none": "VERTS", "last": "FACES"}
+    for name, kind in kinds.items():
+        parent = place(mesh_object(f"{name} parent"))
+        if name != "none":
+            mesh_object(f"{name} child").parent = parent
+        parent.instance_type = kind
+        hide_instancer(parent)
+        if name == "second":
+            made_meshes()
+            mesh_object("plain", location=(3, 3, 3))
+    bpy.data.objects["none parent"].hide_viewport = True
+
+
+def beside_a_hidden_instancer_of_nodes() -> None:
+    a_hidden_instancer()
+    instances_on_grid("other", made_cube, 3)
+
+
 def listed_ones_among_others() -> None:
     repeated_ids()
     mesh_object("plain", location=(3, 3, 3))
@@ -254,6 +277,8 @@ PARTLY: dict[str, Callable[[], None]] = {
         beside_a_collection_instance,
         beside_particles,
         beside_instances_on_vertices,
+        beside_hidden_instancers,
+        beside_a_hidden_instancer_of_nodes,
         listed_ones_among_others,
     )
 }

@@ -157,7 +157,8 @@ class Soak:
 
     def _count_ways_of_reading(self, depsgraph: Any) -> None:
         """Count the instances that are read without Blender's list, and the objects that still need it."""
-        for _, found in instancer_survey.survey(depsgraph) or ():
+        surveyed = instancer_survey.survey(depsgraph)
+        for _, found in [] if surveyed is None else surveyed.objects:
             if isinstance(found, instancer_survey.Instancer) and found.points is not None:
                 self.counts["instances read from geometry"] += len(found.points.points)
             self.counts["objects looked up in the list"] += found is instancer_survey.LISTED

@@ -14,7 +14,7 @@ from blender.builders import (
     in_render,
     mesh_object,
 )
-from blender.instancer_scenes import FAST, PARTLY, SLOW, made_meshes, several_objects
+from blender.instancer_scenes import FAST, PARTLY, SLOW, beside_hidden_instancers, made_meshes, several_objects
 from perfect_bvh_addon.extract import ReadCache, read_scene
 from perfect_bvh_addon.extract.geometry import instancer_survey, listing
 from perfect_bvh_addon.extract.pointer_views import ArrayReader
@@ -98,6 +98,18 @@ def test_what_the_geometry_cannot_tell_is_left_to_the_list(scene: Any, no_list: 
     record = read_scene(depsgraph)
     assert no_list == ["list"]
     assert find_mismatches(record, list_of(depsgraph)) == ()
+
+
+def test_hidden_instancers_are_found_where_the_list_has_them(scene: Any) -> None:
+    beside_hidden_instancers()
+    surveyed = instancer_survey.survey(evaluated())
+    names = [obj.name for obj, _ in surveyed.objects]
+    found = {obj.name: names[row - 1] if row else None for row, hidden in surveyed.hidden.items() for obj in hidden}
+    shown = [f"{name} parent" for name in ("first", "second", "after", "last")]
+    assert set(shown) <= set(found)
+    assert not set(shown) & set(names)
+    parents = [entry.parent.name for entry in evaluated().object_instances if entry.is_instance]
+    assert [name for name in dict.fromkeys(parents) if name != "field"] == [name for name in found if name in shown]
 
 
 def test_what_nodes_are_given_from_outside_may_be_shown(scene: Any) -> None:

@@ -62,12 +62,23 @@ class _Collector:
         self._blocks: list[_Block] = []
 
     def collect(self, depsgraph: Any, surveyed: Survey) -> Listing:
-        matrices = np.empty((len(surveyed), 4, 4), np.float32)
+        matrices = np.empty((len(surveyed.objects), 4, 4), np.float32)
         depsgraph.objects.foreach_get("matrix_world", matrices.reshape(-1))
         walk: ListWalk | None = None
         plain_from = 0
         plain: list[int] = []
-        for row, (obj, found) in enumerate(surveyed):
+
+        def add_hidden(row: int, following: Any) -> None:
+            nonlocal walk
+            walk = walk or ListWalk(depsgraph, GroupFinder(self._groups), _READ)
+            part = walk.read_hidden(surveyed.hidden[row], following)
+            self._blocks.append(_Block(None, *part.columns))
+
+        for row, (obj, found) in enumerate(surveyed.objects):
+            if row in surveyed.hidden:
+                self._add_plain(matrices[plain_from:row], plain)
+                plain_from, plain = row, []
+                add_hidden(row, obj)
             if found is None:
                 plain.append(self._add_own(obj))
                 continue
@@ -81,6 +92,8 @@ class _Collector:
                 self._add_instances(obj, matrices[row], found)
             plain_from, plain = row + 1, []
         self._add_plain(matrices[plain_from:], plain)
+        if len(surveyed.objects) in surveyed.hidden:
+            add_hidden(len(surveyed.objects), None)
         return self._join(is_read=walk is not None)
 
     def _add_own(self, obj: Any) -> int:

@@ -1,7 +1,8 @@
 """The instances of each object of an evaluated scene, read from its geometry (Blender 4.5 and later).
 
 The geometry does not contain everything that Blender's list of instances has (nested instances, collections,
-particles, other instancers, hidden originals). Objects with those are read from the list: see `listing.py`.
+particles, other instancers, hidden originals). Objects with those are read from the list: see `listing.py`. So are
+instancers that hide themselves, which the list alone names: as entries of their instances.
 """
 
 from __future__ import annotations
@@ -66,22 +67,60 @@ class _UnsupportedError(Exception):
     """Blender's list is needed for this object after all."""
 
 
-Survey = list[tuple[Any, Instancer | _Listed | None]]
+@dataclass(frozen=True, slots=True)
+class Survey:
+    """Each evaluated object with its instances, in the depsgraph's order.
+
+    hidden: instancers that are not among them because they hide themselves, by the number of objects before them.
+    """
+
+    objects: list[tuple[Any, Instancer | _Listed | None]]
+    hidden: dict[int, list[Any]]
 
 
 def survey(depsgraph: Any) -> Survey | None:
-    """Returns each evaluated object with its instances; None if Blender's list is needed, or equally good."""
+    """Returns the instances of all evaluated objects; None if Blender's list is needed, or equally good."""
     if not _IS_SUPPORTED or not _may_have_node_instances():
         return None
-    surveyed: Survey = [(obj, _survey_any(obj)) for obj in depsgraph.objects]
-    is_worth_it = any(isinstance(found, Instancer) and found.points is not None for _, found in surveyed)
+    objects = list(depsgraph.objects)
+    hidden = _find_hidden(depsgraph, objects)
+    if hidden is None:
+        return None
+    surveyed = Survey([(obj, _survey_any(obj)) for obj in objects], hidden)
+    is_worth_it = any(isinstance(found, Instancer) and found.points is not None for _, found in surveyed.objects)
     return surveyed if is_worth_it and not _are_shown_twice(surveyed) else None
+
+
+def _find_hidden(depsgraph: Any, objects: list[Any]) -> dict[int, list[Any]] | None:
+    """Returns `Survey.hidden`, some of which may show nothing; None if the depsgraph orders objects in another way."""
+    everything = bpy.data.objects
+    is_shown = np.empty((len(_INSTANCER_SWITCHES), len(everything)), np.bool_)
+    for switch, column in zip(_INSTANCER_SWITCHES, is_shown, strict=True):
+        everything.foreach_get(switch, column)
+    if is_shown.all():
+        return {}
+    switched_off = {
+        obj.session_uid for obj, is_on in zip(everything, is_shown.all(axis=0).tolist(), strict=True) if not is_on
+    }
+    uids = [obj.original.session_uid for obj in objects]
+    hidden: dict[int, list[Any]] = {}
+    row = 0
+    for block in depsgraph.ids:
+        if not isinstance(block, bpy.types.Object):
+            continue
+        uid = block.original.session_uid
+        if row < len(uids) and uid == uids[row]:
+            row += 1
+        elif uid in switched_off:
+            hidden.setdefault(row, []).append(block)
+    return hidden if row == len(uids) else None
 
 
 def _are_shown_twice(surveyed: Survey) -> bool:
     """Whether the list shows meshes that geometries give as well: they have one address here, and another one there."""
-    told = {obj.original for obj, found in surveyed if isinstance(found, Instancer)}
-    waiting = [obj.original for obj, found in surveyed if found is LISTED]
+    told = {obj.original for obj, found in surveyed.objects if isinstance(found, Instancer)}
+    waiting = [obj.original for obj, found in surveyed.objects if found is LISTED]
+    waiting += [obj.original for hidden in surveyed.hidden.values() for obj in hidden]
     seen = set(waiting)
     while waiting:
         others = set(_may_show(waiting.pop())) - seen
@@ -133,15 +172,8 @@ def _used_by(tree: Any) -> Iterator[Any]:
 
 
 def _may_have_node_instances() -> bool:
-    """A quick answer for the many scenes that have none. An instancer that hides itself is not among the objects."""
-    if not any(group.bl_idname == "GeometryNodeTree" for group in bpy.data.node_groups):
-        return False
-    shown = np.empty(len(bpy.data.objects), np.bool_)
-    for switch in _INSTANCER_SWITCHES:
-        bpy.data.objects.foreach_get(switch, shown)
-        if not shown.all():
-            return False
-    return True
+    """A quick answer for the many scenes that have none."""
+    return any(group.bl_idname == "GeometryNodeTree" for group in bpy.data.node_groups)
 
 
 def _survey_any(obj: Any) -> Instancer | _Listed | None:

@@ -198,12 +198,28 @@ class ListWalk:
             raise RuntimeError(f"{obj.name}: not in the depsgraph's list of instances, or at another position there")
         part = ListedPart()
         while self._item is not None and (not part.group_ids or self._belongs_to(obj)):
-            self._add(part, self._finder.find(self._item, self._numbering))
-            strands = self._finder.find_strands(self._item, self._numbering)
-            if strands != NOT_SHOWN:
-                self._add(part, strands)
-            self._item = next(self._items, None)
+            self._read_item(part)
         return part
+
+    def read_hidden(self, instancers: list[Any], following: Any) -> ListedPart:
+        """Reads the instances of instancers without entries of their own, which come before that of `following`.
+
+        instancers: evaluated; they may have none. following: the object after them, None at the end.
+        """
+        part = ListedPart()
+        while self._item is not None and (self._item.is_instance or self._item.object != following):
+            if self._item.is_instance and self._item.parent in instancers:
+                self._read_item(part)
+            else:
+                self._item = next(self._items, None)
+        return part
+
+    def _read_item(self, part: ListedPart) -> None:
+        self._add(part, self._finder.find(self._item, self._numbering))
+        strands = self._finder.find_strands(self._item, self._numbering)
+        if strands != NOT_SHOWN:
+            self._add(part, strands)
+        self._item = next(self._items, None)
 
     def _add(self, part: ListedPart, group: int) -> None:
         """Copies: an entry is overwritten by the next one."""
