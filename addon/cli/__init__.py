@@ -18,6 +18,7 @@ piece_child      a process with a Blender that makes a worker's chunks
 from __future__ import annotations
 
 import argparse
+import atexit
 import os
 import sys
 from collections.abc import Sequence
@@ -396,3 +397,20 @@ def main(argv: Sequence[str] | None = None, prog: str = "perfect-bvh") -> int:
     except KeyboardInterrupt:
         sys.stderr.write("perfect-bvh: stopped\n")
         return EXIT_INTERRUPTED
+
+
+def run() -> int:
+    """Runs `main` as a program of its own, and ends it where Blender cannot: see `_ends_badly`."""
+    status = main()
+    if _ends_badly():
+        atexit._run_exitfuncs()  # Blender's own, and ours, which stops threads
+        sys.stdout.flush()
+        sys.stderr.flush()
+        os._exit(status)
+    return status
+
+
+def _ends_badly() -> bool:
+    """Whether Blender is a module that crashes or hangs when a process with registered classes ends: before 5.0."""
+    bpy = sys.modules.get("bpy")
+    return bpy is not None and not bpy.app.binary_path and bpy.app.version < (5, 0, 0)

@@ -143,8 +143,10 @@ def check_format(
 
 
 def _library(name: str) -> Any:
-    extra = next((one.extra for one in FORMATS.values() if name in one.modules), "data")
-    return data_library(name, f"this format needs {name.partition('.')[0]} (perfect-bvh[{extra}])")
+    chosen = next((one for one in FORMATS.values() if name in one.modules), None)
+    modules, extra = ((name,), "data") if chosen is None else (chosen.modules, chosen.extra)
+    packages = dict.fromkeys(module.partition(".")[0] for module in modules)
+    return data_library(name, f"this format needs {' and '.join(packages)} (perfect-bvh[{extra}])", packages)
 
 
 def _table(cloud: PointCloud, labels: Mapping[str, str]) -> dict[str, npt.NDArray[Any]]:

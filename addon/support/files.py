@@ -39,12 +39,13 @@ def write_arrays(path: Path, arrays: Mapping[str, npt.NDArray[Any]], *, is_compr
 # Libraries that only some files need, imported when they do.
 
 
-def data_library(name: str, who_needs: str) -> Any:
+def data_library(name: str, who_needs: str, packages: Iterable[str] = ()) -> Any:
     """Imports a module of the extra `data`.
 
     Args:
         name: Of the module, such as "pyarrow.parquet".
         who_needs: The start of the message, such as "EXR files need OpenEXR".
+        packages: All to install, if they are more than the module's.
 
     Raises:
         ImportError: If it is not installed; says how to install it.
@@ -52,7 +53,7 @@ def data_library(name: str, who_needs: str) -> Any:
     try:
         return importlib.import_module(name)
     except ImportError as error:
-        raise ImportError(f"{who_needs}. {how_to_install(name.partition('.')[0])}") from error
+        raise ImportError(f"{who_needs}. {how_to_install(*packages or (name.partition('.')[0],))}") from error
 
 
 def how_to_get(what: str, *modules: str) -> str | None:
@@ -67,6 +68,8 @@ def how_to_get(what: str, *modules: str) -> str | None:
 
 
 _INSTALL, _RESTART = "Install them with: ", ". Then restart Blender"
+# The versions that work with numpy 1, which Blender has before 5.1.
+_FOR_NUMPY_1 = {"pyarrow": '"pyarrow<22"'}
 
 
 def command_in(text: str) -> str | None:
@@ -76,14 +79,17 @@ def command_in(text: str) -> str | None:
 
 def how_to_install(*packages: str) -> str:
     """Says which command installs packages where this Python, or this Blender, imports them from."""
+    import numpy as np  # here, as above
+
     bpy = sys.modules.get("bpy")
-    names = " ".join(packages)
+    other = _FOR_NUMPY_1 if int(np.__version__.partition(".")[0]) < 2 else {}
+    names = " ".join(other.get(name, name) for name in packages)
     if bpy is None or not bpy.app.binary_path:  # Blender's module in an environment of the user's
         return f'{_INSTALL}"{sys.executable}" -m pip install {names}'
     folder = bpy.utils.user_resource("SCRIPTS", path="modules")
     version = ".".join(map(str, sys.version_info[:2]))
-    # Any Python's pip will do: Blender's own often has none.
-    options = f'--only-binary=:all: --python-version {version} --target "{folder}"'
+    # Any Python's pip will do: Blender's own often has none. Another numpy there would replace Blender's.
+    options = f'--only-binary=:all: --python-version {version} --target "{folder}" numpy=={np.__version__}'
     return f"{_INSTALL}python3 -m pip install {options} {names}{_RESTART}"
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib
 import json
 import math
+import sys
 from dataclasses import replace
 from datetime import date
 from pathlib import Path
@@ -197,6 +198,15 @@ def test_formats_without_a_library(tmp_path: Path, monkeypatch: pytest.MonkeyPat
     assert save_cloud(cloud(), tmp_path / f"points{suffix}").stat().st_size > 10_000
 
 
+@pytest.mark.parametrize(("version", "named"), [("1.26.4", '"pyarrow<22"'), ("2.4.0", "pyarrow")])
+def test_the_pyarrow_is_one_for_the_numpy_there_is(monkeypatch: pytest.MonkeyPatch, version: str, named: str) -> None:
+    monkeypatch.setattr(np, "__version__", version)
+    monkeypatch.setitem(sys.modules, "pyarrow.parquet", None)
+    with pytest.raises(ImportError) as refused:
+        check_format(".parquet")
+    assert str(refused.value).endswith(f"-m pip install {named}")
+
+
 def test_las_counts_points_by_return(tmp_path: Path) -> None:
     """Bounds are in the header; a 16th return is stored as the 15th."""
     made = cloud()
@@ -255,7 +265,7 @@ def test_what_cannot_be_written_is_named(tmp_path: Path, monkeypatch: pytest.Mon
         raise ImportError(name)
 
     monkeypatch.setattr(importlib, "import_module", without)
-    with pytest.raises(ImportError, match=r"laspy \(perfect-bvh\[data\]\)\. .* -m pip install laspy"):
+    with pytest.raises(ImportError, match=r"laspy and lazrs \(perfect-bvh\[data\]\)\. .* -m pip install laspy lazrs"):
         check_format(".laz")
     check_format(".npz")
 

@@ -25,6 +25,7 @@ IN_CHROOT = {
 }
 SCRIPT = "tests/extension/render_scene.py"
 SETTINGS_SCRIPT = "tests/extension/shown_settings.py"
+COMMAND_SCRIPT = "tests/extension/run_command.py"
 MODES = ("preview", "clay", "normal", "depth", "instance")
 
 # Blender's versions round colors and matrices differently: by a fortieth of an 8-bit step, and where a value is above
@@ -104,6 +105,22 @@ def test_an_older_blender_shows_each_setting(version: str, extension: Path, repo
         pytest.skip(f"no Blender {version} in .cache/blenders: `nox -s blenders` installs it")
     environment = os.environ | {"EXTENSION": str(extension), "BLENDER_USER_RESOURCES": str(tmp_path)}
     check_settings([interpreters[-1], repository / SETTINGS_SCRIPT], environment, version)
+
+
+@pytest.mark.parametrize("version", MODULES)
+def test_a_command_ends_in_an_older_blender(
+    version: str, extension: Path, repository: Path, tmp_path: Path, blend_file
+) -> None:
+    """Modules before 5.0 crash or hang when a process with registered classes ends."""
+    interpreters = sorted((repository / ".cache" / "blenders").glob(f"{version}.*/bin/python"))
+    if not interpreters:
+        pytest.skip(f"no Blender {version} in .cache/blenders: `nox -s blenders` installs it")
+    places = {"BLEND": blend_file("gears"), "EXTENSION": extension, "BLENDER_USER_RESOURCES": tmp_path}
+    environment = os.environ | {name: str(place) for name, place in places.items()}
+    command = [interpreters[-1], repository / COMMAND_SCRIPT]
+    done = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=60)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert "Gears" in done.stdout
 
 
 @pytest.mark.parametrize("name", IN_CHROOT)
