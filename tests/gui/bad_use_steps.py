@@ -7,13 +7,23 @@ import subprocess
 from collections.abc import Callable, Sequence
 
 import bpy
-from addon_state import events, forget_reports, is_working, module, settings, wait_for_report
+import numpy as np
+from addon_state import (
+    events,
+    finished,
+    forget_reports,
+    image,
+    is_working,
+    module,
+    settings,
+    wait_for_report,
+)
 from buttons import Button, point_at, press
 from driver import Step, at_rest, check, redrawn, screenshot, wait_until
 from gates import Gate, always, gate_of_steps
 from hands import click, handled, hover, press_key, type_text
 from panels import open_panel, open_sidebar
-from places import area_of, front_window, main_area, middle_of
+from places import area_of, context_of, front_window, main_area, middle_of
 from scan_steps import scans
 
 RENDER_MENU = (125, 14)  # from the upper left
@@ -36,6 +46,26 @@ def type_zeros() -> Step:
 
     yield from open_panel("Sampling", work)
     settings().samples = before
+    yield from redrawn()
+
+
+def copy_nothing() -> Step:
+    """Copy and paste in a Rendered viewport without a selected object: Blender says so, and the image stays."""
+    area, layer = area_of("VIEW_3D"), bpy.context.view_layer
+    selected = [obj for obj in layer.objects if obj.select_get()]
+    with bpy.context.temp_override(**context_of(area)):
+        bpy.ops.object.select_all(action="DESELECT")
+    yield from finished("nothing selected")
+    names, before = set(bpy.data.objects.keys()), image()
+    forget_reports()
+    hover(*middle_of(area))
+    yield from press_key("ctrl+c")
+    yield from wait_for_report("No objects selected to copy")
+    yield from finished("nothing copied")
+    check(set(bpy.data.objects.keys()) == names, "copying nothing makes objects")
+    check(np.array_equal(image(), before), "copying nothing changes the image")
+    for obj in selected:
+        obj.select_set(True)
     yield from redrawn()
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from urllib.parse import urlsplit
@@ -39,7 +40,8 @@ from panels import (
     open_sidebar,
 )
 from places import area_of, main_area, middle_of, panel_region, region_of
-from studies import FIRST_HEADER, with_study
+from studies import FIRST_HEADER, close_study, open_study, with_study
+from tree_steps import press_in_sidebar
 
 MAIN_BUTTONS = [
     "render.engine",
@@ -245,6 +247,29 @@ def bench() -> Step:
 
     yield from with_study("Benchmark", work)
     check(not is_working(), "the measurement goes on")
+
+
+def follow_the_benchmarks_advice() -> Step:
+    """The button below the table, there if a builder is better, sets the two of Compare. Clocks do not decide that."""
+    results, compare = module("bench.results"), settings().compare
+    before, uid = (compare.left, compare.right), bpy.context.scene.session_uid
+    measured = results.last_results(uid)
+    check(measured is not None, "there is no measurement, which an earlier step makes")
+    results.remember(uid, replace(measured, better="sweep"))
+    compare.left = compare.right = "BINNED"
+
+    area = main_area()
+    kind, area.type = area.type, "VIEW_3D"
+    yield from redrawn()
+    yield from open_study(area, "Benchmark")
+    screenshot("bench_advice")
+    yield from press_in_sidebar(area, "perfect_bvh.compare_advised")
+    chosen = lambda: (compare.left, compare.right)  # noqa: E731
+    yield from wait_until(lambda: chosen() == ("AUTO", "SWEEP"), f"Compare has {chosen()}")
+    yield from close_study(area, "Benchmark")
+    area.type = kind
+    results.remember(uid, measured)
+    compare.left, compare.right = before
 
 
 def press_the_panorama() -> Step:

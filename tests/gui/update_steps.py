@@ -1,9 +1,9 @@
-"""Scene Updates, in the sidebar: rows are chosen with the mouse, and select their objects."""
+"""Scene Updates, in the sidebar: rows are chosen with the mouse and select their objects; a viewport fills the list."""
 
 from __future__ import annotations
 
 import bpy
-from addon_state import close_image_windows, events, module
+from addon_state import all_finished, close_image_windows, events, module, settings, space
 from driver import Step, at_rest, check, redrawn, screenshot, wait_until
 from hands import click, handled, hover
 from places import context_of, main_area, region_of
@@ -13,6 +13,7 @@ from studies import close_study, open_study
 ROW = 20  # the height of one, at the resolution scale that a new user has
 STEP = 5
 COLUMN = 0.2  # of the sidebar's width
+MANY_SAMPLES = 4096
 
 
 def is_of_list(area: bpy.types.Area) -> bool:
@@ -62,4 +63,29 @@ def choose_rows_of_what_was_updated() -> Step:
         check(rows.done and rows.advice, f"nothing is said of {rows.rows[number].name}")
     yield from redrawn()
     screenshot("a_row_of_what_was_updated")
+    yield from close_study(area, "Scene Updates")
+
+
+def list_a_viewports_first_image() -> Step:
+    """The list comes with the first full image, while a viewport still has most of its samples to trace."""
+    area, scene = main_area(), bpy.context.scene
+    lists, results = module("statistics.update_list"), module("statistics.last_result")
+    results.forget()
+    module("live.sync_cache").clear_syncs()
+    before, settings().samples = settings().samples, MANY_SAMPLES
+    yield from open_study(area, "Scene Updates")
+    check(results.last_statistics(scene) is None, "there are figures before there is an image")
+    screenshot("nothing_was_updated")
+
+    def is_listed() -> bool:
+        known = lists._listed.get(scene.session_uid)
+        return known is not None and known[0] is results.last_statistics(scene) and bool(lists.rows_of(scene).rows)
+
+    space().shading.type = "RENDERED"
+    yield from wait_until(is_listed, "nothing is listed")
+    check(not all_finished(), f"{MANY_SAMPLES} samples are traced already")
+    yield from redrawn()
+    screenshot("updates_of_a_viewport")
+    space().shading.type = "SOLID"
+    settings().samples = before
     yield from close_study(area, "Scene Updates")
