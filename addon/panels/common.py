@@ -15,7 +15,7 @@ from ..support.files import command_in
 
 # Labels do not wrap, and a panel is as wide as its region. In pixels at the usual resolution scale: the width for
 # borders and an icon, and the shortest length of a line. The font is the interface's own.
-MARGIN, SHORTEST_LINE = 58, 114
+MARGIN, SHORTEST_LINE = 58, 60
 FONT = 0
 TABS = 20  # of a sidebar's width
 MANUAL = Path(__file__).parents[1] / "manual"  # which the extension brings

@@ -116,6 +116,7 @@ ICONS = {
 # and shares, and the icon of a name. Names have the rest, and this part of the width at least.
 LIST_BORDERS, TIME, SHARE, ICON = 66, 70, 45, 34
 LEAST_NAME_PART = 0.46
+NARROW = 220  # of the sidebar's width, in the same pixels: there is room for names alone
 
 
 class PERFECT_BVH_UL_updates(bpy.types.UIList):
@@ -138,6 +139,8 @@ class PERFECT_BVH_UL_updates(bpy.types.UIList):
             row.label(text=item.name)
         elif item.state == MORE:
             layout.label(text=item.name, icon="BLANK1")
+        elif is_narrow(context):
+            layout.label(text=item.short_name, icon=ICONS[item.state])
         else:
             draw_cells(context, layout, fitting_name(context, item), item.time, item.share, ICONS[item.state])
 
@@ -182,9 +185,17 @@ class PERFECT_BVH_PT_updates(StudyPanel, bpy.types.Panel):
         row.label(text="Sort By")
         row.prop(rows, "sort_by", expand=True)
         column = layout.column(align=True)
-        draw_cells(context, column, "Object", "Time", "Share", "NONE")
+        if is_narrow(context):
+            column.label(text="Object")
+        else:
+            draw_cells(context, column, "Object", "Time", "Share", "NONE")
         column.template_list("PERFECT_BVH_UL_updates", "", rows, "rows", rows, "active", rows=5, maxrows=10)
         _draw_active(context, layout, rows)
+
+
+def is_narrow(context: bpy.types.Context) -> bool:
+    """Whether numbers next to a row's name would be cut off; those of the active row are below the list."""
+    return bool(context.region.width / context.preferences.system.ui_scale < NARROW)
 
 
 def fitting_name(context: bpy.types.Context, item: bpy.types.PropertyGroup) -> str:

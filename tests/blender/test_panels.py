@@ -137,7 +137,7 @@ def test_panels_for_materials_lights_and_the_world_stay_usable() -> None:
     assert not names & {"RENDER_PT_simplify", "DATA_PT_light", "NODE_DATA_PT_light"}
 
 
-@pytest.mark.parametrize(("width", "scale", "count"), [(1000, 1.0, 1), (280, 1.0, 2), (280, 2.0, 3), (20, 1.0, 3)])
+@pytest.mark.parametrize(("width", "scale", "count"), [(1000, 1.0, 1), (280, 1.0, 2), (280, 2.0, 4), (20, 1.0, 5)])
 def test_long_texts_are_broken_where_the_panel_ends(width: int, scale: float, count: int) -> None:
     text = "The native engine could not be loaded: a file"
     preferences = SimpleNamespace(system=SimpleNamespace(ui_scale=scale))
@@ -152,6 +152,13 @@ def test_a_path_that_is_longer_than_a_line_is_broken() -> None:
     lines = common.wrapped(SimpleNamespace(region=SimpleNamespace(width=220), preferences=preferences), f"Into {path}")
     assert lines[0] == "Into" and "".join(lines[1:]) == path and len(lines) > 2
     assert all(common.text_width(line) <= 220 - common.MARGIN for line in lines)
+
+
+def test_lines_fit_into_the_narrowest_sidebar() -> None:
+    preferences = SimpleNamespace(system=SimpleNamespace(ui_scale=1.0))
+    context = SimpleNamespace(region=SimpleNamespace(width=170), preferences=preferences)
+    lines = common.wrapped(context, "Images of the object, category and depth of each pixel", common.TABS)
+    assert all(common.text_width(line) <= 170 - common.MARGIN - common.TABS for line in lines)
 
 
 @pytest.mark.parametrize(("denoiser", "is_built_in"), [("OpenImageDenoise 2.3.3", False), ("Joint Filter", True)])

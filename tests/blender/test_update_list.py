@@ -122,6 +122,19 @@ def test_the_number_of_objects_is_seen_however_narrow_the_sidebar(listed: Any) -
         assert (fitting_name(context, item) == item.name) == is_whole
 
 
+@pytest.mark.parametrize(("width", "cells"), [(170, 1), (300, 3)])
+def test_a_narrow_list_has_names_alone(width: int, cells: int) -> None:
+    told: list[str] = []
+    layout = SimpleNamespace(label=lambda text="", icon="": told.append(text))
+    layout.split = lambda factor: layout
+    layout.row = lambda: layout
+    preferences = SimpleNamespace(system=SimpleNamespace(ui_scale=1.0))
+    context = SimpleNamespace(region=SimpleNamespace(width=width), preferences=preferences)
+    item = SimpleNamespace(name="Tree", short_name="Tree", time="19 ms", share="16%", state="built")
+    PERFECT_BVH_UL_updates.draw_item(None, context, layout, None, item, 0, None, "")
+    assert told == ["Tree", "19 ms", "16%"][:cells]
+
+
 def test_what_cannot_be_selected_is_said_and_raises_nothing(listed: Any) -> None:
     mesh_object("A")
     mesh_object("B")
