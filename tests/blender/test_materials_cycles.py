@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterator
 from typing import Any
 
@@ -179,7 +178,7 @@ def new_sky(scene: bpy.types.Scene, model: str, strength: float) -> Any:
 )
 @pytest.mark.parametrize("model", ["SINGLE_SCATTERING", "MULTIPLE_SCATTERING"] if MULTIPLE else ["NISHITA"])
 def test_a_sky_lights_as_in_cycles(scene, model: str, strength: float, settings: dict[str, Any]) -> None:
-    """The sun's brightness, colour and position agree. The tolerance for the visible sky is larger near the horizon."""
+    """The sun's brightness, colour and position agree."""
     bpy.data.objects.remove(scene.objects["Sun"])
     scene.camera.rotation_euler.x = 1.45
     sky = new_sky(scene, model, strength)
@@ -188,24 +187,8 @@ def test_a_sky_lights_as_in_cycles(scene, model: str, strength: float, settings:
     ours, theirs = render_both(scene)
     ground, heaven = np.s_[-3:], np.s_[:2]
     for part in (ground, heaven):
-        assert ours[part].mean(axis=(0, 1)) == pytest.approx(theirs[part].mean(axis=(0, 1)), rel=0.1)
-    assert np.abs(ours - theirs)[ground].mean() < 0.05
-
-
-@pytest.mark.skipif(not MULTIPLE, reason="the model is of Blender 5.0 on")
-@pytest.mark.parametrize(("degrees", "most_below"), [(2.0, 0.22), (15.0, 0.12), (60.0, 0.06)])
-def test_a_sky_of_multiple_scattering_is_as_near_to_cycles_as_the_readme_says(scene, degrees, most_below) -> None:
-    for thing in [thing for thing in scene.objects if thing.type != "CAMERA"]:
-        bpy.data.objects.remove(thing)
-    scene.camera.rotation_euler = (math.pi / 2, 0.0, 0.0)
-    camera = scene.camera.data
-    camera.type, camera.panorama_type = "PANO", "EQUIRECTANGULAR"
-    scene.render.resolution_x, scene.render.resolution_y = 128, 64
-    sky = new_sky(scene, "MULTIPLE_SCATTERING", 1.0)
-    sky.sun_disc, sky.sun_elevation = False, math.radians(degrees)
-    ours, theirs = (image[..., :3] @ np.array([0.2126, 0.7152, 0.0722]) for image in render_beside(scene, 1))
-    for part, most in ((np.s_[:32], 0.045), (np.s_[32:], most_below)):
-        assert np.abs(ours - theirs)[part].mean() < most * theirs[part].mean()
+        assert ours[part].mean(axis=(0, 1)) == pytest.approx(theirs[part].mean(axis=(0, 1)), rel=0.02)
+    assert np.abs(ours - theirs)[ground].mean() < 0.02
 
 
 def test_a_backdrop_for_the_camera_alone_looks_as_in_cycles(scene) -> None:
