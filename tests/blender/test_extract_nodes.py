@@ -112,7 +112,7 @@ def test_two_uses_of_one_group_are_told_apart(material) -> None:
 
 def test_black_bodies_have_their_colors() -> None:
     for kelvin, is_warm in ((1000.0, True), (3000.0, True), (12000.0, False)):
-        red, green, blue = blackbody(kelvin)
+        red, green, blue = blackbody(kelvin).tolist()
         assert 0.2126 * red + 0.7152 * green + 0.0722 * blue == pytest.approx(1.0, abs=0.12)
         assert (red > blue) == is_warm
     assert max(blackbody(6500.0)) - min(blackbody(6500.0)) < 0.1

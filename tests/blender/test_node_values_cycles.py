@@ -122,6 +122,14 @@ def wavelength(tree: Any) -> Any:
     return node
 
 
+def blackbody(tree: Any) -> Any:
+    """Temperatures beyond the coldest and the hottest ones, too."""
+    node = made("Blackbody")(tree)
+    place = of_points("MapRange", {}, "x", From_Min=-FAR, From_Max=FAR, To_Min=500.0, To_Max=13000.0)(tree)
+    tree.links.new(place.outputs[0], node.inputs[0])
+    return node
+
+
 Case = tuple[str, Callable[[Any], Any], tuple[str, ...]]
 NOISES = ("MULTIFRACTAL", "RIDGED_MULTIFRACTAL", "HYBRID_MULTIFRACTAL", "FBM", "HETERO_TERRAIN")
 BLENDS = ("MIX", "DARKEN", "MULTIPLY", "BURN", "LIGHTEN", "SCREEN", "DODGE", "ADD", "OVERLAY", "SOFT_LIGHT")
@@ -223,6 +231,7 @@ def _others() -> Iterator[Case]:
         yield f"gabor {kind} {turn}", make, ("Value", "Phase", "Intensity")
     yield "normal", normal, ("Normal", "Dot")
     yield "wavelength", wavelength, ("Color",)
+    yield "blackbody", blackbody, ("Color",)
     yield "ramp", of_points("ValToRGB", {}, "x"), ("Color",)
 
 

@@ -10,10 +10,9 @@ from perfect_bvh.nodes import Operand, channels_of
 
 from .node_graph import Scope
 from .node_values import HALF, ValueReader, own_value, reads
-from .values import Nodes, Value, blackbody, constant, observer, xyz_to_rgb
+from .values import COLDEST, HOTTEST, Nodes, Value, blackbody, constant, observer, xyz_to_rgb
 
 _TABLE = 256  # rows of what Cycles keeps of a ramp or a curve
-_HOTTEST, _COLDEST = 12000.0, 800.0
 _SPECTRUM = (375.0, 780.0)  # nanometres
 _BRIGHTEST_WAVE = 2.52  # Cycles' scale, by which all channels are about 1 at most
 # Arithmetic that is left out where it changes nothing.
@@ -239,8 +238,9 @@ def _wavelength(reader: ValueReader, node: Any, output: Any, scope: Scope | None
 def _blackbody(reader: ValueReader, node: Any, output: Any, scope: Scope | None) -> Value:
     kelvin = reader.number(node.inputs[0], 6500.0, scope)
     if isinstance(kelvin, float):
-        return constant(*blackbody(kelvin))
-    share = reader.nodes.times(reader.nodes.minus(kelvin, _COLDEST), 1.0 / (_HOTTEST - _COLDEST))
-    steps = np.linspace(_COLDEST, _HOTTEST, _TABLE)
-    table = [channel for step in steps.tolist() for channel in (*blackbody(step), 1.0)]
-    return Value(channels_of(reader.nodes.add("table", share, mode="LINEAR", numbers=table), 0, 3))
+        return constant(*np.maximum(blackbody(kelvin), 0.0).tolist())
+    nodes, table = reader.nodes, np.ones((4 * _TABLE, 4))
+    table[:, :3] = blackbody(np.linspace(COLDEST, HOTTEST, len(table)))
+    share = nodes.times(nodes.minus(kelvin, COLDEST), 1.0 / (HOTTEST - COLDEST))
+    color = channels_of(nodes.add("table", share, mode="LINEAR", numbers=table.ravel().tolist()), 0, 3)
+    return Value(nodes.add("vector_math", color, 0.0, 0.0, 0.0, mode="MAXIMUM"))

@@ -121,28 +121,9 @@ class ImageRows(Protocol):
 # Light ---------------------------------------------------------------------------------------------------------------
 
 
-def tristimulus_curves(waves: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
-    """(3, N): how the eye's three curves (CIE 1931) weigh light of these wavelengths, in nanometres.
-
-    The fits are those of Wyman, Sloan and Shirley, "Simple analytic approximations to the CIE XYZ color matching
-    functions" (2013).
-    """
-
-    def bell(middle: float, below: float, above: float) -> Any:
-        return np.exp(-0.5 * ((waves - middle) / np.where(waves < middle, below, above)) ** 2)
-
-    return np.stack(
-        [
-            1.056 * bell(599.8, 37.9, 31.0) + 0.362 * bell(442.0, 16.0, 26.7) - 0.065 * bell(501.1, 20.4, 26.2),
-            0.821 * bell(568.8, 46.9, 40.5) + 0.286 * bell(530.9, 16.3, 31.1),
-            1.217 * bell(437.0, 11.8, 36.0) + 0.681 * bell(459.0, 26.0, 13.8),
-        ]
-    )
-
-
 @lru_cache(maxsize=1)
 def observer() -> npt.NDArray[np.float64]:
-    """(81, 3): the same curves as the CIE tabulated them, from 380 to 780 nanometres in steps of 5."""
+    """(81, 3): how the eye's three curves (CIE 1931) weigh light, from 380 to 780 nanometres in steps of 5."""
     found: npt.NDArray[np.float64] = np.load(Path(__file__).with_name("cie_1931.npy")) / 1e4
     return found
 
@@ -152,14 +133,15 @@ def xyz_to_rgb(xyz: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
     return xyz @ _XYZ_TO_REC709.T
 
 
-@lru_cache(maxsize=64)
-def blackbody(kelvin: float) -> tuple[float, float, float]:
-    """The colour of a black body, of luminance one, by Planck's law."""
+COLDEST, HOTTEST = 800.0, 12000.0  # black bodies beyond these have their colours, as in Cycles
+
+
+def blackbody(kelvins: npt.NDArray[np.float64] | float) -> npt.NDArray[np.float64]:
+    """(..., 3): the colours of black bodies, of luminance one, by Planck's law; negative outside of Rec.709."""
     waves = np.arange(380.0, 781.0, 5.0)
-    spectrum = waves**-5.0 / np.expm1(1.4388e7 / (waves * max(kelvin, 800.0)))
-    tristimulus = tristimulus_curves(waves) @ spectrum
-    red, green, blue = np.maximum(xyz_to_rgb(tristimulus / tristimulus[1]), 0.0).tolist()
-    return red, green, blue
+    clipped = np.clip(kelvins, COLDEST, HOTTEST)[..., None]
+    tristimulus = waves**-5.0 / np.expm1(1.4388e7 / (waves * clipped)) @ observer()
+    return xyz_to_rgb(tristimulus / tristimulus[..., 1:2])
 
 
 # Instances -----------------------------------------------------------------------------------------------------------
