@@ -256,3 +256,22 @@ def test_lights_that_are_instanced_shine_as_in_cycles(scene, show) -> None:
     show(lamp).location = (0.0, 0.0, 4.0)
     ours, _ = check(scene)
     assert ours[..., :3].mean() > 1.05 * alone[..., :3].mean()
+
+
+@pytest.mark.parametrize(
+    ("angle", "tilt", "is_normalized"), [(0.6, 0.0, True), (0.6, 1.4, True), (2.0, 0.8, True), (0.6, 0.3, False)]
+)
+def test_wide_suns_light_as_in_cycles(scene, angle: float, tilt: float, is_normalized: bool) -> None:
+    """All of their directions are equally bright, also if a part of them is below the surface."""
+    for name in ("Front", "Back"):
+        bpy.data.objects.remove(scene.objects[name])
+    scene.world = None
+    sun = scene.objects["Sun"]
+    sun.data.angle, sun.rotation_euler = angle, (0.0, tilt, 0.0)
+    if not is_normalized and not hasattr(sun.data, "normalize"):
+        pytest.skip("lights are always normalized before Blender 4.5")
+    if hasattr(sun.data, "normalize"):
+        sun.data.normalize = is_normalized
+    ours, theirs = (image[-SIZE[1] // 2 :, :, :3].mean() for image in render_both(scene))
+    assert theirs > 0.01
+    assert ours == pytest.approx(theirs, rel=0.003)

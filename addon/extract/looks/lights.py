@@ -284,7 +284,7 @@ def _read_light(
     kind, cone = _KINDS.get(light.type, ""), (math.pi, 0.0)
     if kind == "sun":
         size = (light.angle, 0.0)
-        area = math.pi * math.tan(0.5 * min(light.angle, 3.0)) ** 2
+        area = math.pi * math.sin(0.5 * min(light.angle, 3.0)) ** 2
     elif kind:
         size = (light.shadow_soft_size, 0.0)
         area = 4.0 * math.pi * light.shadow_soft_size**2

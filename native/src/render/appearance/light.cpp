@@ -49,25 +49,31 @@ bool is_area(const Light& light) noexcept {
 
 float square(float value) noexcept { return value * value; }
 
-// The disk of a sun, one unit away, and the density of directions over it.
-float sun_density(const Light& light, float cosine) noexcept {
-  return 1.0f / (kPi * square(light.size_x) * cosine * cosine * cosine);
+// A sun is a cone of directions, all equally bright. Its depth is one minus the cosine of half its angle, without
+// cancellation; the density of directions in it is 1 / (2 pi depth).
+float sun_depth(const Light& light) noexcept {
+  const float squared = 1.0f + square(light.size_x);
+  return square(light.size_x) / (squared + std::sqrt(squared));
 }
+
+// Returns the mean, over its directions, of what faces its middle: more than `power`, because it sees some at a slant.
+Vec3f sun_power(const Light& light) noexcept { return light.power * (2.0f / (2.0f - sun_depth(light))); }
 
 LightRay look_at_sun(const Light& light, Vec3f normal, Point2 random) noexcept {
   const Point2 flat = uniform_disk(random);
-  const Vec3f direction = normalized(light.z + (light.x * flat.x + light.y * flat.y) * light.size_x);
-  const float cosine = cosine_on(normal, direction);
-  return {direction, std::numeric_limits<float>::infinity(), light.power * (cosine / kPi),
-          sun_density(light, dot(direction, light.z))};
+  const float depth = sun_depth(light), here = depth * (square(flat.x) + square(flat.y));
+  const Vec3f aside = (light.x * flat.x + light.y * flat.y) * std::sqrt(depth * (2.0f - here));
+  const Vec3f direction = normalized(light.z * (1.0f - here) + aside);
+  return {direction, std::numeric_limits<float>::infinity(), sun_power(light) * (cosine_on(normal, direction) / kPi),
+          1.0f / (2.0f * kPi * depth)};
 }
 
 std::optional<LightMet> meet_sun(const Light& light, Vec3f direction) noexcept {
   const float cosine = dot(direction, light.z);
   const bool inside = 1.0f - square(cosine) <= square(light.size_x * cosine);
   if (!(cosine > 0.0f) || !(light.size_x > 0.0f) || !inside) return std::nullopt;
-  const float density = sun_density(light, cosine);
-  return LightMet{std::numeric_limits<float>::infinity(), light.power * density, density};
+  const float density = 1.0f / (2.0f * kPi * sun_depth(light));
+  return LightMet{std::numeric_limits<float>::infinity(), sun_power(light) * density, density};
 }
 
 float area_of(const Light& light) noexcept {
