@@ -99,7 +99,7 @@ Vec3f Bsdf::diffuse(Vec3f out, float height) const noexcept {
 void Bsdf::evaluate_coating(Vec3f out, float height, Value& value) const noexcept {
   const Vec3f direction = frame_.world(out);
   const Coating::Value sheen = coating_->sheen(direction), coat = coating_->coat(direction);
-  value.share = value.share + (sheen.light * seen_of(out) + coat.light) * (kPi / height);
+  value.share = value.share + (sheen.light * seen_of(out, normal_) + coat.light) * (kPi / height);
   value.density += (chances_.sheen * sheen.density + chances_.coat * coat.density) / total_;
 }
 
@@ -167,9 +167,9 @@ Vec3f Bsdf::reflected(float cosine) const noexcept {
   return share;
 }
 
-float Bsdf::seen_of_bent(Vec3f out) const noexcept {
+float Bsdf::seen_of_bent(Vec3f out, Vec3f normal) const noexcept {
   const auto slope = [](float cosine) { return 1.0f / std::max(cosine * cosine, 1e-12f) - 1.0f; };
-  const float alpha = std::clamp(0.125f * slope(dot(normal_, mesh_normal_)), 0.0f, 1.0f);  // squared
+  const float alpha = std::clamp(0.125f * slope(dot(normal, mesh_normal_)), 0.0f, 1.0f);  // squared
   return 2.0f / (1.0f + std::sqrt(1.0f + alpha * std::max(slope(dot(out, mesh_normal_)), 0.0f)));
 }
 
@@ -179,16 +179,19 @@ Vec3f Bsdf::passed(float cosine) const noexcept {
 }
 
 void Bsdf::evaluate_plain(Vec3f out, float height, Value& value) const noexcept {
-  if (leaks(out, normal_)) return;
-  const float seen = seen_of(out);
-  if (height > 0.0f) {
-    value.share = value.share + diffuse(out, height) * seen;
-    value.density += chances_.diffuse / total_ * height / kPi;
-    if (coating_) evaluate_coating(out, height, value);
-  } else if (chances_.translucent > 0.0f) {
-    value.share = value.share + translucent_ * seen;
-    value.density += chances_.translucent / total_ * std::max(-height, kLeastCosine) / kPi;
-  }
+  evaluate_translucent(out, height, value);
+  if (!(height > 0.0f) || leaks(out, normal_)) return;
+  value.share = value.share + diffuse(out, height) * seen_of(out, normal_);
+  value.density += chances_.diffuse / total_ * height / kPi;
+  if (coating_) evaluate_coating(out, height, value);
+}
+
+// Cycles bends the normal of translucent light like that of facets.
+void Bsdf::evaluate_translucent(Vec3f out, float height, Value& value) const noexcept {
+  if (!(chances_.translucent > 0.0f) || !(out.z < 0.0f) || leaks(out, {0, 0, 1})) return;
+  const float slant = std::max(std::abs(height), kLeastCosine), depth = std::max(-out.z, kLeastCosine);
+  value.share = value.share + translucent_ * (seen_of(out, {0, 0, 1}) * depth / slant);
+  value.density += chances_.translucent / total_ * depth / kPi;
 }
 
 void Bsdf::evaluate_reflected(Vec3f out, float slant, Value& value) const noexcept {
@@ -248,15 +251,17 @@ Bsdf::Value Bsdf::evaluate(Vec3f direction) const noexcept {
 
 Bsdf::Value Bsdf::evaluate_diffuse(Vec3f direction) const noexcept {
   const Vec3f out = local(direction);
-  const float height = dot(out, normal_), slant = std::abs(height) / kPi;
-  if (leaks(out, normal_)) return {};
-  const Vec3f share = (height > 0.0f ? diffuse(out, height) : translucent_) * seen_of(out);
-  const float chance = height > 0.0f ? chances_.diffuse : chances_.translucent;
-  Value value{share, chance > 0.0f ? chance / total_ * slant : 0.0f};
-  if (coating_ && height > 0.0f) {
-    const Coating::Value sheen = coating_->sheen(direction);
-    value.share = value.share + sheen.light * (seen_of(out) * kPi / height);
-    value.density += chances_.sheen * sheen.density / total_;
+  const float height = dot(out, normal_);
+  Value value;
+  evaluate_translucent(out, height, value);
+  if (height > 0.0f && !leaks(out, normal_)) {
+    value.share = value.share + diffuse(out, height) * seen_of(out, normal_);
+    if (chances_.diffuse > 0.0f) value.density += chances_.diffuse / total_ * (height / kPi);
+    if (coating_) {
+      const Coating::Value sheen = coating_->sheen(direction);
+      value.share = value.share + sheen.light * (seen_of(out, normal_) * kPi / height);
+      value.density += chances_.sheen * sheen.density / total_;
+    }
   }
   return hair_ ? evaluate_strand(direction, value, {}) : value;
 }
@@ -306,7 +311,7 @@ Bsdf::Sample Bsdf::sample_surface(float left, Point2 random) const noexcept {
   if (takes(chances_.diffuse)) {
     sample.kind = Scatter::kDiffuse, sample.direction = cosine_direction(normal_, random);
   } else if (takes(chances_.translucent)) {
-    sample.kind = Scatter::kTranslucent, sample.direction = -cosine_direction(normal_, random);
+    sample.kind = Scatter::kTranslucent, sample.direction = -cosine_direction({0, 0, 1}, random);
   } else if (coating_ && takes(chances_.sheen)) {
     sample.kind = Scatter::kDiffuse, sample.direction = local(coating_->choose_sheen(random));
   } else if (coating_ && takes(chances_.coat)) {
@@ -322,9 +327,8 @@ Bsdf::Sample Bsdf::sample_surface(float left, Point2 random) const noexcept {
   }
   const Vec3f out = sample.direction;
   const float height = dot(out, normal_);
-  const bool goes_beyond = sample.kind == Scatter::kTranslucent || sample.kind == Scatter::kRefracted;
   const bool is_facet = sample.kind == Scatter::kGlossy || sample.kind == Scatter::kRefracted;
-  if ((is_coat || !is_facet) && goes_beyond == (height > 0.0f)) return {};  // a facet's own normal says
+  if ((is_coat || sample.kind == Scatter::kDiffuse) && !(height > 0.0f)) return {};  // a facet's own normal says
   sample.direction = frame_.world(out);
   const bool is_single =
       is_coat ? is_smooth_coat : is_smooth() || (sample.kind == Scatter::kRefracted && glass_.ior() == 1.0f);

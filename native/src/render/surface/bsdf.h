@@ -115,12 +115,15 @@ class Bsdf {
   }
   [[nodiscard]] bool has_facets() const noexcept { return chances_.glossy > 0.0f || chances_.refracted > 0.0f; }
   // Returns the visible share of diffuse light from a direction.
-  [[nodiscard]] float seen_of(Vec3f out) const noexcept { return is_bent_ ? seen_of_bent(out) : 1.0f; }
-  [[nodiscard]] float seen_of_bent(Vec3f out) const noexcept;
+  [[nodiscard]] float seen_of(Vec3f out, Vec3f normal) const noexcept {
+    return is_bent_ ? seen_of_bent(out, normal) : 1.0f;
+  }
+  [[nodiscard]] float seen_of_bent(Vec3f out, Vec3f normal) const noexcept;
   [[nodiscard]] Vec3f reflected(float cosine) const noexcept;
   [[nodiscard]] Vec3f passed(float cosine) const noexcept;
   // In the facets' frame. height: along the normal. slant: the same on either side. These add to `value`.
   void evaluate_plain(Vec3f out, float height, Value& value) const noexcept;
+  void evaluate_translucent(Vec3f out, float height, Value& value) const noexcept;
   void evaluate_reflected(Vec3f out, float slant, Value& value) const noexcept;
   void evaluate_refracted(Vec3f out, float slant, Value& value) const noexcept;
   [[nodiscard]] Value evaluate_local(Vec3f out) const noexcept;
