@@ -79,8 +79,7 @@ def read_sky(node: Any) -> tuple[Sky, float]:
     dust = node.aerosol_density if hasattr(node, "aerosol_density") else node.dust_density
     disc = (node.sun_size, node.sun_intensity) if node.sun_disc else None
     densities = (node.air_density, dust, node.ozone_density)
-    is_multiple = node.sky_type == "MULTIPLE_SCATTERING"
-    return _make(node.sun_elevation, node.altitude, densities, disc, is_multiple), node.sun_rotation
+    return _make(node.sky_type, node.sun_elevation, node.altitude, densities, disc), node.sun_rotation
 
 
 @lru_cache(maxsize=2)
@@ -90,13 +89,17 @@ def _make_older(model: str, elevation: float, turbidity: float, albedo: float) -
 
 @lru_cache(maxsize=8)
 def _make(
+    model: str,
     elevation: float,
     altitude: float,
     densities: tuple[float, float, float],
     disc: tuple[float, float] | None,
-    is_multiple: bool,
 ) -> Sky:
-    table = (_scatter_often if is_multiple else _scatter_once)(elevation, altitude, densities)
+    is_multiple = model == "MULTIPLE_SCATTERING"
+    if is_multiple:
+        table = _scatter_often(elevation, altitude, densities)
+    else:
+        table = _scatter_once(elevation, altitude, densities, is_shifted=model != "NISHITA")
     latitudes = ((np.arange(_HEIGHT) + 0.5) / _HEIGHT - 0.5) * math.pi
     places = (1.0 + np.copysign(np.sqrt(np.abs(latitudes) * (2.0 / math.pi)), latitudes)) * (_ROWS / 2) - 0.5
     low = np.clip(places.astype(int), 0, _ROWS - 2)
@@ -148,8 +151,11 @@ def _spread(light: Floats, longitudes: Floats) -> Floats:
 # Single scattering ---------------------------------------------------------------------------------------------------
 
 
-def _scatter_once(elevation: float, altitude: float, densities: tuple[float, ...]) -> Floats:
-    """(rows, half of the columns, 3) XYZ, from the sun's longitude to the opposite one."""
+def _scatter_once(elevation: float, altitude: float, densities: tuple[float, ...], *, is_shifted: bool) -> Floats:
+    """(rows, half of the columns, 3) XYZ, from the sun's longitude to the opposite one.
+
+    is_shifted: whether the light below the horizon is half a row off, as from Blender 5.0 on.
+    """
     half = _ROWS // 2
     latitudes = (np.arange(half) / half) ** 2 * (math.pi / 2.0)
     towards_sun = np.array([math.cos(elevation), 0.0, math.sin(elevation)])
@@ -161,7 +167,7 @@ def _scatter_once(elevation: float, altitude: float, densities: tuple[float, ...
     dust_phase = 3.0 / (8.0 * math.pi) * (1.0 - g * g) / (2.0 + g * g) * (1.0 + cosine**2)
     dust_phase /= (1.0 + g * g - 2.0 * g * cosine) ** 1.5
     above = _spread(air, longitudes) * air_phase + _spread(dust, longitudes) * dust_phase
-    below = (1.0 - np.arange(half) / half) ** 2 * (math.pi / 2.0)
+    below = (1.0 - (np.arange(half) + (0.0 if is_shifted else 0.5)) / half) ** 2 * (math.pi / 2.0)
     fading = np.clip(1.0 - 2.5 * np.sin(below), 0.0, 1.0) ** 3
     return np.concatenate([fading[:, None, None] * above[0], above])
 
