@@ -74,3 +74,33 @@ def test_bent_normals_are_lit_as_in_cycles(scene: Any, kind: str, is_opposite: b
                 means.append(float(image[..., 0].mean()))
     assert max(theirs) > 0.03, "the suns light nothing"
     np.testing.assert_allclose(ours, theirs, rtol=0.02, atol=0.002)
+
+
+def test_bumps_are_as_wide_in_bounced_light_as_in_cycles(scene: Any) -> None:
+    """A room with uneven walls, in which light bounces often: a pixel is as wide as the whole path is long."""
+    for name in ("Plane", "Sun"):
+        bpy.data.objects.remove(bpy.data.objects[name])
+    bpy.ops.mesh.primitive_cube_add(size=4.0)
+    room = bpy.context.object
+    material = bpy.data.materials.new("Wall")
+    material.use_nodes = True
+    tree = material.node_tree
+    wall, bump, noise = (tree.nodes.new(f"ShaderNode{kind}") for kind in ("BsdfDiffuse", "Bump", "TexNoise"))
+    place = tree.nodes.new("ShaderNodeTexCoord")
+    noise.inputs["Scale"].default_value, noise.inputs["Detail"].default_value = 12.0, 0.0
+    bump.inputs["Distance"].default_value = 0.3
+    for source, target in (
+        (place.outputs["Object"], noise.inputs["Vector"]),
+        (noise.outputs[0], bump.inputs["Height"]),
+        (bump.outputs[0], wall.inputs["Normal"]),
+        (wall.outputs[0], tree.nodes["Material Output"].inputs["Surface"]),
+    ):
+        tree.links.new(source, target)
+    room.data.materials.append(material)
+    bpy.ops.object.light_add(type="POINT", location=(0.5, 0.2, 0.4))
+    bpy.context.object.data.energy = 100.0
+    scene.camera.data.type, scene.camera.location = "PERSP", (-1.0, -0.7, 1.2)
+    scene.cycles.max_bounces = scene.cycles.diffuse_bounces = 12
+    ours, theirs = (image[..., :3].mean() for image in render_beside(scene, 1024))
+    assert theirs > 0.1
+    assert ours == pytest.approx(theirs, rel=0.02)

@@ -36,6 +36,8 @@ struct Path {
   Vec3f throughput{1, 1, 1};        // the remaining share of light along its ray
   Vec3f guide_throughput{1, 1, 1};  // the same for a denoiser's guides
   Vec3f absorption{0, 0, 0};        // of the medium that its ray crosses, per length
+  // The width of a pixel at the last surface, and its growth per length of the ray.
+  double pixel = 0.0, spread = 0.0;
   // Of its direction, over solid angle; infinite if there was no choice.
   float density = std::numeric_limits<float>::infinity();
   float least_density = std::numeric_limits<float>::max();  // the minimum over all its directions

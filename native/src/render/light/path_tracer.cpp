@@ -131,6 +131,10 @@ void PathTracer::see_surfaces(const Step& step, Scratch& scratch) const {
       see_surface(step, point, material, scratch);
     }
   } else {
+    for (SurfacePoint& point : wave.points) {
+      const Path& path = wave.paths[point.ray];
+      if (!path.is_seen()) point.pixel = path.pixel + path.spread * static_cast<double>(wave.hits[point.ray].t);
+    }
     const std::span<Material> materials =
         scratch.materials.read(snapshot_, appearance_, wave.rays, wave.hits, wave.points);
     for (std::size_t i = 0; i < materials.size(); ++i) see_surface(step, wave.points[i], materials[i], scratch);
@@ -170,6 +174,7 @@ void PathTracer::see_surface(const Step& step, const SurfacePoint& point, Materi
   if (path.is_seen()) step.targets.colors[path.owner].a += path.throughput.x * (1.0f - material.holdout);
   add(step, path, path.throughput * emitted(path, ray, hit, point, material), std::max(path.bounces - 1, 0));
   if (path.ends || material.holdout >= 1.0f) return;
+  if (!appearance_.programs.empty()) widen(path, ray, point, hit.t);
   const Bsdf::Limits limits = limits_of(path);
   if (material.finish && material.coat_normal == Vec3f{0, 0, 0}) material.coat_normal = point.mesh_normal;
   Vertex& vertex = scratch.vertices.emplace_back(point, material, view, limits, path);
@@ -181,6 +186,17 @@ void PathTracer::see_surface(const Step& step, const SurfacePoint& point, Materi
   }
   guide_by(step, vertex.bsdf, point, material.emission, vertex.path);
   if (vertex.bsdf.is_black()) scratch.vertices.pop_back();
+}
+
+// A pixel grows with the length of its whole path, as in Cycles, also where a surface scatters it.
+void PathTracer::widen(Path& path, const Ray& ray, const SurfacePoint& point, float t) const {
+  if (!path.is_seen()) {
+    path.pixel = point.pixel;
+  } else if (appearance_.view) {
+    const RayMaker& rays = appearance_.view->rays;
+    const Vec3d way = ray.direction * static_cast<double>(t);
+    path.pixel = rays.pixel_size(way), path.spread = rays.orthographic() ? 0.0 : path.pixel / length(way);
+  }
 }
 
 // Hair has no inner side, as in Cycles: a viewer is always outside.

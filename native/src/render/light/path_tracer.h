@@ -62,6 +62,7 @@ class PathTracer {
   void follow(std::uint32_t sample, int depth, const PathTargets& targets, Scratch& scratch) const;
   void absorb(Wave& wave) const;
   // Moves the path to the other side of a surface that may enclose an absorbing medium.
+  void widen(Path& path, const Ray& ray, const SurfacePoint& point, float t) const;
   void cross_border(Path& path, const SurfacePoint& point) const noexcept;
   void see_lights(const Step& step, Wave& wave) const;
   void see_environment(const Step& step, const Wave& wave) const;

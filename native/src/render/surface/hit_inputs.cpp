@@ -68,7 +68,8 @@ double HitInputs::way_aside(const Lane& lane, Vec3d position, float pixels) cons
   const double size = std::max({std::abs(position.x), std::abs(position.y), std::abs(position.z)});
   const double way = length(position - lane.ray->origin);
   if (!appearance_.view || !(pixels > 0.0f)) return kAside * (way + size);
-  const double pixel = appearance_.view->rays.pixel_size(position - lane.ray->origin);
+  const double known = lane.point->pixel;
+  const double pixel = known > 0.0 ? known : appearance_.view->rays.pixel_size(position - lane.ray->origin);
   return std::max(static_cast<double>(pixels) * pixel, kLeastAside * (way + size));
 }
 

@@ -82,6 +82,7 @@ struct SurfacePoint {
   Vec3f color{0, 0, 0};        // of the material
   Vec3f along{0, 0, 0};        // for curves: unit length, towards the tip
   bool inside = false;         // the viewer sees the inner side by the mesh's winding
+  double pixel = 0.0;          // the width of a pixel at the end of a path; 0: the ray comes from the camera
   // Off the surface towards the viewer, far enough that rounding cannot bring a ray from here back to its own triangle.
   Vec3d origin{0, 0, 0};
   Vec3f lift{0, 0, 0};    // from there to the curved surface implied by smooth normals
