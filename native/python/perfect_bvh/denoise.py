@@ -248,7 +248,7 @@ def apply_pixel_filter(image: npt.ArrayLike, filter_width: float = 1.5) -> Image
     for axis in (0, 1) * times:
         sides = np.pad(pixels, [(1, 1) if axis == side else (0, 0) for side in range(3)], mode="edge")
         before, after = (sides[:-2], sides[2:]) if axis == 0 else (sides[:, :-2], sides[:, 2:])
-        pixels = pixels + np.float32(shifted / times) * ((before - pixels) + (after - pixels))
+        pixels = (pixels + shifted / times * ((before - pixels) + (after - pixels))).astype(np.float32, copy=False)
     return pixels
 
 
