@@ -102,9 +102,7 @@ def _make(
         table = _scatter_once(elevation, altitude, densities, is_shifted=model != "NISHITA")
     latitudes = ((np.arange(_HEIGHT) + 0.5) / _HEIGHT - 0.5) * math.pi
     places = (1.0 + np.copysign(np.sqrt(np.abs(latitudes) * (2.0 / math.pi)), latitudes)) * (_ROWS / 2) - 0.5
-    low = np.clip(places.astype(int), 0, _ROWS - 2)
-    part = np.clip(places - low, 0.0, 1.0)[:, None, None]
-    half = np.maximum(xyz_to_rgb(table[low] * (1.0 - part) + table[low + 1] * part), 0.0)
+    half = np.maximum(xyz_to_rgb(_between(table, places)), 0.0)
     pixels = np.ones((_HEIGHT, _WIDTH, 4), np.float32)
     # The image begins at -X and goes on over +Y, where the sun is, a quarter of the way.
     pixels[..., :3] = np.roll(np.concatenate([half[:, ::-1], half], axis=1), -_WIDTH // 4, axis=1)
@@ -276,9 +274,10 @@ def _light_often(ways: Floats, towards_sun: Floats, eye: float, densities: tuple
 def _from_more(cosine: Floats, radius: Floats, densities: tuple[float, ...]) -> Floats:
     """(..., 4): a fit of what other places in the air send, and the sunlight that the ground reflects."""
     seen_ground = 2.0 * math.pi * (1.0 - np.sqrt(np.maximum(1.0 - (_PLANET / radius) ** 2, 0.0)))
-    ground, zenith = np.full_like(radius, _PLANET), np.ones_like(radius)
-    from_ground = _look_up(zenith, ground, densities) / _look_up(zenith, radius, densities)
-    reflected = (seen_ground * cosine)[..., None] * _look_up(cosine, ground, densities) * from_ground
+    table = _transmittances(densities)
+    rows, columns = _places(cosine, radius)
+    from_ground = table[0, -1] / _between(table[:, -1], rows)
+    reflected = (seen_ground * cosine)[..., None] * _between(table[0], columns) * from_ground
     again: Floats = _AGAIN_4 / (1.0 + 5.0 * np.exp(-17.92 * cosine))[..., None]
     return again + reflected * (_GROUND / (4.0 * math.pi**2))
 
@@ -332,10 +331,23 @@ def _coefficients(heights: Floats, densities: tuple[float, ...]) -> tuple[Floats
 
 def _look_up(cosine: Floats, radius: Floats, densities: tuple[float, ...]) -> Floats:
     """(..., 4): `_transmittances`, interpolated."""
+    rows, columns = _places(cosine, radius)
     table = _transmittances(densities)
-    y, x = (radius - _PLANET) / _AIR_THICKNESS * 63.0, (cosine + 1.0) * 127.5
-    row, column = (np.clip(place.astype(int), 0, most) for place, most in ((y, 62), (x, 254)))
-    down, along = np.clip(y - row, 0.0, 1.0)[..., None], np.clip(x - column, 0.0, 1.0)[..., None]
-    above = table[row, column] * (1.0 - along) + table[row, column + 1] * along
-    below = table[row + 1, column] * (1.0 - along) + table[row + 1, column + 1] * along
-    return above * (1.0 - down) + below * down
+    row = np.clip(rows.astype(int), 0, len(table) - 2)
+    down = np.clip(rows - row, 0.0, 1.0)[..., None]
+    flat, places = table.reshape(-1, 4), row * table.shape[1] + np.clip(columns, 0.0, table.shape[1] - 1.0)
+    found: Floats = _between(flat, places) * (1.0 - down) + _between(flat, places + table.shape[1]) * down
+    return found
+
+
+def _places(cosine: Floats, radius: Floats) -> tuple[Floats, Floats]:
+    """Rows and columns of `_transmittances`, with fractions."""
+    return (radius - _PLANET) * (63.0 / _AIR_THICKNESS), (cosine + 1.0) * 127.5
+
+
+def _between(rows: Floats, places: Floats) -> Floats:
+    """(..., C): rows of an array, interpolated."""
+    low = np.clip(places.astype(int), 0, len(rows) - 2)
+    part = np.clip(places - low, 0.0, 1.0).reshape(*places.shape, *(1,) * (rows.ndim - 1))
+    found: Floats = rows[low] * (1.0 - part) + rows[low + 1] * part
+    return found
