@@ -62,6 +62,29 @@ def _is_shown_anew(depsgraph: Any) -> bool:
     return is_scene_named
 
 
+_passed_over: dict[int, set[str]] = {}  # view layers evaluated since `pass_over`, by the scene's session uid
+
+
+def pass_over(scene: bpy.types.Scene, layer: bpy.types.ViewLayer | None = None) -> None:
+    """Has each view layer's next evaluation not counted as an edit, as a job sets the frame or lends a camera.
+
+    layer: is evaluated now, so that edits before are counted. Without windows nobody edits meanwhile.
+    """
+    if layer is not None and not bpy.app.background:
+        layer.update()
+    _passed_over[scene.session_uid] = set()
+
+
+def _is_passed_over(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> bool:
+    evaluated, layer = _passed_over.get(scene.session_uid), depsgraph.view_layer.name
+    if evaluated is None or layer in evaluated:
+        return False
+    if not any(isinstance(update.id, bpy.types.Scene) for update in depsgraph.updates):
+        return False  # a user's edit of an object came first
+    evaluated.add(layer)
+    return True
+
+
 # Changes -------------------------------------------------------------------------------------------------------------
 
 
@@ -168,8 +191,10 @@ def _before_evaluation(*_: Any) -> None:
 def _on_depsgraph_update(*arguments: Any) -> None:
     _note(arguments)
     scene, depsgraph = arguments[0], arguments[-1]
-    if isinstance(depsgraph, bpy.types.Depsgraph) and is_edit(depsgraph):
-        _edit_counts[scene.session_uid] += 1
+    if isinstance(depsgraph, bpy.types.Depsgraph):
+        is_ours = _is_passed_over(scene, depsgraph)
+        if is_edit(depsgraph) and not is_ours:
+            _edit_counts[scene.session_uid] += 1
     _announce("the scene was evaluated again")
 
 
@@ -188,6 +213,9 @@ def _before_frame_change(*_: Any) -> None:
 @persistent
 def _on_frame_change(*arguments: Any) -> None:
     _note(arguments)
+    scene, depsgraph = arguments[0], arguments[-1]
+    if isinstance(depsgraph, bpy.types.Depsgraph) and depsgraph.mode == "VIEWPORT":
+        _passed_over.pop(scene.session_uid, None)
     _announce(FRAME_CHANGED)
 
 
@@ -221,6 +249,7 @@ def _on_redo(*_: Any) -> None:
 @persistent
 def _on_load(*_: Any) -> None:
     _log.forget()
+    _passed_over.clear()
     for listener in _told():
         listener.on_file_change()
 

@@ -16,6 +16,7 @@ from typing import Any, TypeVar
 import bpy
 import numpy as np
 
+from ..events.changes import pass_over
 from ..extract.scene_in_time import FrameSet, has_simulations
 from ..settings.scene_settings import ENGINE_NAME
 
@@ -66,6 +67,7 @@ class SceneMoment:
             self.depsgraph.update()  # of the camera that markers choose Blender knows when all else is evaluated
             return
         camera = self.scene.camera
+        pass_over(self.scene)  # viewports follow
         self.frame_set(frame, subframe)
         if self.scene.camera != camera:
             self.frame_set(frame, subframe)
@@ -152,6 +154,7 @@ class SceneView:
             if self.for_viewport or has_simulations(scene):
                 scene.frame_set(frame, subframe=subframe)
             else:  # the render evaluates it
+                pass_over(scene, self.find_layer())
                 scene.frame_current, scene.frame_subframe = frame, subframe
 
         def read_there(moment: SceneMoment) -> T:
@@ -195,7 +198,7 @@ class SceneView:
         before, _visit = _visit, visit
         reason = BUSY
         try:
-            with _without_image(scene) as visit.stand_in:
+            with _without_image(scene, self.find_layer()) as visit.stand_in:
                 bpy.ops.render.render(scene=scene.name, layer=self._layer_name)
         except RuntimeError as error:  # Blender's own: those of `work` are kept
             reason = " ".join(str(error).removeprefix("Error:").split())
@@ -256,7 +259,7 @@ class PerfectBVHReader(bpy.types.RenderEngine):
 
 
 @contextmanager
-def _without_image(scene: bpy.types.Scene) -> Iterator[bpy.types.Object | None]:
+def _without_image(scene: bpy.types.Scene, layer: bpy.types.ViewLayer) -> Iterator[bpy.types.Object | None]:
     """Makes Blender render with our engine only, into a separate slot; restores the user's settings.
 
     Yields the camera that replaces a missing one.
@@ -268,7 +271,7 @@ def _without_image(scene: bpy.types.Scene) -> Iterator[bpy.types.Object | None]:
     before = {name: getattr(render, name) for name in ("engine", *SETTINGS)}
     frame = scene.frame_current, scene.frame_subframe
     try:
-        with _other_slot(), _any_camera(scene) as stand_in:
+        with _other_slot(), _any_camera(scene, layer) as stand_in:
             _assign(render, {"engine": ENGINE_NAME if has_engine else PerfectBVHReader.bl_idname, **SETTINGS})
             yield stand_in
     finally:
@@ -309,11 +312,12 @@ def _other_slot() -> Iterator[None]:
 
 
 @contextmanager
-def _any_camera(scene: bpy.types.Scene) -> Iterator[bpy.types.Object | None]:
+def _any_camera(scene: bpy.types.Scene, layer: bpy.types.ViewLayer) -> Iterator[bpy.types.Object | None]:
     """Provides a camera: Blender renders nothing without one, although reading does not depend on it."""
     if scene.camera is not None:
         yield None
         return
+    pass_over(scene, layer)
     made = bpy.data.objects.new("Camera", bpy.data.cameras.new("Camera"))
     scene.camera = made
     try:
@@ -322,3 +326,4 @@ def _any_camera(scene: bpy.types.Scene) -> Iterator[bpy.types.Object | None]:
         if scene.camera == made:
             scene.camera = None
         bpy.data.cameras.remove(made.data)  # and the object with it
+        pass_over(scene)

@@ -22,6 +22,7 @@ from perfect_bvh_addon import SceneSync
 from perfect_bvh_addon.events import asking, changes
 from perfect_bvh_addon.events import changes as edits
 from perfect_bvh_addon.live import scene_sync, sync_cache
+from perfect_bvh_addon.live.scene_view import SceneView
 from perfect_bvh_addon.live.sync_cache import sync_of
 
 
@@ -144,6 +145,37 @@ def test_handlers_that_somebody_removed_are_missed_by_the_next_who_reads(scene: 
     assert_stale(sync, "Blender's handlers were removed since the last update")
     for one in (sync, other):
         one.close()
+
+
+@pytest.mark.parametrize("goes_on", [False, True])
+def test_a_frame_that_a_job_sets_is_no_edit(scene: Any, goes_on: bool) -> None:
+    """Viewports evaluate what is animated afterwards; edits before and after that count."""
+    sync = SceneSync()
+    obj = mesh_object("a", mesh_data("a", *SQUARE))
+    for frame in (1, 9):
+        obj.location.x = frame
+        obj.keyframe_insert("location", index=0, frame=frame)
+    sync.update(evaluated())
+    uid = scene.session_uid
+
+    def edits_of(change: Any) -> int:
+        before = changes.edit_count(uid)
+        change()
+        bpy.context.view_layer.update()
+        return changes.edit_count(uid) - before
+
+    view = SceneView("test", scene, bpy.context.view_layer)
+
+    def visit(frame: int) -> None:
+        view.read(lambda moment: moment.go_to(frame, 0.0) if goes_on else None, 8 if goes_on else frame)
+
+    assert edits_of(lambda: setattr(obj.location, "z", 1.0)) == 1
+    for frame in (2, 3):
+        assert edits_of(lambda frame=frame: visit(frame)) == 0
+        assert edits_of(lambda frame=frame: setattr(obj.location, "z", float(frame))) == 1
+    scene.frame_set(1)
+    assert edits_of(lambda: setattr(obj.location, "z", 9.0)) == 1
+    sync.close()
 
 
 def test_what_is_shown_anew_was_not_edited(scene: Any, monkeypatch: pytest.MonkeyPatch) -> None:
