@@ -97,7 +97,7 @@ class PERFECT_BVH_OT_bake_rays(JobOperator, bpy.types.Operator):
             _show_colors(context, self._space)
         elif not bpy.app.background:
             show_in_editor(context, job.images[0])
-        self.report({"INFO"}, f"{text}, {duration(1e3 * (time.perf_counter() - self._started))}")
+        self._conclude(f"{text}, {duration(1e3 * (time.perf_counter() - self._started))}")
         return {"FINISHED"}
 
 

@@ -74,7 +74,7 @@ class PERFECT_BVH_OT_label_images(JobOperator, bpy.types.Operator):
         text = self._job.summary(time.perf_counter() - self._started)
         if images and not set_in_editors(context, images[0]):
             text = f'{text}. The last frame is in the image "{images[0].name}": open an Image Editor to see it'
-        self.report({"INFO"}, text)
+        self._conclude(text)
         return {"FINISHED"}
 
 

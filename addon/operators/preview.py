@@ -16,6 +16,7 @@ import numpy as np
 from ..image.progressive import Pace
 from ..image.refinement import Refinement
 from ..live.pending_commit import LOOKING_SECONDS
+from ..settings.modes import find_mode
 from ..settings.preferences import redraw_viewports
 from ..statistics.last_result import note_image
 from ..view3d.rendered.redraws import AwaitedView, await_view, find_view
@@ -183,6 +184,7 @@ def _store(refinement: Refinement) -> bpy.types.Image:
         image.scale(width, height)
     image.pixels.foreach_set(np.ascontiguousarray(pixels[::-1], np.float32).ravel())
     image.update()
+    image.use_view_as_render = find_mode(mode).view is None  # tones as in the viewport
     note_image(image, mode)
     return image
 

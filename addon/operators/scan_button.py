@@ -116,7 +116,7 @@ class PERFECT_BVH_OT_scan(JobOperator, bpy.types.Operator):
         if not clouds and self._file is None:
             return {"CANCELLED"}
         made = self._add(context, clouds)
-        self.report({"INFO"}, self._job.summary(made, time.perf_counter() - self._started))
+        self._conclude(self._job.summary(made, time.perf_counter() - self._started))
         return {"FINISHED"}
 
     def _give_up(self, context: bpy.types.Context) -> set[str]:
@@ -244,7 +244,8 @@ class FilesJob(PiecesJob):
         """Points to be added, with the names of their objects, and warnings."""
         warnings, kept = list(self._outcome.warnings), self._outcome.kept
         if self._keeps and kept:
-            warnings.append(f"The points of {kept} existing files are not added; turn off Resume to add all")
+            existed = count_of(kept, "file")
+            warnings.append(f"{existed} existed: these frames were not scanned again. Turn off Resume to scan all")
         return [(name, cloud) for name, cloud in self._clouds if len(cloud)], warnings
 
     def ray_outcomes(self) -> RayCounts:

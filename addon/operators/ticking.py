@@ -180,6 +180,11 @@ class Ticking(Checked):
         self.report({kind}, text)
         messages.add(bpy.context.scene, self.bl_label, text, is_error=kind == "ERROR")
 
+    def _conclude(self, text: str) -> None:
+        """Reports the result, and keeps it in the operator's panel until the next run."""
+        self.report({"INFO"}, text)
+        messages.add(bpy.context.scene, self.bl_label, text, is_note=True)
+
     def _end_ticking(self, context: bpy.types.Context) -> None:
         """Ends the ticking; does nothing if it has not begun, or has ended before."""
         if self._timer is None:

@@ -10,7 +10,7 @@ import bpy
 
 from ..settings.preferences import native_error
 from ..settings.scene_settings import ENGINE_NAME
-from ..statistics.messages import Message, messages_of
+from ..statistics.messages import Message, messages_of, notes_of
 from ..support.files import command_in
 
 # Labels do not wrap, and a panel is as wide as its region. In pixels at the usual resolution scale: the width for
@@ -141,10 +141,12 @@ def draw_main_button(
 
 
 def draw_messages_of(context: bpy.types.Context, layout: bpy.types.UILayout, source: str) -> None:
-    """Shows the last errors of a sidebar panel's work: with other render engines no other panel shows them."""
+    """Shows the last errors and results of a sidebar panel's work: no other panel shows them with other engines."""
     for message in messages_of(context.scene):
         if message.source == source:
             draw_message(context, layout, message, TABS)
+    for note in notes_of(context.scene, source):
+        draw_lines(context, layout, note, "INFO", TABS)
 
 
 def draw_purpose(context: bpy.types.Context, layout: bpy.types.UILayout, sentence: str) -> None:

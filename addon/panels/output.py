@@ -10,7 +10,6 @@ from ..settings.bake_settings import options_of, sun_position_of
 from ..settings.modes import mode_of_render
 from ..settings.preferences import denoising_data_settings
 from ..settings.scan_choices import FORMATS, OTHER
-from ..statistics.messages import notes_of
 from ..support.files import how_to_get
 from .common import (
     TABS,
@@ -43,8 +42,6 @@ class PERFECT_BVH_PT_scan(SidebarPanel, bpy.types.Panel):
         _draw_files(context, layout, settings)
         draw_main_button(context, layout, "perfect_bvh.scan", "Start Scan", "OUTLINER_OB_POINTCLOUD")
         draw_messages_of(context, layout, "Scan")
-        for note in notes_of(context.scene, "Scan"):
-            draw_lines(context, layout, note, "INFO", TABS)
 
 
 def _draw_sensor(layout: bpy.types.UILayout, settings: bpy.types.PropertyGroup) -> None:

@@ -57,6 +57,13 @@ def test_it_follows_edits_and_sizes_in_one_image(scene, cube) -> None:
     assert [image.name for image in bpy.data.images] == [NAME]
 
 
+@pytest.mark.parametrize(("mode", "has_scenes_tones"), [("LIT", True), ("NORMAL", False)])
+def test_an_editor_shows_it_in_the_tones_of_the_viewport(scene, cube, mode: str, has_scenes_tones: bool) -> None:
+    scene.perfect_bvh.mode = mode
+    bpy.ops.perfect_bvh.preview()
+    assert bpy.data.images[NAME].use_view_as_render == has_scenes_tones
+
+
 def test_its_size_can_be_less(scene, cube) -> None:
     scene.perfect_bvh.preview_percentage = 50
     bpy.ops.perfect_bvh.preview()

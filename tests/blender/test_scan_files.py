@@ -254,7 +254,7 @@ def test_points_are_added_as_well_if_that_is_chosen_an_object_a_piece(small_file
         if operator.modal(window, TIMER) != {"RUNNING_MODAL"}:
             break
     assert [kind for kind, _ in operator.reports] == ["WARNING", "INFO"]
-    assert operator.reports[0][1].startswith("The points of 3 existing files are not added")
+    assert operator.reports[0][1].startswith("3 files existed: these frames were not scanned again")
 
 
 def test_a_scene_that_is_not_saved_is_recognised_until_it_is_edited(small_file: Path, monkeypatch: Any) -> None:

@@ -47,7 +47,8 @@ def test_the_mount_is_chosen_and_the_panel_counts_the_rays(room, tmp_path: Path,
         for path in tmp_path.iterdir():
             path.unlink()
         assert bpy.ops.perfect_bvh.scan() == {"FINISHED"}
-        (note,) = notes_of(room, "Scan")
+        note, result = notes_of(room, "Scan")
+        assert result.startswith("Wrote 1 file with " if use_files else "Scan"), result
         assert note == str(scan(pattern, settings.sensor, exclude_mount=is_out).ray_outcomes)
         found = " ".join(message.text for message in messages_of(room))
         assert ("'Red' and its children are invisible" in found) == (settings.mount == "AUTO") and note not in found

@@ -16,10 +16,16 @@ def label_images() -> Step:
     names = module("operators.label_button")
     folder = Path(tempfile.mkdtemp())
     settings().label_images.folder = str(folder)
+    settings().label_images.frame_end = 3
+    bpy.ops.ed.undo_push(message="Unsaved")
+    check(bpy.data.is_dirty, "several frames of a file that is not saved are the harder case")
     editor = min(bpy.context.window_manager.windows[0].screen.areas, key=lambda area: area.width * area.height)
     kind = editor.ui_type
-    for ui_type, told in ((kind, "open an Image Editor to see it"), ("IMAGE_EDITOR", "Labelled 1 frame into")):
-        editor.ui_type = ui_type
+    for ui_type, frames, told in (
+        (kind, "CURRENT", "open an Image Editor to see it"),
+        ("IMAGE_EDITOR", "RANGE", "Labelled 3 frames into"),
+    ):
+        editor.ui_type, settings().label_images.frames = ui_type, frames
         yield from redrawn()
         forget_reports()
         with bpy.context.temp_override(**context_of(area_of("VIEW_3D"))):
@@ -36,7 +42,7 @@ def label_images() -> Step:
     yield from redrawn()
     screenshot("label_images")
     check((folder / "labels_0001_things.png").exists(), f"files: {list(folder.iterdir())}")
-    settings().label_images.folder = ""
+    settings().label_images.folder, settings().label_images.frames = "", "CURRENT"
     shutil.rmtree(folder)
     editor.ui_type = kind
     yield from redrawn()
