@@ -11,7 +11,7 @@ import pytest
 from benchmarks.survey import read_groups
 from blender.builders import evaluated
 from blender.named_rows import SHADING, link, rows, sentences
-from blender.node_setups import SETUPS, add, image_node, tinted
+from blender.node_setups import SETUPS, add, image_node, surface, tinted
 from blender.textured_setups import TEXTURED
 from perfect_bvh import nodes as programs
 from perfect_bvh_addon.extract import read_scene
@@ -99,6 +99,15 @@ def test_a_material_of_too_many_instructions_has_its_viewport_color(limit: str, 
     read = read_scene(evaluated(), SHADING).materials[0]
     assert read.program is None
     assert read.base_color == pytest.approx((0.1, 0.2, 0.7))
+
+
+def test_an_unsupported_shader_is_to_be_replaced_and_another_node_to_be_baked(material: Any) -> None:
+    tree = material.node_tree
+    occlusion = add(tree, "AmbientOcclusion").outputs["Color"]
+    tree.links.new(add(tree, "BsdfRayPortal", (occlusion, 0)).outputs[0], surface(material))
+    portal, node = rows()
+    assert portal.text.startswith("Ray Portal BSDF is ") and "another surface shader" in portal.what_to_do
+    assert node.text.startswith("Ambient Occlusion is ") and "into an image texture" in node.what_to_do
 
 
 def test_a_world_and_a_light_of_too_many_instructions_are_plain(material: Any, monkeypatch) -> None:

@@ -36,6 +36,7 @@ def test_objects_without_triangles_are_named_in_every_mode(material: Any) -> Non
         (row,) = read_scene(evaluated(), attributes).not_shown
         assert (row.kind, row.name, row.session_uid) == ("object", name, bpy.context.object.session_uid)
         assert str(row) in read_scene(evaluated(), attributes).warnings
+        assert row.what_to_do == "Add a mesh with a Volume to Mesh modifier that names this volume"
 
 
 def test_adaptive_subdivision_is_named_in_every_mode(material: Any) -> None:

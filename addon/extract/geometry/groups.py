@@ -28,7 +28,7 @@ _UNREADABLE_TYPES = {
 }
 # What users can do about those that are not simply converted.
 _ADVICE = {
-    "volumes are not supported": "Add a Volume to Mesh modifier to show its surface",
+    "volumes are not supported": "Add a mesh with a Volume to Mesh modifier that names this volume",
 }
 _OF_SCANS = "its points are not rendered; 3D viewports show them"
 _OF_EDITED_HAIR = "its particle hair is not shown in Edit and Particle Edit Mode"

@@ -152,7 +152,7 @@ class _SurfaceReader:
             base, hair = HairReader(self._values).read(node, scope)
             return Surface(_as_color(base.operand), hair=hair)
         if node.type not in SHOWN_NODES:
-            self._omissions.note_node(node, instead=SIMPLIFIED_NODES.get(node.type, DIFFUSE_SURFACE))
+            self._omissions.note_shader(node, SIMPLIFIED_NODES.get(node.type, DIFFUSE_SURFACE))
         base = self._color(node, scope)
         diffuse = BLACK if node.type == "BSDF_SHEEN" else base
         return Surface(diffuse, lobes=self._lobes_by_name(node, base, scope), normal=self._normal(node, scope))

@@ -139,6 +139,7 @@ def _find(sockets: Any, wanted: Any) -> Any:
 
 FLAT = "its flat colour is used"
 DIFFUSE = "a diffuse surface is used"
+_OF_SHADERS = "Choose another surface shader, such as the Principled BSDF, or ignore this message"
 
 # By `bpy.types.Node.type`.
 SHADERS = ("BSDF_PRINCIPLED", "BSDF_DIFFUSE", "BSDF_GLOSSY", "BSDF_METALLIC", "BSDF_GLASS", "BSDF_REFRACTION")
@@ -220,6 +221,7 @@ class Omissions:
         self.kind = kind
         self.count = 0
         self._instead: dict[str, str] = {}
+        self._advice: dict[str, str] = {}
 
     def note(self, what: str, instead: str = FLAT) -> None:
         """Note that `what` is not shown, and that `instead` is."""
@@ -233,6 +235,11 @@ class Omissions:
     def note_foreign(self, node: Any) -> None:
         """Note a node of another render engine, which Cycles does not show either."""
         self.note_node(node, instead="it is ignored, as in Cycles")
+
+    def note_shader(self, node: Any, instead: str) -> None:
+        """Note a surface shader, whose advice is not about textures."""
+        self.note_node(node, instead=instead)
+        self._advice[name_of(node, None)] = _OF_SHADERS
 
     def note_no_output(self, instead: str) -> None:
         """Note that Cycles looks at no output node of a tree."""
@@ -280,7 +287,10 @@ class Omissions:
         """Returns a row for each unsupported part. block: the evaluated material, light or world."""
         uid = block.original.session_uid
         rows = self._instead.items()
-        return [NotShown(self.kind, block.name, uid, f"{what} is unsupported; {instead}") for what, instead in rows]
+        return [
+            NotShown(self.kind, block.name, uid, f"{what} is unsupported; {instead}", self._advice.get(what, ""))
+            for what, instead in rows
+        ]
 
 
 def _is_neutral(socket: Any, wanted: IgnoredInput) -> bool:
