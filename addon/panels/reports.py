@@ -152,7 +152,9 @@ class PERFECT_BVH_UL_updates(bpy.types.UIList):
     ) -> tuple[list[int], list[int]]:
         word = self.filter_name.lower()
         shown = (
-            word in row.name.lower() and row.state not in {FOLD, MORE} if word else row.is_changed or data.is_unfolded
+            word in row.name.lower() and row.state not in {FOLD, MORE}
+            if word
+            else not row.is_folded or data.is_unfolded
             for row in getattr(data, rows_name)
         )
         return [self.bitflag_filter_item if is_shown else 0 for is_shown in shown], []
@@ -166,7 +168,8 @@ class PERFECT_BVH_PT_updates(StudyPanel, bpy.types.Panel):
 
     def draw(self, context: bpy.types.Context) -> None:
         layout, scene = self.layout, context.scene
-        draw_purpose(context, layout, "What was read and built for the last image, and its share of the rays' cost")
+        text = "Which meshes cost most: their share of the rays, and the time of their updates for the last image"
+        draw_purpose(context, layout, text)
         statistics, rows = last_statistics(scene), rows_of(scene)
         if statistics is None:
             draw_lines(

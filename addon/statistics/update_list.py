@@ -42,7 +42,7 @@ class PERFECT_BVH_PG_update(bpy.types.PropertyGroup):
     short_name: bpy.props.StringProperty(name="Short Name", description="The name in narrow panels")
     time: bpy.props.StringProperty(name="Time", description="Time for the BVH of the mesh")
     share: bpy.props.StringProperty(name="Share", description="Share of the camera rays' work")
-    is_changed: bpy.props.BoolProperty(name="Changed", description="Whether anything was updated")
+    is_folded: bpy.props.BoolProperty(name="Folded", description="Whether it is one of the rows that can be folded")
     number: bpy.props.IntProperty(name="Number", description="Position of the update in the list")
 
 
@@ -171,25 +171,23 @@ def _fill_scene(scene: bpy.types.Scene) -> None:
 
 
 def _write(made: PERFECT_BVH_PG_updates, updates: Updates) -> None:
+    """Unchanged objects can be folded, unless there are no others."""
     made.rows.clear()
-    for number, row in enumerate((*updates.changed, *updates.unchanged)):
-        if number == len(updates.changed):
-            _write_fold(made, updates)
-        _write_row(made, number, row, is_changed=number < len(updates.changed))
-    if not updates.unchanged:
-        _write_more(made, updates.changed_more, is_changed=True)
-    _write_more(made, updates.unchanged_more, is_changed=False)
+    is_folded = bool(updates.changed)
+    for number, row in enumerate(updates.changed):
+        _write_row(made, number, row, is_folded=False)
+    _write_more(made, updates.changed_more, is_folded=False)
+    if updates.changed and updates.unchanged:
+        fold = made.rows.add()
+        fold.name, fold.state = f"{updates.unchanged_count:,} unchanged", FOLD
+    for number, row in enumerate(updates.unchanged, len(updates.changed)):
+        _write_row(made, number, row, is_folded=is_folded)
+    _write_more(made, updates.unchanged_more, is_folded=is_folded)
 
 
-def _write_fold(made: PERFECT_BVH_PG_updates, updates: Updates) -> None:
-    _write_more(made, updates.changed_more, is_changed=True)
-    fold = made.rows.add()
-    fold.name, fold.state, fold.is_changed = f"{updates.unchanged_count:,} unchanged", FOLD, True
-
-
-def _write_row(made: PERFECT_BVH_PG_updates, number: int, row: UpdateRow, *, is_changed: bool) -> None:
+def _write_row(made: PERFECT_BVH_PG_updates, number: int, row: UpdateRow, *, is_folded: bool) -> None:
     item = made.rows.add()
-    item.name, item.state, item.number, item.is_changed = row.title, row.state, number, is_changed
+    item.name, item.state, item.number, item.is_folded = row.title, row.state, number, is_folded
     item.short_name = row.short_title
     if row.milliseconds:
         item.time = duration(row.milliseconds).replace("under ", "<")
@@ -197,10 +195,10 @@ def _write_row(made: PERFECT_BVH_PG_updates, number: int, row: UpdateRow, *, is_
         item.share = share(row.share)
 
 
-def _write_more(made: PERFECT_BVH_PG_updates, count: int, *, is_changed: bool) -> None:
+def _write_more(made: PERFECT_BVH_PG_updates, count: int, *, is_folded: bool) -> None:
     if count > 0:
         item = made.rows.add()
-        item.name, item.state, item.is_changed = f"And {count_of(count, 'more object')}", MORE, is_changed
+        item.name, item.state, item.is_folded = f"And {count_of(count, 'more object')}", MORE, is_folded
 
 
 def _index_of(made: PERFECT_BVH_PG_updates, before: UpdateRow | None) -> int:

@@ -65,6 +65,13 @@ def test_what_is_unchanged_is_one_row_that_unfolds(listed: Any) -> None:
     assert not update_list.fill(), "nothing is new"
 
 
+def test_what_is_unchanged_is_listed_at_once_where_nothing_else_is(listed: Any) -> None:
+    for name in ("A", "B", "C"):
+        mesh_object(name)
+    listed()
+    assert set(shown(listed())) == {"A", "B", "C"}
+
+
 def test_the_chosen_row_stays_chosen_wherever_it_gets_to(listed: Any) -> None:
     for name in ("A", "B"):
         mesh_object(name)
