@@ -292,7 +292,7 @@ class PERFECT_BVH_OT_end_comparison(Checked, bpy.types.Operator):
 def find_complaint(context: bpy.types.Context) -> str | None:
     """Why the tree of the active object cannot be looked into."""
     if context.object is None:
-        return "There is no active object"
+        return "Click an object first"
     if context.object.type not in SHAPES and context.object.instance_type == "NONE":
         return "The active object has no triangles that rays can hit"
     if context.mode != "OBJECT":

@@ -95,7 +95,7 @@ def _move(walk: ShownWalk, to: str) -> None:
 
 TIMER_SECONDS = 0.05
 PICKING = "Walk a Ray: click a pixel of a 3D viewport; Esc cancels"
-WALKING = "Left/Right: step, Shift: next box, Space: play, Click: other pixel, Esc: end"
+WALKING = "Left/Right: step, Shift+Left/Right: box, Space: play, Click: other pixel, Esc: end"
 KEYS = {
     "LEFT_ARROW": "PREVIOUS",
     "RIGHT_ARROW": "NEXT",

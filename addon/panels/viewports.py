@@ -203,6 +203,12 @@ BUTTONS = (
 )
 
 
+WALK_WORDS = (
+    "Pruned: not visited, as it begins behind a hit. Times are estimates by calibration. SAH cost: visits and tests, "
+    "as the surface area heuristic (SAH) counts them for an average ray"
+)
+
+
 class PERFECT_BVH_PT_walk_ray(StudyPanel, bpy.types.Panel):
     """The controls of the walk. The viewport shows the current step."""
 
@@ -232,6 +238,7 @@ class PERFECT_BVH_PT_walk_ray(StudyPanel, bpy.types.Panel):
         row = layout.row()
         row.alignment = "CENTER"
         row.label(text=place_of(walk.index, len(walk.steps)))
+        draw_purpose(context, layout, WALK_WORDS)
         draw_messages_of(context, layout, "Walk a Ray")
 
 

@@ -53,7 +53,8 @@ class PERFECT_BVH_PG_overlay(bpy.types.PropertyGroup):
             (
                 "COST",
                 "Cost",
-                "Expected cost of a ray in a box: blue least, red most. The sum is the SAH",
+                "Expected visits and tests of a ray in a box: blue least, red most. The sum is the SAH, the cost by "
+                "the surface area heuristic",
                 2,
             ),
         ],

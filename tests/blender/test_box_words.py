@@ -79,11 +79,13 @@ def test_boxes_are_described(boxes: perfect_bvh.TreeBoxes) -> None:
     root = describe_box(boxes, 0, holds="triangle")
     assert root[0] == "Node on level 0: 900 triangles"
     assert root[1] == "Chance of being hit: 100%"
-    assert root[2] == f"Cost: 1.00, with all below {format_cost(boxes.sah)} of {format_cost(boxes.sah)}"
+    sah = format_cost(boxes.sah)
+    assert root[2] == "Expected nodes and triangles of a ray: 1.00"
+    assert root[3] == f"With all below: {sah}, in the whole BVH: {sah} (SAH)"
     row = int(np.flatnonzero(boxes.leaf_sizes > 1)[-1])
     leaf = describe_box(boxes, row, holds="triangle")
     assert leaf[0] == f"Leaf on level {boxes.levels[row]}: {boxes.leaf_sizes[row]} triangles"
-    assert leaf[2] == f"Cost: {format_cost(float(boxes.costs[row]))}"
+    assert leaf[2:] == [f"Expected nodes and triangles of a ray: {format_cost(float(boxes.costs[row]))}"]
     assert describe_box(boxes, row, holds="instance", name="Tree")[0].endswith(": Tree")
     (single,) = np.flatnonzero(boxes.leaf_sizes == 1)[:1]
     assert describe_box(boxes, int(single), holds="instance")[0].endswith(": 1 instance")

@@ -177,7 +177,7 @@ def test_sampling_says_by_what_is_denoised(monkeypatch, denoiser: str, is_built_
         (panels.output.PERFECT_BVH_PT_label_images, "Start Labelling", "No camera: choose a Camera, or add one"),
         (panels.output.PERFECT_BVH_PT_bake_rays, "Bake", "Nothing selected: select the meshes whose faces get values"),
         (panels.viewports.PERFECT_BVH_PT_walk_ray, "Walk a Ray", "There is no 3D viewport"),
-        (panels.reports.PERFECT_BVH_PT_compare, "Compare", "There is no active object"),
+        (panels.reports.PERFECT_BVH_PT_compare, "Compare", "Click an object first"),
     ],
     ids=lambda value: getattr(value, "__name__", None),
 )
@@ -189,7 +189,8 @@ def test_a_grey_main_button_has_its_reason_below_it(panel: type, button: str, re
     layout = RecordingLayout()
     region, system = SimpleNamespace(width=280), SimpleNamespace(ui_scale=1.0)
     given = {"region": region, "preferences": SimpleNamespace(system=system), "object": None, "mode": "OBJECT"}
-    given |= {"scene": bpy.context.scene, "selected_objects": [], "window": None}
+    given |= {"scene": bpy.context.scene, "selected_objects": [], "window": None, "space_data": shaded_space()}
+    given["view_layer"] = bpy.context.view_layer
     panel.draw(SimpleNamespace(layout=layout, bl_label=panel.bl_label), SimpleNamespace(**given))
     assert f"{button} {reason}" in " ".join(layout.texts)
 

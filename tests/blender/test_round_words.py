@@ -108,4 +108,4 @@ def test_walks_name_them(sync: Any) -> None:
     assert words.tested() == "Segments"
     none = Counters(np.zeros(11, np.int64), np.zeros(11))
     names = [line.name for line in rows_of(none, none, words.tested())]
-    assert "Segments Tested in 0 Leaves" in names and names[-1] == "Visits + Segments, as in SAH"
+    assert "Segments Tested in 0 Leaves" in names and names[-1] == "SAH Cost: Visits + Segments"

@@ -10,8 +10,10 @@ import pytest
 bpy: Any = pytest.importorskip("bpy")
 
 from blender.clicked_viewport import Viewport  # noqa: E402
+from blender.drawn_texts import RecordingLayout  # noqa: E402
 from blender.long_builds import TIMER, FakeOperator, FakeWindow, Gate  # noqa: E402
 from perfect_bvh_addon.operators import walk as operators  # noqa: E402
+from perfect_bvh_addon.panels.viewports import WALK_WORDS, PERFECT_BVH_PT_walk_ray  # noqa: E402
 from perfect_bvh_addon.statistics.messages import messages_of  # noqa: E402
 from perfect_bvh_addon.view3d.walk import walk_view  # noqa: E402
 from perfect_bvh_addon.view3d.walk import walk_view as walk_reading  # noqa: E402
@@ -37,6 +39,10 @@ def test_a_click_walks_the_pixels_ray(viewport: Viewport) -> None:
     viewport.click()
     walk = walk_view.shown()
     assert walk is not None and walk.steps[-1].sentence == "The nearest hit is Cube"
+    layout, system = RecordingLayout(), SimpleNamespace(ui_scale=1.0)
+    given = {"region": SimpleNamespace(width=280), "preferences": SimpleNamespace(system=system), "window": None}
+    PERFECT_BVH_PT_walk_ray.draw(SimpleNamespace(layout=layout), SimpleNamespace(scene=bpy.context.scene, **given))
+    assert WALK_WORDS in " ".join(layout.texts)
     assert viewport.cursor == "DEFAULT" and "Esc: end" in viewport.context.status
     assert walk.ray.at(walk.ray.end(-1))[2] == pytest.approx(1.0, abs=1e-5)  # t is a float, and the ray begins far away
     viewport.click(101, 51)  # next to the cube

@@ -104,10 +104,9 @@ def describe_box(boxes: TreeBoxes, row: int, *, holds: str, name: str = "") -> l
     count = f"{end - begin:,} {holds}{'' if end - begin == 1 else 's'}"
     lines = [f"{'Leaf' if size else 'Node'} on level {level}: {name or count}"]
     lines.append(f"Chance of being hit: {format_share(chance)}")
-    if size:
-        lines.append(f"Cost: {format_cost(own)}")
-    else:
-        lines.append(f"Cost: {format_cost(own)}, with all below {format_cost(whole)} of {format_cost(boxes.sah)}")
+    lines.append(f"Expected nodes and {holds}s of a ray: {format_cost(own)}")
+    if not size:
+        lines.append(f"With all below: {format_cost(whole)}, in the whole BVH: {format_cost(boxes.sah)} (SAH)")
     return lines
 
 

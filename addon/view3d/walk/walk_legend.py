@@ -66,14 +66,14 @@ def rows_of(counters: Counters, total: Counters, tested: str = "Triangles") -> l
         whole(f"Boxes Tested in {in_nodes}", counters.boxes_tested, *BOX_TESTS),
         part("Hit", counters.boxes_hit, picture.WAITING, WalkEvent.BOX_HIT),
         part("Missed", counters.boxes_missed, picture.MISSED, WalkEvent.BOX_MISSED),
-        part("Pruned", counters.boxes_pruned, picture.PRUNED, WalkEvent.BOX_PRUNED),
+        part("Pruned: Behind a Hit", counters.boxes_pruned, picture.PRUNED, WalkEvent.BOX_PRUNED),
         part("Entered", counters.boxes_entered, picture.ENTERED),
         whole(f"{tested} Tested in {in_leaves}", counters.triangles_tested, *TRIANGLE_TESTS),
         part("Hit", counters.triangles_hit, picture.HIT, WalkEvent.TRIANGLE_HIT),
         part("Not Hit", other, picture.TESTED, *_NOT_HIT),
         whole("Instances Reached", counters.number(*_INSTANCES), *_INSTANCES),
         Row("Total", "", cost=f"{counters.total_time:,} of {total.total_time:,} ns"),
-        Row(f"Visits + {tested}, as in SAH", f"{counters.cost:,} of {total.cost:,}"),
+        Row(f"SAH Cost: Visits + {tested}", f"{counters.cost:,} of {total.cost:,}"),
     ]
 
 
@@ -122,7 +122,7 @@ def _draw_rows(left: float, bottom: float, size: tuple[float, float], rows: Sequ
     step, margin = drawing.text_size("")[1], drawing.pixels(drawing.MARGIN)
     drawing.draw_panel(left, bottom, *size)
     left, right = left + margin, left + size[0] - margin
-    shown = [Row("", "Count", cost="Cost (Calibrated)", is_part=True), *rows]
+    shown = [Row("", "Count", cost="Estimated Time", is_part=True), *rows]
     for number, row in enumerate(reversed(shown)):
         _draw_row(row, left, right, bottom + margin + number * step + 0.2 * step)
 
