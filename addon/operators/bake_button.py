@@ -56,7 +56,7 @@ class PERFECT_BVH_OT_bake_rays(JobOperator, bpy.types.Operator):
         if not any(obj.type == "MESH" for obj in context.selected_objects):
             return "Nothing selected: select the meshes whose faces get values"
         if settings.kind == "SUN_HOURS" and settings.light == "WEATHER" and not settings.weather.strip():
-            return "No weather file: choose one, or bake hours"
+            return "No weather file: choose one, or measure hours of sun"
         return None
 
     def execute(self, context: bpy.types.Context) -> set[str]:

@@ -59,9 +59,9 @@ def _draw_sensor(layout: bpy.types.UILayout, settings: bpy.types.PropertyGroup) 
         column.prop(settings, "sensor_file")
     if settings.pattern not in ("CAMERA", "LIDAR"):  # which have no noise
         layout.prop(settings, "seed")
-    row = layout.row(align=True)
-    row.prop(settings, "sensor", placeholder="Scene Camera")
-    row.operator("perfect_bvh.add_sensor", text="", icon="ADD")
+    column = layout.column(align=True)
+    column.prop(settings, "sensor", placeholder="Scene Camera")
+    column.operator("perfect_bvh.add_sensor", icon="ADD")
     layout.prop(settings, "mount")
     layout.prop(settings, "labels")
     layout.prop(settings, "use_viewport")
@@ -114,6 +114,9 @@ def _draw_missing(context: bpy.types.Context, layout: bpy.types.UILayout, what: 
         draw_command(layout, missing)
 
 
+PNG_LOOKS = 'PNG files hold numbers and look black in viewers. The image "Labels: Objects" shows them in colors'
+
+
 class PERFECT_BVH_PT_label_images(SidebarPanel, bpy.types.Panel):
     """The settings and the button of label images."""
 
@@ -139,6 +142,8 @@ class PERFECT_BVH_PT_label_images(SidebarPanel, bpy.types.Panel):
         layout.prop(settings, "category")
         layout.prop(settings, "layers")
         layout.column(align=True).prop(settings, "formats")
+        if "png" in settings.formats:
+            draw_lines(context, layout, PNG_LOOKS, "INFO", TABS)
         if "exr" in settings.formats:
             _draw_missing(context, layout, "EXR files", "OpenEXR")
         layout.prop(settings, "use_coco")
@@ -146,6 +151,9 @@ class PERFECT_BVH_PT_label_images(SidebarPanel, bpy.types.Panel):
         layout.prop(settings, "use_resume")
         draw_main_button(context, layout, "perfect_bvh.label_images", "Start Labelling", "IMAGE_DATA")
         draw_messages_of(context, layout, "Label Images")
+
+
+POINT_AT_FACES = "Point at a face to see its number"
 
 
 class PERFECT_BVH_PT_bake_rays(SidebarPanel, bpy.types.Panel):
@@ -156,6 +164,8 @@ class PERFECT_BVH_PT_bake_rays(SidebarPanel, bpy.types.Panel):
     page = "how_to/sun_hours"
 
     def draw(self, context: bpy.types.Context) -> None:
+        from ..view3d.baked_view import sections
+
         layout = settings_layout(self)
         draw_purpose(
             context, layout, "What each face of the selected meshes sees: hours of sun, sky, or its surroundings"
@@ -174,9 +184,11 @@ class PERFECT_BVH_PT_bake_rays(SidebarPanel, bpy.types.Panel):
             layout.prop(settings, name, **({"placeholder": "Scene Camera"} if name == "viewers" else {}))
         if settings.kind == "EXPOSURE":
             layout.prop(settings, "use_frames")
-        layout.prop(settings, "table")
+        layout.prop(settings, "table", placeholder=".csv or .parquet")
         draw_main_button(context, layout, "perfect_bvh.bake_rays", "Bake", "RENDER_STILL")
         draw_messages_of(context, layout, self.bl_label)
+        if sections(context):
+            draw_lines(context, layout, POINT_AT_FACES, "INFO", TABS)
 
 
 def _draw_sun(layout: bpy.types.UILayout, settings: bpy.types.PropertyGroup, other: Any) -> None:
@@ -201,8 +213,10 @@ def _draw_sun(layout: bpy.types.UILayout, settings: bpy.types.PropertyGroup, oth
         column = layout.column(align=True)
         column.prop(place, "latitude")
         column.prop(place, "longitude")
-        column.prop(place, "zone" if other is None else "UTC_zone")
-        if other is not None:
+        if other is None:
+            column.prop(settings, "zone", placeholder="From the longitude")
+        else:
+            column.prop(other, "UTC_zone")
             column.prop(other, "use_daylight_savings")
     layout.prop(*((settings, "north") if other is None else (other, "north_offset")))
 

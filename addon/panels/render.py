@@ -132,7 +132,7 @@ LAST_CLASSES = (
 # The amount of work for images, and the treatment of the remaining noise: in Cycles' layout.
 
 
-NO_OIDN = "OpenImageDenoise is missing: a built-in filter leaves more noise. Blender from blender.org has it"
+NO_OIDN = "OpenImageDenoise is missing; a built-in filter leaves more noise. The Blender from blender.org includes it"
 
 
 class PERFECT_BVH_PT_sampling(EnginePanel, bpy.types.Panel):

@@ -17,8 +17,8 @@ _DOMAINS = [
 ]
 _METHODS = [(name, name.title(), description, number) for number, (name, description) in enumerate(METHODS.items())]
 _LIGHTS = [
-    ("HOURS", "Hours", "The time that the sun shines on a face", 0),
-    ("WEATHER", "Weather File", "The energy of sun and sky of a typical year, by a weather file (EPW)", 1),
+    ("HOURS", "Hours of Sun", "The time that the sun shines on a face", 0),
+    ("WEATHER", "Energy (Weather File)", "The energy of sun and sky of a typical year, by a weather file (EPW)", 1),
 ]
 _PERIODS = [
     ("DAY", "Day", "One day of the calendar", 0),
@@ -75,7 +75,7 @@ class PERFECT_BVH_PG_bake(bpy.types.PropertyGroup):
     kind: _choice("Bake", "What rays find out about each face", _KINDS)
     domain: _choice("Domain", "Which elements of the meshes get values", _DOMAINS)
     # Sun
-    light: _choice("Light", "What is summed over the times at which the sun is visible", _LIGHTS)
+    light: _choice("Measure", "What is summed over the times at which the sun is visible", _LIGHTS)
     weather: _path("Weather", "A weather file of EnergyPlus (EPW). It has its own place and time zone")
     period: _choice("Dates", "On which days the sun is followed", _PERIODS)
     year: _whole("Year", "Calendar year of the dates", 2026, 1900, 2100)
@@ -85,7 +85,7 @@ class PERFECT_BVH_PG_bake(bpy.types.PropertyGroup):
     day_end: _whole("Day", "The last day, within its month, which is included", 21, 1, 31)
     step: _whole(
         "Step",
-        "Minutes from one place of the sun to the next; 0 for 10 on a day, and 60 on more days",
+        "Minutes between two positions of the sun. 0: 10 for one day, 60 for more",
         *(0, 0, 1440),
         subtype="TIME",
     )
@@ -126,4 +126,6 @@ class PERFECT_BVH_PG_bake(bpy.types.PropertyGroup):
     width: _whole("Width", "Horizontal resolution of each mesh's image", 1024, 1, 32768, subtype="PIXEL")
     height: _whole("Height", "Vertical resolution of each mesh's image", 1024, 1, 32768, subtype="PIXEL")
     margin: _whole("Margin", "Extends the values beyond the edges of the UV map", 16, 0, 32767, subtype="PIXEL")
-    table: _path("Table", "File (CSV or Parquet) that gets each value, and the area of each face. None if empty")
+    table: _path(
+        "Write Table To", "File (CSV or Parquet) that gets each value, and the area of each face. None if empty"
+    )

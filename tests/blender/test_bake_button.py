@@ -14,7 +14,7 @@ import pytest
 
 bpy = pytest.importorskip("bpy")
 
-from blender.drawn_texts import drawn  # noqa: E402
+from blender.drawn_texts import RecordingLayout, drawn  # noqa: E402
 from blender.long_builds import ESCAPE, TIMER, FakeOperator, FakeWindow, patiently  # noqa: E402
 from perfect_bvh_addon import Place, bake_rays, panels, sun_table  # noqa: E402
 from perfect_bvh_addon.operators import bake_button, piece_jobs  # noqa: E402
@@ -63,6 +63,18 @@ def viewport(obj: Any, **shading: Any) -> Any:
     view = SimpleNamespace(perspective_matrix=np.eye(4))
     context = {"scene": bpy.context.scene, "view_layer": bpy.context.view_layer, "object": obj}
     return SimpleNamespace(space_data=space, region=region, region_data=view, **context)
+
+
+def panel_texts(context: Any) -> list[str]:
+    context.region, context.preferences = (
+        SimpleNamespace(width=280),
+        SimpleNamespace(system=SimpleNamespace(ui_scale=1)),
+    )
+    context.mode, context.selected_objects = "OBJECT", bpy.context.selected_objects
+    panel = panels.output.PERFECT_BVH_PT_bake_rays
+    stand = SimpleNamespace(layout=RecordingLayout(), bl_label=panel.bl_label)
+    panel.draw(stand, context)
+    return stand.layout.texts
 
 
 def test_values_are_those_of_the_function_and_colours_are_on_the_ramp(yard: Any) -> None:
@@ -226,6 +238,8 @@ def test_a_legend_is_shown_where_the_colours_are(yard: Any) -> None:
     assert section.scale.labels[0] == (0.0, "0") and section.scale.labels[-1] == (1.0, f"{most:.3g}")
     assert baked_view.sections(viewport(yard, type="RENDERED")) == []
     assert baked_view.sections(viewport(yard, color_type="MATERIAL")) == []
+    told = panel_texts(viewport(yard)), panel_texts(viewport(yard, type="RENDERED"))
+    assert [panels.output.POINT_AT_FACES in " ".join(texts) for texts in told] == [True, False]
     # After all were selected the active object may be a light, or none.
     assert baked_view.sections(viewport(bpy.data.objects["Sphere"])) == [section] == baked_view.sections(viewport(None))
     bpy.ops.object.select_all(action="DESELECT")
