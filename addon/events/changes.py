@@ -68,7 +68,7 @@ _passed_over: dict[int, set[str]] = {}  # view layers evaluated since `pass_over
 def pass_over(scene: bpy.types.Scene, layer: bpy.types.ViewLayer | None = None) -> None:
     """Has each view layer's next evaluation not counted as an edit, as a job sets the frame or lends a camera.
 
-    layer: is evaluated now, so that edits before are counted. Without windows nobody edits meanwhile.
+    layer: is evaluated now, so that edits before are counted. Without windows, no one edits at the same time.
     """
     if layer is not None and not bpy.app.background:
         layer.update()

@@ -169,7 +169,7 @@ class ScannedFile:
         """Raises ValueError if the scene was edited since. frame: the first whose chunks are not written."""
         if self.was_edited:
             raise ValueError(
-                f"The scene was edited meanwhile: the files from frame {frame} on are not written. Save the file, "
+                f"The scene was edited during the work: the files from frame {frame} on are not written. Save the file, "
                 "then start again"
             )
 

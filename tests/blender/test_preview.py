@@ -57,7 +57,7 @@ def test_it_follows_edits_and_sizes_in_one_image(scene, cube) -> None:
     assert [image.name for image in bpy.data.images] == [NAME]
 
 
-@pytest.mark.parametrize(("mode", "has_scenes_tones"), [("LIT", True), ("NORMAL", False)])
+@pytest.mark.parametrize(("mode", "has_scenes_tones"), [("PREVIEW", True), ("NORMAL", False)])
 def test_an_editor_shows_it_in_the_tones_of_the_viewport(scene, cube, mode: str, has_scenes_tones: bool) -> None:
     scene.perfect_bvh.mode = mode
     bpy.ops.perfect_bvh.preview()

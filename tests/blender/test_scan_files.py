@@ -285,7 +285,7 @@ def test_an_edit_during_the_scan_ends_it_with_the_pieces_before(small_file: Path
         if operator.modal(window, TIMER) != {"RUNNING_MODAL"}:
             break
     ((kind, report),) = operator.reports
-    assert kind == "ERROR" and "edited meanwhile: the files from frame" in report
+    assert kind == "ERROR" and "edited during the work: the files from frame" in report
     assert "points_0005-0006.npz" not in contents(folder)
 
 
