@@ -169,8 +169,8 @@ class ScannedFile:
         """Raises ValueError if the scene was edited since. frame: the first whose chunks are not written."""
         if self.was_edited:
             raise ValueError(
-                f"The scene was edited during the work: the files from frame {frame} on are not written. Save the file, "
-                "then start again"
+                f"The scene was edited during the work: the files from frame {frame} on are not written. Save the "
+                "file, then start again"
             )
 
     def points_were_added(self, scene: bpy.types.Scene, view_layer: bpy.types.ViewLayer) -> None:
