@@ -1,6 +1,7 @@
 // Surfaces that scatter, and lights: sampling agrees with evaluation, and the sampling strategies with each other.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <limits>
@@ -121,6 +122,25 @@ std::array<Light, 5> lights() {
 }
 
 float pick(std::uint32_t index) { return random(index, 31).x; }
+
+// At the ends of random numbers, directions lie in the surface: a height of rounding alone must not brighten a pixel.
+TEST(Bsdf, DirectionsInTheSurfaceAreNotBright) {
+  for (const Surface& surface : surfaces(0.5f)) {
+    for (const Vec3f& normal : {kUp, normalized(Vec3f{0.3f, -0.2f, 1.0f}), normalized(Vec3f{-0.7f, 0.1f, 0.4f})}) {
+      const Bsdf bsdf(surface.material, normal, normal, normalized(normal + Vec3f{0.3f, 0.1f, 0}), false, {});
+      for (std::uint32_t i = 0; i < 4096; ++i) {
+        for (const float end : {0.0f, 0x1p-32f, 0x1p-24f, 1.0f - 0x1p-24f}) {
+          for (const Point2 at : {Point2{end, random(i).y}, Point2{random(i).y, end}}) {
+            const Bsdf::Sample way = bsdf.sample(pick(i), at);
+            if (way.kind != Scatter::kDiffuse && way.kind != Scatter::kTranslucent) continue;
+            ASSERT_LT(std::max({way.weight.x, way.weight.y, way.weight.z}), 50.0f)
+                << surface.name << ", " << at.x << ", " << at.y;
+          }
+        }
+      }
+    }
+  }
+}
 
 TEST(Bsdf, DirectionsThatAreSampledHaveTheDensityAndTheWeightThatEvaluationTells) {
   for (const float roughness : kRoughnesses) {

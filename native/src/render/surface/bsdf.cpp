@@ -99,7 +99,8 @@ Vec3f Bsdf::diffuse(Vec3f out, float height) const noexcept {
 void Bsdf::evaluate_coating(Vec3f out, float height, Value& value) const noexcept {
   const Vec3f direction = frame_.world(out);
   const Coating::Value sheen = coating_->sheen(direction), coat = coating_->coat(direction);
-  value.share = value.share + (sheen.light * seen_of(out, normal_) + coat.light) * (kPi / height);
+  value.share =
+      value.share + (sheen.light * seen_of(out, normal_) + coat.light) * (kPi / std::max(height, kLeastCosine));
   value.density += (chances_.sheen * sheen.density + chances_.coat * coat.density) / total_;
 }
 
@@ -182,7 +183,7 @@ void Bsdf::evaluate_plain(Vec3f out, float height, Value& value) const noexcept 
   evaluate_translucent(out, height, value);
   if (!(height > 0.0f) || leaks(out, normal_)) return;
   value.share = value.share + diffuse(out, height) * seen_of(out, normal_);
-  value.density += chances_.diffuse / total_ * height / kPi;
+  value.density += chances_.diffuse / total_ * std::max(height, kLeastCosine) / kPi;
   if (coating_) evaluate_coating(out, height, value);
 }
 
@@ -256,10 +257,11 @@ Bsdf::Value Bsdf::evaluate_diffuse(Vec3f direction) const noexcept {
   evaluate_translucent(out, height, value);
   if (height > 0.0f && !leaks(out, normal_)) {
     value.share = value.share + diffuse(out, height) * seen_of(out, normal_);
-    if (chances_.diffuse > 0.0f) value.density += chances_.diffuse / total_ * (height / kPi);
+    const float slant = std::max(height, kLeastCosine);
+    if (chances_.diffuse > 0.0f) value.density += chances_.diffuse / total_ * (slant / kPi);
     if (coating_) {
       const Coating::Value sheen = coating_->sheen(direction);
-      value.share = value.share + sheen.light * (seen_of(out, normal_) * kPi / height);
+      value.share = value.share + sheen.light * (seen_of(out, normal_) * kPi / slant);
       value.density += chances_.sheen * sheen.density / total_;
     }
   }
