@@ -15,7 +15,6 @@ from places import area_of, context_of
 def label_images() -> Step:
     names = module("operators.label_button")
     folder = Path(tempfile.mkdtemp())
-    settings().label_images.folder = str(folder)
     settings().label_images.frame_end = 3
     bpy.ops.ed.undo_push(message="Unsaved")
     check(bpy.data.is_dirty, "several frames of a file that is not saved are the harder case")
@@ -26,6 +25,7 @@ def label_images() -> Step:
         ("IMAGE_EDITOR", "RANGE", "Labelled 3 frames into"),
     ):
         editor.ui_type, settings().label_images.frames = ui_type, frames
+        settings().label_images.folder = str(folder / frames)
         yield from redrawn()
         forget_reports()
         with bpy.context.temp_override(**context_of(area_of("VIEW_3D"))):
@@ -41,7 +41,8 @@ def label_images() -> Step:
     yield from wait_until(shows_labels, "no Image Editor shows the labels")
     yield from redrawn()
     screenshot("label_images")
-    check((folder / "labels_0001_things.png").exists(), f"files: {list(folder.iterdir())}")
+    files = [path.name for path in folder.rglob("*_things.png")]
+    check(sorted(files) == [f"labels_000{frame}_things.png" for frame in (1, 1, 2, 3)], f"files: {files}")
     settings().label_images.folder, settings().label_images.frames = "", "CURRENT"
     shutil.rmtree(folder)
     editor.ui_type = kind
