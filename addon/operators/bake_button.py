@@ -165,7 +165,7 @@ class BakeJob:
         if is_image:
             self.images = bake.to_image(self._name, margin=self._margin)
             others = len(self.images) - 1
-            where = f", in the image {self.images[0].name!r}{f' and {others} others' if others else ''}"
+            where = f", in the image {self.images[0].name!r}{f' and {others} more' if others else ''}"
         else:
             self._show(bake, [by_uid[baked.session_uid].data for baked in bake.objects])
             where = ""
