@@ -115,8 +115,8 @@ def find_difference(inputs: dict[str, Any], others: dict[str, Any]) -> str | Non
     files, other_files = inputs[name], others.get(name)
     if name == "files" and isinstance(other_files, dict):
         differing = sorted(each for each in {*files, *other_files} if files.get(each) != other_files.get(each))
-        changed = f"{differing[0]} was changed" if len(differing) == 1 else f"{len(differing)} were changed"
-        return f"'{name}': {changed}"
+        more = f" and {len(differing) - 1} more" if len(differing) > 1 else ""
+        return f"'{name}' ({differing[0]}{more})"
     values = f"{json.dumps(other_files)}, not {json.dumps(files)}"
     return f"'{name}' ({values})" if len(values) < _LONGEST_VALUES else f"'{name}'"
 
