@@ -101,15 +101,18 @@ class Tally(ABC):
 class SunTally(Tally):
     """Sums the weights of the directions of a table from which light arrives.
 
-    Sums are as exact as their last digit: 72 steps of a sixth of an hour are 12 hours.
+    Equal weights are counted, so that 72 steps of a sixth of an hour are 12 hours.
     """
 
     mask = VISIBLE_TO_SHADOW
 
     def begin(self) -> None:
         table = self.settings.directions
-        self.directions, self.weights = table.directions, table.weights
-        self.step_count, self.lost = len(self.directions), np.zeros(len(self.points))
+        self.directions, self.weights, self.step_count = table.directions, table.weights, len(table.directions)
+        different = np.unique(table.weights)
+        self.each = 1.0
+        if len(different) == 1 and not self.settings.has_cosine:
+            self.each, self.weights = float(different[0]), np.ones(self.step_count)
         width = (self.step_count + 7) // 8 if self.settings.keep_visible else 0
         self.visible = np.zeros((len(self.points), width), np.uint8)
 
@@ -117,17 +120,12 @@ class SunTally(Tally):
         heights = self.points.normals @ self.directions[step]
         rows = np.flatnonzero(heights > 0.0)
         rows = rows[~self.blocked(rows, self.directions[step])]
-        added = self.weights[step] * (heights[rows] if self.settings.has_cosine else 1.0)
-        before = self.sums[rows]
-        sums = before + added
-        rest = sums - before
-        self.lost[rows] += (before - (sums - rest)) + (added - rest)  # Knuth's exact error of a sum
-        self.sums[rows] = sums
+        self.sums[rows] += self.weights[step] * (heights[rows] if self.settings.has_cosine else 1.0)
         if self.settings.keep_visible:
             self.visible[rows, step // 8] |= 0x80 >> (step % 8)
 
     def columns(self) -> dict[str, Float64Array]:
-        return {"sun_hours": self.sums + self.lost}
+        return {"sun_hours": self.sums * self.each}
 
 
 class SampledTally(Tally):
