@@ -221,7 +221,7 @@ void pass_layers(const Snapshot& snapshot, const Appearance& appearance, std::sp
 
 }  // namespace
 
-void begin_at_meshes(const Snapshot& snapshot, CancelToken& cancel, std::span<Ray> rays) {
+bool begin_at_meshes(const Snapshot& snapshot, CancelToken& cancel, std::span<Ray> rays) {
   std::vector<std::size_t> rows;
   AlignedVector<Ray> starts;
   AlignedVector<Hit> hits;
@@ -231,6 +231,7 @@ void begin_at_meshes(const Snapshot& snapshot, CancelToken& cancel, std::span<Ra
     start.t_max = std::min(start.t_min, start.t_max), start.t_min = 0.0f;
     rows.push_back(row);
   }
+  if (starts.empty()) return false;
   while (!starts.empty()) {
     hits.assign(starts.size(), Hit{});
     trace_closest(snapshot, cancel, starts, hits);
@@ -246,6 +247,7 @@ void begin_at_meshes(const Snapshot& snapshot, CancelToken& cancel, std::span<Ra
     }
     starts.resize(left), rows.resize(left);
   }
+  return true;
 }
 
 void find_what_passes(const Snapshot& snapshot, const Appearance& appearance, std::span<const Vertex> vertices,
@@ -260,7 +262,7 @@ void find_what_passes(const Snapshot& snapshot, const Appearance& appearance, st
   for (std::size_t i = 0; i < shadows.rays.size(); ++i) {
     if (shadows.blocked[i] != 0) shadows.passed[i] = 0.0f, shadows.rays[i].t_max = -1.0f;
   }
-  begin_at_meshes(snapshot, cancel, shadows.rays);
+  if (!begin_at_meshes(snapshot, cancel, shadows.rays)) return;
   for (std::size_t i = 0; i < shadows.rays.size(); ++i) {
     const float width = vertices[shadows.vertices[i]].point.ribbon_width;
     if (shadows.rays[i].t_min < width) shadows.passed[i] = 0.0f;  // a mesh

@@ -122,8 +122,8 @@ struct Vertex {
 }
 
 // Rays that leave a ribbon have its width as t_min. Lets each begin at the first mesh before that, so that only ribbons
-// are skipped.
-void begin_at_meshes(const Snapshot& snapshot, CancelToken& cancel, std::span<Ray> rays);
+// are skipped. Returns whether there are such rays.
+bool begin_at_meshes(const Snapshot& snapshot, CancelToken& cancel, std::span<Ray> rays);
 
 // Buffers of one thread; one row per ray.
 struct ShadowRays {
