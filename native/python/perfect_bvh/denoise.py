@@ -225,9 +225,9 @@ _MOST_SHIFTED = 0.2  # to each neighbour at once
 def apply_pixel_filter(image: npt.ArrayLike, filter_width: float = 1.5) -> Image:
     """Returns means of pixels' own samples, filtered to be like "combined": edges get its width.
 
-    "denoising_color", and the output of a `Denoiser` for it, have means over squares, one pixel wide. "combined" has the
-    wider filter of the renderer. A pixel and its neighbours are weighted such that the sum has that filter's variance.
-    A filter that is no wider than a pixel changes nothing.
+    "denoising_color", and the output of a `Denoiser` for it, have means over squares, one pixel wide. "combined" has
+    the wider filter of the renderer. A pixel and its neighbours are weighted such that the sum has that filter's
+    variance. A filter that is no wider than a pixel changes nothing.
 
     Args:
         image: (H, W, C).
