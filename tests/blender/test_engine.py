@@ -10,6 +10,7 @@ from functools import partial
 from pathlib import Path
 
 import numpy as np
+import perfect_bvh
 import pytest
 
 bpy = pytest.importorskip("bpy")
@@ -282,12 +283,18 @@ def test_a_render_says_what_it_does(scene, monkeypatch) -> None:
     monkeypatch.setattr(engine, "STATUS_SECONDS", 0.0)
     monkeypatch.setattr(engine.RenderStatus, "_send", lambda self, text: told.append(text))
     scene.perfect_bvh.samples, scene.perfect_bvh.use_noise_threshold = 4, False
-    bpy.ops.mesh.primitive_grid_add(x_subdivisions=700, y_subdivisions=700)  # its tree takes long enough to be reported
+    commit = perfect_bvh.Scene.commit
+
+    def commit_slowly(scene: perfect_bvh.Scene, expected_rays: int, *, progress: Callable[[float], bool]) -> object:
+        assert progress(HALF)  # small trees are built before the engine would say anything
+        return commit(scene, expected_rays, progress=progress)
+
+    monkeypatch.setattr(perfect_bvh.Scene, "commit", commit_slowly)
     assert render(RenderJob(progress=lambda done: moments.append(done) is None)).frame is not None
     stages = [text.rpartition(" | ")[2] for text in told]
     kinds = list(dict.fromkeys(stage.split()[0] for stage in stages))
     assert kinds == ["Reading", "Building", "Sample", "Denoising"]
-    assert "Sample 4/4" in stages
+    assert "Building BVHs 50%" in stages and "Sample 4/4" in stages
     assert all(re.match(r"Time: 00:\d\d\.\d\d \| ", text) for text in told)
     assert re.search(r"\| Remaining: \d\d:\d\d\.\d\d \| Mem: [\d.]+ (KiB|MiB) \| Denoising$", told[-1])
     assert any(still.TRACED <= done < 1.0 for done in moments)

@@ -422,11 +422,12 @@ def test_a_cancelled_commit_changes_nothing():
     assert scene.statistics().triangle_count == len(triangles)
 
 
+@pytest.mark.usefixtures("one_thread")
 @pytest.mark.parametrize("use", [lambda scene: scene.mesh_count, lambda scene: scene.remove_mesh(0)])
 def test_a_commit_refuses_its_own_progress_callable(use):
     """A commit within it would wait for itself for ever."""
     scene = perfect_bvh.Scene()
-    scene.add_mesh(*meshes.sphere(700, 900))
+    scene.add_mesh(*large_mesh())
     with pytest.raises(perfect_bvh.EngineError, match="a commit of this scene is under way"):
         scene.commit(progress=lambda fraction: use(scene))
     assert scene.mesh_count == 1
