@@ -1,5 +1,6 @@
 """The users' settings: the modes, the properties of a Blender scene, the add-on's preferences.
 
+properties        rows of the tables of properties
 modes             the shading modes, one row each
 scene_settings    of a scene: `scene.perfect_bvh`
 scan_settings     of the Scan button: `scene.perfect_bvh.scan`

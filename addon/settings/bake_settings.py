@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import bpy
 
 from .bake_choices import BAKE_KINDS, DOMAINS, KINDS, METHODS
-from .scan_settings import PATH_OPTIONS
+from .properties import choice, number, path, pointer, switch, text, whole
 
 _KINDS = [(kind.name, kind.label, kind.description, number) for number, kind in enumerate(BAKE_KINDS)]
 _LABELS = ("Face", "Face Corner", "Vertex", "Image")
@@ -46,54 +45,31 @@ def options_of(settings: PERFECT_BVH_PG_bake) -> tuple[str, ...]:
     return ("method",) if is_sphere else KINDS[settings.kind].options
 
 
-# A row a setting: its name, its label, its tooltip, its default, and for numbers the least and the largest value.
-
-
-def _choice(label: str, description: str, items: list[Any]) -> Any:
-    return bpy.props.EnumProperty(name=label, description=description, items=items, default=items[0][0])
-
-
-def _whole(label: str, description: str, default: int, least: int, most: int, **how: Any) -> Any:
-    return bpy.props.IntProperty(name=label, description=description, default=default, min=least, max=most, **how)
-
-
-def _number(label: str, description: str, default: float, least: float, most: float, **how: Any) -> Any:
-    return bpy.props.FloatProperty(name=label, description=description, default=default, min=least, max=most, **how)
-
-
-def _switch(label: str, description: str, default: bool) -> Any:
-    return bpy.props.BoolProperty(name=label, description=description, default=default)
-
-
-def _path(label: str, description: str) -> Any:
-    return bpy.props.StringProperty(name=label, description=description, subtype="FILE_PATH", options=PATH_OPTIONS)
-
-
 class PERFECT_BVH_PG_bake(bpy.types.PropertyGroup):
     """Which question rays answer for each face, and where and when the sun is looked for."""
 
-    kind: _choice("Bake", "What rays find out about each face", _KINDS)
-    domain: _choice("Domain", "Which elements of the meshes get values", _DOMAINS)
+    kind: choice("Bake", "What rays find out about each face", _KINDS, "SUN_HOURS")
+    domain: choice("Domain", "Which elements of the meshes get values", _DOMAINS, "FACE")
     # Sun
-    light: _choice("Measure", "What is summed over the times at which the sun is visible", _LIGHTS)
-    weather: _path("Weather", "A weather file of EnergyPlus (EPW). It has its own place and time zone")
-    period: _choice("Dates", "On which days the sun is followed", _PERIODS)
-    year: _whole("Year", "Calendar year of the dates", 2026, 1900, 2100)
-    month: _whole("Month", "Month of the first day", 3, 1, 12)
-    day: _whole("Day", "The first day, within its month", 21, 1, 31)
-    month_end: _whole("Month", "Month of the last day", 9, 1, 12)
-    day_end: _whole("Day", "The last day, within its month, which is included", 21, 1, 31)
-    step: _whole(
+    light: choice("Measure", "What is summed over the times at which the sun is visible", _LIGHTS, "HOURS")
+    weather: path("Weather", "A weather file of EnergyPlus (EPW). It has its own place and time zone")
+    period: choice("Dates", "On which days the sun is followed", _PERIODS, "DAY")
+    year: whole("Year", "Calendar year of the dates", 2026, 1900, 2100)
+    month: whole("Month", "Month of the first day", 3, 1, 12)
+    day: whole("Day", "The first day, within its month", 21, 1, 31)
+    month_end: whole("Month", "Month of the last day", 9, 1, 12)
+    day_end: whole("Day", "The last day, within its month, which is included", 21, 1, 31)
+    step: whole(
         "Step",
         "Minutes between two positions of the sun. 0: 10 for one day, 60 for more",
         *(0, 0, 1440),
         subtype="TIME",
     )
-    latitude: _number("Latitude", "Degrees north of the equator, negative to the south", 52.52, -90, 90, precision=4)
-    longitude: _number("Longitude", "Degrees east of Greenwich, negative to the west", 13.4, -180, 180, precision=4)
-    zone: bpy.props.StringProperty(
-        name="Time Zone",
-        description="Its name, with summer time, or hours from UTC such as +1. The longitude decides if empty",
+    latitude: number("Latitude", "Degrees north of the equator, negative to the south", 52.52, -90, 90, precision=4)
+    longitude: number("Longitude", "Degrees east of Greenwich, negative to the west", 13.4, -180, 180, precision=4)
+    zone: text(
+        "Time Zone",
+        "Its name, with summer time, or hours from UTC such as +1. The longitude decides if empty",
         search=suggest_zones,
         search_options={"SUGGESTION"},
     )
@@ -101,31 +77,27 @@ class PERFECT_BVH_PG_bake(bpy.types.PropertyGroup):
         name="North Offset", description="Where north is: turned clockwise from +Y, as seen from above", subtype="ANGLE"
     )
     # Other kinds, by the names that `bake_rays` has for them
-    cosine: _switch(
+    cosine: switch(
         "Cosine", "Weight the sky as diffuse light, by the cosine to the normal; else all of it evenly", True
     )
-    distance: _number("Distance", "How far away another surface still counts", 10.0, 0.001, 1e9, subtype="DISTANCE")
-    falloff: _number(
+    distance: number("Distance", "How far away another surface still counts", 10.0, 0.001, 1e9, subtype="DISTANCE")
+    falloff: number(
         "Falloff", "How fast surfaces count less with their distance; 0: all within it count fully", 0.0, 0.0, 100.0
     )
-    method: _choice("Method", "How the thickness is measured", _METHODS)
-    angle: _number("Angle", "Half the opening of the cone of rays", math.radians(30.0), 0.0, _WIDEST, subtype="ANGLE")
-    rays: _whole("Samples", "Rays from each place. Four times as many halve the noise", 256, 1, 1 << 20)
-    viewers: bpy.props.PointerProperty(
-        name="Seen From",
-        description=(
-            "Object that looks: a camera, within its frame; a curve, from all its points. The scene's camera if empty"
-        ),
-        type=bpy.types.Object,
+    method: choice("Method", "How the thickness is measured", _METHODS, "CONE")
+    angle: number("Angle", "Half the opening of the cone of rays", math.radians(30.0), 0.0, _WIDEST, subtype="ANGLE")
+    rays: whole("Samples", "Rays from each place. Four times as many halve the noise", 256, 1, 1 << 20)
+    viewers: pointer(
+        "Seen From",
+        "Object that looks: a camera, within its frame; a curve, from all its points. The scene's camera if empty",
+        bpy.types.Object,
     )
-    use_frames: _switch("Frame Range", "Look from where it is in each frame of the scene's range", False)
+    use_frames: switch("Frame Range", "Look from where it is in each frame of the scene's range", False)
     # Images
-    uv_map: bpy.props.StringProperty(
-        name="UV Map", description="Name of the UV map that places the pixels. Each mesh's active one if empty"
-    )
-    width: _whole("Width", "Horizontal resolution of each mesh's image", 1024, 1, 32768, subtype="PIXEL")
-    height: _whole("Height", "Vertical resolution of each mesh's image", 1024, 1, 32768, subtype="PIXEL")
-    margin: _whole("Margin", "Extends the values beyond the edges of the UV map", 16, 0, 32767, subtype="PIXEL")
-    table: _path(
+    uv_map: text("UV Map", "Name of the UV map that places the pixels. Each mesh's active one if empty")
+    width: whole("Width", "Horizontal resolution of each mesh's image", 1024, 1, 32768, subtype="PIXEL")
+    height: whole("Height", "Vertical resolution of each mesh's image", 1024, 1, 32768, subtype="PIXEL")
+    margin: whole("Margin", "Extends the values beyond the edges of the UV map", 16, 0, 32767, subtype="PIXEL")
+    table: path(
         "Write Table To", "File (CSV or Parquet) that gets each value, and the area of each face. None if empty"
     )

@@ -10,6 +10,7 @@ import bpy
 from .bake_settings import PERFECT_BVH_PG_bake
 from .label_settings import PERFECT_BVH_PG_label_images
 from .modes import DEFAULT_MODE, MODES
+from .properties import choice, number, pointer, switch, whole
 from .scan_settings import PERFECT_BVH_PG_scan
 from .view_settings import CLASSES as TREE_CLASSES
 from .view_settings import PERFECT_BVH_PG_compare
@@ -94,141 +95,100 @@ def _take_render_samples(settings: bpy.types.PropertyGroup, value: bool) -> None
 class PERFECT_BVH_PG_settings(bpy.types.PropertyGroup):
     """Saved in the .blend file, animatable like any other setting."""
 
-    scan: bpy.props.PointerProperty(name="Scan", description="Settings of the Scan button", type=PERFECT_BVH_PG_scan)
-    label_images: bpy.props.PointerProperty(
-        name="Label Images", description="Settings of the Label Images button", type=PERFECT_BVH_PG_label_images
+    scan: pointer("Scan", "Settings of the Scan button", PERFECT_BVH_PG_scan)
+    label_images: pointer("Label Images", "Settings of the Label Images button", PERFECT_BVH_PG_label_images)
+    bake: pointer(
+        "Bake Sun, Sky and Thickness",
+        "What the Bake Sun, Sky and Thickness button asks of each face",
+        PERFECT_BVH_PG_bake,
     )
-    bake: bpy.props.PointerProperty(
-        name="Bake Sun, Sky and Thickness",
-        description="What the Bake Sun, Sky and Thickness button asks of each face",
-        type=PERFECT_BVH_PG_bake,
-    )
-    compare: bpy.props.PointerProperty(
-        name="Compare", description="The two BVHs of the active object to compare", type=PERFECT_BVH_PG_compare
-    )
+    compare: pointer("Compare", "The two BVHs of the active object to compare", PERFECT_BVH_PG_compare)
 
-    mode: bpy.props.EnumProperty(
-        name="Mode", description="What the image shows", items=MODE_ITEMS, default=DEFAULT_MODE.upper()
-    )
-    samples: bpy.props.IntProperty(
-        name="Samples",
-        description="Camera rays per pixel of a render, and of a view that is rendered to an image",
-        default=16,
-        min=1,
+    mode: choice("Mode", "What the image shows", MODE_ITEMS, DEFAULT_MODE.upper())
+    samples: whole(
+        "Samples",
+        "Camera rays per pixel of a render, and of a view that is rendered to an image",
+        *(16, 1, 65536),
         soft_max=256,
-        max=65536,
     )
-    viewport_samples: bpy.props.IntProperty(
-        name="Viewport Samples",
-        description="Final number of camera rays per pixel of a Rendered viewport; 0 for the number of a render",
-        default=0,
-        min=0,
+    viewport_samples: whole(
+        "Viewport Samples",
+        "Final number of camera rays per pixel of a Rendered viewport; 0 for the number of a render",
+        *(0, 0, 65536),
         soft_max=256,
-        max=65536,
     )
     # Separate from the number, which earlier files have, and which scripts set.
-    use_render_samples: bpy.props.BoolProperty(
-        name="Samples as Render",
-        description="Use the number of samples of a render in Rendered viewports",
+    use_render_samples: switch(
+        "Samples as Render",
+        "Use the number of samples of a render in Rendered viewports",
         get=lambda settings: settings.viewport_samples == 0,
         set=_take_render_samples,
         options=set(),
     )
-    use_noise_threshold: bpy.props.BoolProperty(
-        name="Noise Threshold",
-        description="Stop sampling a render where little noise is left",
-        default=True,
-    )
-    noise_threshold: bpy.props.FloatProperty(
-        name="Noise Threshold",
-        description="Noise that may remain. Lower values take more samples; 0 takes all",
-        default=0.01,
-        min=0.0,
+    use_noise_threshold: switch("Noise Threshold", "Stop sampling a render where little noise is left", True)
+    noise_threshold: number(
+        "Noise Threshold",
+        "Noise that may remain. Lower values take more samples; 0 takes all",
+        *(0.01, 0.0, 1.0),
         soft_min=0.001,
-        max=1.0,
         step=1,
         precision=4,
     )
-    min_samples: bpy.props.IntProperty(
-        name="Min Samples",
-        description="Minimum number of samples per pixel of a render; 0 for 16",
-        default=0,
-        min=0,
-        soft_max=256,
-        max=65536,
+    min_samples: whole(
+        "Min Samples", "Minimum number of samples per pixel of a render; 0 for 16", 0, 0, 65536, soft_max=256
     )
-    use_viewport_noise_threshold: bpy.props.BoolProperty(
-        name="Viewport Noise Threshold",
-        description="Stop sampling a Rendered viewport where little noise is left",
-        default=True,
+    use_viewport_noise_threshold: switch(
+        "Viewport Noise Threshold", "Stop sampling a Rendered viewport where little noise is left", True
     )
-    viewport_noise_threshold: bpy.props.FloatProperty(
-        name="Viewport Noise Threshold",
-        description="Noise that may remain in a Rendered viewport. Lower values take more samples; 0 takes all",
-        default=0.1,
-        min=0.0,
+    viewport_noise_threshold: number(
+        "Viewport Noise Threshold",
+        "Noise that may remain in a Rendered viewport. Lower values take more samples; 0 takes all",
+        *(0.1, 0.0, 1.0),
         soft_min=0.001,
-        max=1.0,
         step=1,
         precision=4,
     )
-    viewport_min_samples: bpy.props.IntProperty(
-        name="Viewport Min Samples",
-        description="Minimum number of samples per pixel of a Rendered viewport; 0 for 16",
-        default=0,
-        min=0,
+    viewport_min_samples: whole(
+        "Viewport Min Samples",
+        "Minimum number of samples per pixel of a Rendered viewport; 0 for 16",
+        *(0, 0, 65536),
         soft_max=256,
-        max=65536,
     )
-    use_denoising: bpy.props.BoolProperty(
-        name="Denoise",
-        description="Denoise renders, guided by the colors and normals of surfaces",
-        default=True,
+    use_denoising: switch("Denoise", "Denoise renders, guided by the colors and normals of surfaces", True)
+    use_viewport_denoising: switch(
+        "Denoise Viewport", "Denoise Rendered viewports, guided by the colors and normals of surfaces", True
     )
-    use_viewport_denoising: bpy.props.BoolProperty(
-        name="Denoise Viewport",
-        description="Denoise Rendered viewports, guided by the colors and normals of surfaces",
-        default=True,
-    )
-    time_limit: bpy.props.FloatProperty(
-        name="Time Limit",
-        description="Seconds for tracing a frame, with fewer samples if necessary; 0 for no limit",
-        default=0.0,
-        min=0.0,
+    time_limit: number(
+        "Time Limit",
+        "Seconds for tracing a frame, with fewer samples if necessary; 0 for no limit",
+        *(0.0, 0.0),
         soft_max=3600.0,
         step=100,
         subtype="TIME_ABSOLUTE",
         unit="TIME_ABSOLUTE",
     )
-    seed: bpy.props.IntProperty(name="Seed", description="Seed of the noise pattern", default=0, min=0)
-    ao_distance: bpy.props.FloatProperty(
-        name="AO Distance",
-        description="Largest distance at which surfaces darken each other in Clay; 0 for the size of the scene",
-        default=0.0,
-        min=0.0,
+    seed: whole("Seed", "Seed of the noise pattern", 0, 0)
+    ao_distance: number(
+        "AO Distance",
+        "Largest distance at which surfaces darken each other in Clay; 0 for the size of the scene",
+        *(0.0, 0.0),
         soft_max=100.0,
         subtype="DISTANCE",
     )
-    use_material_colors: bpy.props.BoolProperty(
-        name="Material Colors", description="Use the viewport colors of the materials instead of grey", default=True
-    )
-    preview_percentage: bpy.props.IntProperty(
-        name="Image Size",
-        description="Size of the image, compared with the viewport, or with the render where there is no viewport",
-        default=100,
-        min=1,
-        max=100,
+    use_material_colors: switch("Material Colors", "Use the viewport colors of the materials instead of grey", True)
+    preview_percentage: whole(
+        "Image Size",
+        "Size of the image, compared with the viewport, or with the render where there is no viewport",
+        *(100, 1, 100),
         subtype="PERCENTAGE",
     )
     # In no panel: for scripts and the command line. It has a new name, so that files from the time when a panel had a
     # switch and a share for it do not have their renders checked without a visible setting.
-    audit: bpy.props.FloatProperty(
-        name="Audit",
-        description="Share of a render's camera rays that is checked again, in double precision and without a tree; "
+    audit: number(
+        "Audit",
+        "Share of a render's camera rays that is checked again, in double precision and without a tree; "
         "those near hair and points cannot be judged",
-        default=0.0,
-        min=0.0,
-        max=1.0,
+        *(0.0, 0.0, 1.0),
         precision=4,
     )
 

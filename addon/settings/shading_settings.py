@@ -7,6 +7,7 @@ from dataclasses import replace
 import bpy
 
 from .preferences import redraw_for_setting
+from .properties import choice, pointer
 from .scene_settings import MODE_ITEMS, RenderSettings, read_settings
 from .view_settings import PERFECT_BVH_PG_overlay
 
@@ -21,16 +22,10 @@ _MODE_ITEMS = [
 class PERFECT_BVH_PG_shading(bpy.types.PropertyGroup):
     """Saved with the screen in the .blend file."""
 
-    mode: bpy.props.EnumProperty(
-        name="Mode",
-        description="What this viewport shows in Rendered shading",
-        items=_MODE_ITEMS,
-        default=AS_RENDER,
-        update=redraw_for_setting,
+    mode: choice(
+        "Mode", "What this viewport shows in Rendered shading", _MODE_ITEMS, AS_RENDER, update=redraw_for_setting
     )
-    overlay: bpy.props.PointerProperty(
-        name="Overlay", description="The boxes of the BVHs that this viewport shows", type=PERFECT_BVH_PG_overlay
-    )
+    overlay: pointer("Overlay", "The boxes of the BVHs that this viewport shows", PERFECT_BVH_PG_overlay)
 
 
 def overlay_settings(space: bpy.types.SpaceView3D) -> PERFECT_BVH_PG_overlay:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import bpy
 
 from .preferences import redraw_for_setting
+from .properties import choice, switch, whole
 
 # Which boxes a 3D viewport shows: `space.shading.perfect_bvh.overlay`, which is saved with the screen.
 
@@ -14,40 +15,23 @@ from .preferences import redraw_for_setting
 class PERFECT_BVH_PG_overlay(bpy.types.PropertyGroup):
     """Which boxes of the trees are drawn in a 3D viewport."""
 
-    show_top_level: bpy.props.BoolProperty(
-        name="Top Level",
-        description="Draw the boxes of the BVH over all instances",
-        default=False,
-        update=redraw_for_setting,
+    show_top_level: switch("Top Level", "Draw the boxes of the BVH over all instances", update=redraw_for_setting)
+    show_active: switch(
+        "Active Object", "Draw the boxes of the BVH over the active object's triangles", update=redraw_for_setting
     )
-    show_active: bpy.props.BoolProperty(
-        name="Active Object",
-        description="Draw the boxes of the BVH over the active object's triangles",
-        default=False,
-        update=redraw_for_setting,
-    )
-    level: bpy.props.IntProperty(
-        name="Level",
-        description=(
-            "Depth in the BVH: 0 is the box around everything, and each box contains up to eight others. "
-            "Leaves that end above are drawn as well"
-        ),
-        default=2,
-        min=0,
+    level: whole(
+        "Level",
+        "Depth in the BVH: 0 is the box around everything, and each box contains up to eight others. "
+        "Leaves that end above are drawn as well",
+        *(2, 0, 64),
         soft_max=12,
-        max=64,
         update=redraw_for_setting,
     )
-    use_all_to_level: bpy.props.BoolProperty(
-        name="Show Parent Levels",
-        description="Draw the nodes above the level as well",
-        default=False,
-        update=redraw_for_setting,
-    )
-    color_by: bpy.props.EnumProperty(
-        name="Color",
-        description="Meaning of the boxes' colors",
-        items=[
+    use_all_to_level: switch("Show Parent Levels", "Draw the nodes above the level as well", update=redraw_for_setting)
+    color_by: choice(
+        "Color",
+        "Meaning of the boxes' colors",
+        [
             ("LEVEL", "Level", "Depth of a box in the BVH", 0),
             ("OVERLAP", "Overlap", "Overlap with sibling boxes: blue none, red all of the box", 1),
             (
@@ -58,15 +42,10 @@ class PERFECT_BVH_PG_overlay(bpy.types.PropertyGroup):
                 2,
             ),
         ],
-        default="LEVEL",
+        "LEVEL",
         update=redraw_for_setting,
     )
-    use_in_front: bpy.props.BoolProperty(
-        name="In Front",
-        description="Draw boxes in front of everything else",
-        default=False,
-        update=redraw_for_setting,
-    )
+    use_in_front: switch("In Front", "Draw boxes in front of everything else", update=redraw_for_setting)
 
 
 # Tree settings -------------------------------------------------------------------------------------------------------
@@ -128,12 +107,8 @@ def choice_of_builder(builder: str) -> TreeChoice:
 class PERFECT_BVH_PG_compare(bpy.types.PropertyGroup):
     """Which two trees of the active object are compared."""
 
-    left: bpy.props.EnumProperty(
-        name="Left", description="Builder of the BVH on the left", items=_ITEMS, default="MEDIAN"
-    )
-    right: bpy.props.EnumProperty(
-        name="Right", description="Builder of the BVH on the right", items=_ITEMS, default="BINNED"
-    )
+    left: choice("Left", "Builder of the BVH on the left", _ITEMS, "MEDIAN")
+    right: choice("Right", "Builder of the BVH on the right", _ITEMS, "BINNED")
 
 
 CLASSES = (PERFECT_BVH_PG_compare,)
