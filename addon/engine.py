@@ -25,7 +25,7 @@ from .settings.scene_settings import ENGINE_NAME, preview_settings
 from .statistics import messages
 from .statistics.last_result import FrameStatistics, edits_of, remember
 from .statistics.not_shown import line_in_viewports, tell
-from .statistics.words import clock, memory, reason_of, sentence
+from .statistics.words import memory, reason_of, sentence, times
 from .sync.not_shown import summarize
 from .sync.records import CameraRecord
 from .view3d.rendered.viewport import Viewport
@@ -36,7 +36,6 @@ if TYPE_CHECKING:
 T = TypeVar("T")
 
 STATUS_SECONDS = 0.25
-LEAST_DONE = 0.1  # of a frame, before the time that remains is estimated
 
 # Without a window rounds are not shown: the image is written when it is finished.
 SHOWS_ROUNDS = not bpy.app.background
@@ -91,12 +90,7 @@ class RenderStatus:
         if now < self._next:
             return
         self._next = now + STATUS_SECONDS
-        seconds = now - self._started
-        parts = [f"Time: {clock(seconds)}"]
-        if done >= LEAST_DONE:
-            parts.append(f"Remaining: {clock(seconds * (1.0 - done) / done)}")
-        parts += [f"Mem: {memory(self._sync.byte_count)}", self._text]
-        self._send(" | ".join(parts))
+        self._send(f"{times(now - self._started, done)} | Mem: {memory(self._sync.byte_count)} | {self._text}")
 
     def _send(self, text: str) -> None:
         self._engine.update_stats("", text)

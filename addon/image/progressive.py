@@ -101,6 +101,19 @@ class Schedule:
             return True
         return self.sample_count > 0 and self._row == self.rows[0] and not any(self._columns_left)
 
+    @property
+    def progress(self) -> float:
+        """The share done, 0 to 1: the samples of all rows, and the rows of the round under way."""
+        if self.is_finished:
+            return 1.0
+        first, end = self.rows
+        return (self.sample_count + self._round * (self._row - first) / (end - first)) / self.samples
+
+    @property
+    def _round(self) -> int:
+        """Samples of the round under way: as many as there are."""
+        return min(max(self.sample_count, 1), self.samples - self.sample_count)
+
     def next_step(self, pace: Pace, seconds: float) -> Step:
         """Returns the next step, of about `seconds` if possible: results that are ready sooner would not be seen."""
         step = None
@@ -168,7 +181,7 @@ class Schedule:
 
     def _band(self, pace: Pace, seconds: float) -> Step:
         """Rows of the round under way, to the end of a tile."""
-        count = min(max(self.sample_count, 1), self.samples - self.sample_count)
+        count = self._round
         bottom = self.rows[1]
         end = min((self._row + FEWEST_ROWS) // TILE_ROWS * TILE_ROWS, bottom)
         left = pace.pixel_samples_in(seconds) // count - self.pixels_of(Step(1, (self._row, end)))

@@ -104,7 +104,7 @@ class Refinement:
     @property
     def progress(self) -> float:
         """The share done, 0 to 1."""
-        return 1.0 if self._schedule.is_finished else self.sample_count / self.view.plan.samples
+        return self._schedule.progress
 
     def step(self, seconds: float, stop: StopFlag | None = None) -> bool:
         """Work for about `seconds`; whether the whole image has become better.

@@ -7,6 +7,7 @@ the scene's camera.
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Iterator
 from typing import ClassVar
 
@@ -19,6 +20,7 @@ from ..live.pending_commit import LOOKING_SECONDS
 from ..settings.modes import find_mode
 from ..settings.preferences import redraw_viewports
 from ..statistics.last_result import note_image
+from ..statistics.words import times
 from ..view3d.rendered.redraws import AwaitedView, await_view, find_view
 from ..view3d.rendered.screen import picture_of, remember_view
 from .ticking import Ticking
@@ -43,6 +45,7 @@ class PERFECT_BVH_OT_preview(Ticking, bpy.types.Operator):
     _view: AwaitedView
     _refinement: Refinement | None = None
     _revision: int  # of the trees that the image shows
+    _started: float  # the tracing
     _image_uid: int
     _window: int | None = None  # the one that was opened for the image
 
@@ -103,6 +106,7 @@ class PERFECT_BVH_OT_preview(Ticking, bpy.types.Operator):
     def _begin_image(self) -> None:
         self._refinement = self._view.refine(Pace())
         self._revision = self._view.sync.revision
+        self._started = time.monotonic()
 
     def _remember(self, refinement: Refinement) -> None:
         """Remember the result, unless the scene or its trees have changed: costs would belong to no known mesh."""
@@ -149,7 +153,7 @@ class PERFECT_BVH_OT_preview(Ticking, bpy.types.Operator):
             image = _store(self._refinement)
             if was_coarse:  # it had fewer pixels: an editor that showed all of it would show a part of this one
                 _fit_editors(context, image)
-            context.window_manager.progress_update(100 * self._refinement.progress)
+        context.window_manager.progress_update(100 * self._refinement.progress)
 
     def _is_closed(self, context: bpy.types.Context) -> bool:
         """Whether the image's window is gone: Esc over it goes to that, not to this operator."""
@@ -159,7 +163,8 @@ class PERFECT_BVH_OT_preview(Ticking, bpy.types.Operator):
         if self._refinement is None:
             state = f"Building BVHs {self._view.building.share:.0%}"
         else:
-            state = f"Rendering the view: sample {self._refinement.sample_count}/{self._refinement.view.plan.samples}"
+            done, samples = self._refinement.progress, self._refinement.view.plan.samples
+            state = f"Sample {round(done * samples)}/{samples} | {times(time.monotonic() - self._started, done)}"
         self._tell(context, f"{state} | Esc: Cancel")
 
     def _end(self, context: bpy.types.Context) -> None:

@@ -9,6 +9,7 @@ from __future__ import annotations
 MOST_SECONDS, MOST_MINUTES = 600.0, 120
 # Smaller numbers are below the precision of measurements.
 LEAST_MILLISECONDS = 0.005
+LEAST_DONE = 0.1  # before the time that remains is estimated
 
 
 def number(value: float, digits: int = 2) -> str:
@@ -42,6 +43,12 @@ def clock(seconds: float) -> str:
     hours, minutes = divmod(minutes, 60)
     time = f"{minutes:02}:{hundredths // 100:02}.{hundredths % 100:02}"
     return f"{hours}:{time}" if hours else time
+
+
+def times(seconds: float, done: float) -> str:
+    """Formats the time so far and, once enough is done, an estimate until the end, as Cycles does. done: 0 to 1."""
+    so_far = f"Time: {clock(seconds)}"
+    return f"{so_far} | Remaining: {clock(seconds * (1.0 - done) / done)}" if done >= LEAST_DONE else so_far
 
 
 def rate(rays_per_second: float, digits: int = 2) -> str:

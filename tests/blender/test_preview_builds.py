@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+import re
 from collections.abc import Iterator
 from types import SimpleNamespace
 
@@ -25,6 +27,7 @@ from blender.long_builds import (  # noqa: E402
     patiently,
     tick_until_half,
 )
+from perfect_bvh_addon.image.progressive import Pace  # noqa: E402
 from perfect_bvh_addon.live.scene_sync import SceneSync  # noqa: E402
 from perfect_bvh_addon.live.sync_cache import sync_of  # noqa: E402
 from perfect_bvh_addon.operators import preview  # noqa: E402
@@ -118,6 +121,27 @@ def test_escape_while_it_is_refined_keeps_what_there_is(cube, scene) -> None:
     count = operator._refinement.sample_count
     assert operator.reports == [("INFO", f"Canceled after {count} samples")]
     assert pixels().any()
+
+
+def test_the_timer_alone_advances_the_samples_and_the_time_that_remains(
+    cube, scene, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The status is that of F12, and grows within a round of samples."""
+    scene.perfect_bvh.samples, scene.perfect_bvh.use_noise_threshold = 16, False
+    scene.render.resolution_y = 512
+    clock = itertools.count(0.0, 0.5)
+    monkeypatch.setattr(preview, "time", SimpleNamespace(monotonic=lambda: next(clock)))
+    monkeypatch.setattr(Pace, "pixel_samples_in", lambda pace, seconds: 32 * 64)  # two tiles of rows
+    operator, window = press()
+    states: list[str] = []
+    while operator.modal(window, TIMER) == {"RUNNING_MODAL"}:
+        states.append(window.status)
+    rendered = [state for state in states if not state.startswith("Building")]
+    form = r"Sample (\d+)/16 \| Time: \d\d:\d\d\.\d0( \| Remaining: \d\d:\d\d\.\d\d)? \| Esc: Cancel"
+    found = [re.fullmatch(form, state) for state in rendered]
+    counts = [int(each[1]) for each in found]
+    assert counts == sorted(counts) and set(counts) > {3, 5, 6, 7, 9, 15}  # rounds end with 1, 2, 4, 8 and 16
+    assert not found[0][2] and all(each[2] for each, count in zip(found, counts, strict=True) if count > 2)
 
 
 def test_closing_the_window_of_the_image_stops_it(cube, scene, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -71,6 +71,17 @@ def test_each_row_gets_each_sample_once_and_in_order(rows: tuple[int, int], samp
     assert schedule.sample_count == samples
 
 
+@pytest.mark.parametrize("rows", [(0, HEIGHT), (37, 411)])
+def test_progress_grows_with_each_band_and_ends_at_one(rows: tuple[int, int]) -> None:
+    schedule, traced, pixels = Schedule(WIDTH, rows, 7), 0, WIDTH * (rows[1] - rows[0])
+    while not schedule.is_finished:
+        assert schedule.progress == pytest.approx(traced / (7 * pixels), abs=1e-9)
+        step = schedule.next_step(Pace(1.0 / PIXELS), 0.1)
+        traced += 0 if step.divisor > 1 else schedule.pixels_of(step) * step.count
+        schedule.note_done(step)
+    assert (schedule.progress, traced) == (1.0, 7 * pixels)
+
+
 def test_bands_end_with_tiles_and_take_the_time_there_is() -> None:
     schedule = Schedule(WIDTH, (40, HEIGHT), 4)
     bands = [step for step in steps_of(schedule, Pace(2.0 / PIXELS), 0.03, 0.5) if step.divisor == 1]
