@@ -21,7 +21,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ..support.files import make_folder, replacing, write_arrays
-from .files import grey_depth, too_far_warning, write_grey
+from .files import grey_depth, too_far_warning, write_png
 from .labels import Labels, run_lengths
 
 if TYPE_CHECKING:
@@ -133,7 +133,7 @@ def save_depth(path: Path, depth: npt.NDArray[np.uint16]) -> None:
     """Write the depth of an image. Raises OSError."""
     make_folder(path.parent)
     with replacing(path) as name:
-        write_grey(name, depth)
+        write_png(name, depth)
 
 
 def join_rows(rows: Callable[[], Iterable[Row]], models: Iterable[Path], folder: Path) -> None:
@@ -184,7 +184,7 @@ def _save_mask(path: Path, counts: list[int], size: list[int]) -> None:
     width, height = size
     columns = np.repeat(np.arange(len(counts)) % 2, counts).reshape(width, height)
     with replacing(path) as name:
-        write_grey(name, (columns.T * 255).astype(np.uint8))
+        write_png(name, (columns.T * 255).astype(np.uint8))
 
 
 def _save_models(kinds: Kinds, files: Iterable[Path], folder: Path) -> None:

@@ -4,7 +4,8 @@
 
 npz  one file of everything
 npy  a folder of the frame's name, a file for each array
-png  16 bits of grey for each of depth, object instances, categories, materials and labels
+png  16 bits of grey for each of depth, object instances, categories, materials and labels; for viewers a colored copy
+     of all except depth, .colors.png
 exr  one file of several layers, 32-bit floats and whole numbers
 
 All formats but .npz have the meaning of their numbers in `STEM.json`, which is written last.
@@ -26,6 +27,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ..support.files import data_library, prepare_folder, replacing
+from ..support.id_colors import id_colors
 from ..sync.lookup import LabelColumn
 from .labels import ARRAYS, Labels
 
@@ -184,14 +186,26 @@ def _png_ids(name: str, values: npt.NDArray[np.int32]) -> Uint16Array:
     return (values + 1).astype(np.uint16)
 
 
-def write_grey(path: Path, image: Uint16Array | npt.NDArray[np.uint8]) -> None:
-    """Writes (H, W), row 0 on top; the same bytes for the same image. Raises OSError."""
-    height, width = image.shape
-    rows = np.ascontiguousarray(image, f">u{image.itemsize}").view(np.uint8)
+def color_files(stem: str, names: Iterable[str]) -> dict[str, str]:
+    """Returns the names of the files that show ids in colors, by the images' names. No label's file has a dot there."""
+    return {name: f"{stem}_{name}.colors.png" for name in names if not name.startswith("depth")}
+
+
+def colored(image: Uint16Array) -> npt.NDArray[np.uint8]:
+    """Returns (H, W, 3) sRGB of ids as PNG stores them."""
+    palette = id_colors(np.arange(-1, int(image.max(initial=0))))
+    return np.rint(255.0 * palette).astype(np.uint8)[image]
+
+
+def write_png(path: Path, image: Uint16Array | npt.NDArray[np.uint8]) -> None:
+    """Writes (H, W) grey or (H, W, 3) sRGB, row 0 on top; the same bytes for the same image. Raises OSError."""
+    height, width = image.shape[:2]
+    rows = np.ascontiguousarray(image, f">u{image.itemsize}").view(np.uint8).reshape(height, -1)
     lines = np.full((height, 1 + rows.shape[1]), _UP, np.uint8)
     lines[:, 1:] = np.diff(rows, axis=0, prepend=np.uint8(0))
     packed = zlib.compress(lines.tobytes(), 1)  # a frame has several images: speed over size
-    chunks = [(b"IHDR", struct.pack(">IIBBBBB", width, height, 8 * image.itemsize, 0, 0, 0, 0))]
+    color_type = 2 if image.ndim == 3 else 0
+    chunks = [(b"IHDR", struct.pack(">IIBBBBB", width, height, 8 * image.itemsize, color_type, 0, 0, 0))]
     chunks += [(b"IDAT", packed[at : at + _MOST_BYTES]) for at in range(0, len(packed), _MOST_BYTES)]
     with path.open("wb") as file:
         file.write(b"\x89PNG\r\n\x1a\n")
@@ -219,7 +233,7 @@ def file_names(
     names = {
         "npz": [f"{stem}.npz"],
         "npy": [f"{stem}/{name}.npy" for name in arrays],
-        "png": [f"{stem}_{name}.png" for name in images],
+        "png": [f"{stem}_{name}.png" for name in images] + [*color_files(stem, images).values()],
         "exr": [f"{stem}.exr"],
     }
     manifest = [f"{stem}.json"] if set(formats) - {"npz"} else []
@@ -358,15 +372,15 @@ def _save_npy(labels: Labels, folder: Path, plain: dict[str, str], made: list[Pa
 
 
 def _save_png(images: dict[str, Uint16Array], folder: Path, stem: str, made: list[Path]) -> dict[str, Any]:
-    files = {}
-    for name, image in images.items():
-        file = folder / f"{stem}_{name}.png"
-        with replacing(file) as place:
-            write_grey(place, image)
-        files[name] = file.name
-        made.append(file)
+    files, colors = {name: f"{stem}_{name}.png" for name in images}, color_files(stem, images)
+    written = {files[name]: image for name, image in images.items()}
+    for file, image in (*written.items(), *((colors[name], colored(images[name])) for name in colors)):
+        with replacing(folder / file) as place:
+            write_png(place, image)
+        made.append(folder / file)
     return {
         "files": files,
+        "colors": colors,
         "ids": "a pixel is 1 + a row of things, categories, material_names or a label's names, or 1 + its number; "
         "0 means no hit",
         "depth": "a pixel times depth_scale is the depth in world units; 0 means no hit or one beyond 65535 steps",

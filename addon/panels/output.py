@@ -114,7 +114,7 @@ def _draw_missing(context: bpy.types.Context, layout: bpy.types.UILayout, what: 
         draw_command(layout, missing)
 
 
-PNG_LOOKS = 'PNG files hold numbers and look black in viewers. The image "Labels: Objects" shows them in colors'
+PNG_LOOKS = "PNG files hold numbers and look black in viewers. Files that end in .colors.png show their ids in colors"
 
 
 class PERFECT_BVH_PT_label_images(SidebarPanel, bpy.types.Panel):

@@ -17,6 +17,7 @@ import numpy.typing as npt
 
 from ..extract.label_values import COLOR, OBJECT_NAMES, RADIUS
 from ..settings.scan_choices import OTHER, find_color
+from ..support.id_colors import id_colors
 from .point_cloud import PointCloud, column_names
 
 # A colour for each point from a column of numbers, vectors or ids. Does not depend on Blender.
@@ -38,8 +39,6 @@ RAMP = np.array(
 )
 # The lowest and the highest hundredth get the ends, so that a single far point does not take all of the ramp.
 RAMP_SHARES = (1.0, 99.0)
-GOLDEN = 0.6180339887498949
-SATURATIONS, VALUES = (0.55, 0.4, 0.65), (0.9, 0.75, 0.6)
 NOTHING = 0.2  # the grey, linear, of points without a value: no material, no label
 # Columns of a cloud by the names that they have on points.
 COLOR_COLUMNS = {
@@ -105,13 +104,8 @@ def _ramp_colors(numbers: Float64Array) -> Float32Array:
 
 
 def _id_colors(ids: npt.NDArray[np.integer[Any]]) -> Float32Array:
-    """Chooses hues by the golden ratio, so that consecutive ids differ strongly; brightness separates the others."""
     known, rows = np.unique(ids, return_inverse=True)
-    hue = np.where(known < 0, 0, known) * GOLDEN % 1.0
-    saturation, value = np.array(SATURATIONS)[known % 3], np.array(VALUES)[known // 3 % 3]
-    offsets = np.array((0.0, 2.0 / 3.0, 1.0 / 3.0))
-    wheel = np.clip(np.abs((hue[:, None] + offsets) % 1.0 * 6.0 - 3.0) - 1.0, 0.0, 1.0)
-    colors = _to_linear(value[:, None] * (1.0 - saturation[:, None] * (1.0 - wheel)))
+    colors = _to_linear(id_colors(known))
     colors[known < 0] = NOTHING
     return _opaque(colors)[rows]
 

@@ -23,6 +23,7 @@ from oracles.png import load_image  # noqa: E402
 from perfect_bvh_addon import CameraGrid, CocoFile, Labels, label_image, save_labels, scan  # noqa: E402
 from perfect_bvh_addon.labels import files as png  # noqa: E402
 from perfect_bvh_addon.labels.files import check_formats, file_names  # noqa: E402
+from perfect_bvh_addon.scanning.point_data import colors_of_column  # noqa: E402
 
 SIZE = (200, 20)
 NAMES = ("part", "categoryID", "weight", "collection")
@@ -32,6 +33,10 @@ NAMES = ("part", "categoryID", "weight", "collection")
 def labels(registered: None) -> Labels:
     make_labelled_room()
     return label_image(size=SIZE, layers=2, labels=NAMES, category="part", flow=True)
+
+
+def to_srgb(linear: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
+    return np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055)
 
 
 def read_png(path: Path) -> npt.NDArray[np.uint16]:
@@ -101,18 +106,24 @@ def test_png_holds_rows_and_millimetres(labels: Labels, tmp_path: Path) -> None:
     saved = save_labels(whole, tmp_path, "labels_0001", ("png",), frame=1)
     assert saved.warnings == () and saved.paths[-1].name == "labels_0001.json"
     meaning = json.loads(saved.paths[-1].read_text())
-    assert sorted(path.name for path in saved.paths[:-1]) == sorted(meaning["png"]["files"].values())
-    images = {name: read_png(tmp_path / file) for name, file in meaning["png"]["files"].items()}
+    files, colors = meaning["png"]["files"], meaning["png"]["colors"]
+    assert sorted(path.name for path in saved.paths[:-1]) == sorted((*files.values(), *colors.values()))
+    images = {name: read_png(tmp_path / file) for name, file in files.items()}
     ids = {
         "things": labels.thing_ids,
         "categories": labels.category_ids,
         "materials": labels.material_ids,
+        "things_layer_1": labels.layer_ids[0],
         "things_layer_2": labels.layer_ids[1],
         "label_part": labels.labels["part"].values,
         "label_collection": labels.labels["collection"].values,
     }
     for name, values in ids.items():
         assert np.array_equal(images[name].astype(int) - 1, values), name
+        found = colors_of_column(values.ravel(), "ids").reshape(*values.shape, 4)[..., :3]
+        with Image.open(tmp_path / colors.pop(name)) as shown:
+            assert shown.mode == "RGB" and np.abs(np.asarray(shown) - 255.0 * to_srgb(found)).max() <= 0.51, name
+    assert colors == {}, "depth is no id"
     for name, depth in (("depth", labels.depth), ("depth_layer_2", labels.layer_depths[1])):
         expected = np.where(depth < 1e9, np.rint(depth * 1000.0), 0.0)
         assert np.array_equal(images[name], expected) and expected.any()
@@ -129,7 +140,7 @@ def test_png_is_16_bits_of_grey_and_the_same_bytes_again(tmp_path: Path, size: t
     image[0, -1] = 65_535
     laid_out = {"rows": image, "columns": np.asfortranarray(image), "part": np.repeat(image, 2, 1)[:, ::2]}
     for name, array in laid_out.items():
-        png.write_grey(tmp_path / name, array)
+        png.write_png(tmp_path / name, array)
     content = (tmp_path / "rows").read_bytes()
     assert {path.read_bytes() for path in tmp_path.iterdir()} == {content}
     with Image.open(tmp_path / "rows") as found:
@@ -266,6 +277,7 @@ def test_names_of_files_are_known_before(
         layers = {"layer_depths": labels.layer_depths[:1], "layer_ids": labels.layer_ids[:1]}
         made = replace(labels, labels={}, flow=None, **layers)
         expected = file_names("frame", formats)
+    assert len(set(expected)) == len(expected)
     saved = save_labels(made, tmp_path, "frame", formats)
     found = sorted(path.relative_to(tmp_path).as_posix() for path in tmp_path.rglob("*") if path.is_file())
     assert sorted(expected) == found == sorted(path.relative_to(tmp_path).as_posix() for path in saved.paths)
@@ -307,14 +319,16 @@ def test_the_command_writes_all_formats(labels: Labels, tmp_path: Path, capfd: A
         assert np.array_equal(read_png(out / f"{stem}_depth.png"), depth)
         assert np.array_equal(read_png(out / f"{stem}_label_part.png").astype(int) - 1, data["label_part"])
     damaged, whole = out / f"{stem}_things.png", out / f"{stem}.exr"
-    content, before = damaged.read_bytes(), whole.stat().st_mtime_ns
+    colors = out / f"{stem}_things.colors.png"
+    content, before, shown = damaged.read_bytes(), whole.stat().st_mtime_ns, colors.read_bytes()
     again = ("--format", "exr", "png", "npz", "npy", "exr", *formats[5:])
     assert run(*asked, "-o", out, *again, "--resume") == 0
     assert whole.stat().st_mtime_ns == before
     damaged.write_bytes(content[:-20])
     (out / stem / "uvs.npy").unlink()
+    colors.unlink()
     assert run(*asked, "-o", out, *formats, "--resume") == 0
-    assert damaged.read_bytes() == content and (out / stem / "uvs.npy").is_file()
+    assert damaged.read_bytes() == content and colors.read_bytes() == shown and (out / stem / "uvs.npy").is_file()
     assert run(*asked, "-o", out, "--format", "exr") == 2
     assert "has chunks of another set of labels" in capfd.readouterr().err
     for more, said in (
