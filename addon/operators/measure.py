@@ -134,8 +134,8 @@ class PERFECT_BVH_OT_bench(Ticking, bpy.types.Operator):
             return {"CANCELLED"}
         remember(self._scene_uid, results)
         redraw_viewports(context)
-        if results.overview is not None:
-            _show(context, results.overview)
+        if results.overview is not None and not _show(context, results.overview):
+            self.report({"INFO"}, f'The charts are in the image "{IMAGE_NAME}": open an Image Editor to see them')
         for sentence in results.advice.values():
             self.report({"INFO"}, sentence)
         return {"FINISHED"}
@@ -167,14 +167,14 @@ class PERFECT_BVH_OT_compare_advised(bpy.types.Operator):
         return {"FINISHED"}
 
 
-def _show(context: bpy.types.Context, charts: Path) -> None:
+def _show(context: bpy.types.Context, charts: Path) -> bool:
+    """Loads the charts as an image; returns False if there is a window and no editor shows it."""
     image = bpy.data.images.get(IMAGE_NAME)
     if image is not None:
         bpy.data.images.remove(image)
     image = bpy.data.images.load(str(charts))
     image.name = IMAGE_NAME
-    if not bpy.app.background:
-        show_in_editor(context, image)
+    return bpy.app.background or show_in_editor(context, image)
 
 
 # Compare -------------------------------------------------------------------------------------------------------------

@@ -144,7 +144,7 @@ class PERFECT_BVH_OT_preview(Ticking, bpy.types.Operator):
         """Which image to look at, where the user has Blender open no editor for renders and none is open."""
         image = next((image for image in bpy.data.images if image.session_uid == self._image_uid), None)
         if image is not None and not any(area.spaces.active.image == image for _, area in _image_editors(context)):
-            self.report({"INFO"}, f'The view {what} in the image "{image.name}", for an Image Editor to show')
+            self.report({"INFO"}, f'The view {what} in the image "{image.name}": open an Image Editor to see it')
 
     def _refine(self, context: bpy.types.Context) -> None:
         assert self._refinement is not None
@@ -194,11 +194,15 @@ def _store(refinement: Refinement) -> bpy.types.Image:
     return image
 
 
-def show_in_editor(context: bpy.types.Context, image: bpy.types.Image) -> None:
-    """Shows an image in an open Image Editor, or where the user wants renders to appear."""
-    if not set_in_editors(context, image):
-        bpy.ops.render.view_show("INVOKE_DEFAULT")
-        set_in_editors(context, image)
+def show_in_editor(context: bpy.types.Context, image: bpy.types.Image) -> bool:
+    """Shows an image in an open Image Editor, or where the user's preferences say that renders appear.
+
+    Returns False if that is nowhere.
+    """
+    if set_in_editors(context, image):
+        return True
+    bpy.ops.render.view_show("INVOKE_DEFAULT")
+    return set_in_editors(context, image)
 
 
 def _windows(context: bpy.types.Context) -> set[int]:

@@ -22,6 +22,7 @@ from perfect_bvh_addon import register
 from perfect_bvh_addon.bench.advice import advice
 from perfect_bvh_addon.bench.measurements import SceneBench, subject_of
 from perfect_bvh_addon.bench.results import HOW_TO_GET_CHARTS, Row, forget, format_table, last_results, table, write
+from perfect_bvh_addon.operators import measure
 from perfect_bvh_addon.operators.measure import PERFECT_BVH_OT_bench
 
 PARTS = {"builders", "total_time", "answers", "frames", "decay"}
@@ -273,6 +274,21 @@ def begin_button(folder: Path) -> tuple[FakeOperator, FakeWindow]:
     while window.status is None or "frame 2" not in window.status:
         assert operator.modal(window, TIMER) == {"RUNNING_MODAL"}
     return operator, window
+
+
+@needs_matplotlib
+@pytest.mark.parametrize("is_shown", [True, False])
+@pytest.mark.usefixtures("registered")
+def test_charts_that_no_editor_shows_are_named(
+    moving_ball: bpy.types.Scene, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, *, is_shown: bool
+) -> None:
+    """As where the preferences show renders nowhere."""
+    monkeypatch.setattr(measure, "_show", lambda context, charts: is_shown)
+    operator, window = begin_button(tmp_path)
+    while operator.modal(window, TIMER) == {"RUNNING_MODAL"}:
+        pass
+    told = ("INFO", 'The charts are in the image "Perfect BVH Bench": open an Image Editor to see them')
+    assert (told in operator.reports) == (not is_shown)
 
 
 @pytest.mark.usefixtures("registered")

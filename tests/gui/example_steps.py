@@ -58,7 +58,7 @@ def keep_the_interface() -> Step:
     with bpy.context.temp_override(window=bpy.context.window_manager.windows[0], area=area_of("VIEW_3D")):
         bpy.ops.perfect_bvh.preview("INVOKE_DEFAULT")
     yield from wait_until(lambda: not is_working(), "the view is not rendered to its end")
-    yield from wait_for_report('The view is in the image "Perfect BVH View", for an Image Editor to show')
+    yield from wait_for_report('The view is in the image "Perfect BVH View": open an Image Editor to see it')
     check(len(bpy.context.window_manager.windows) == 1, "a window was opened")
     check(not any(area.type == "IMAGE_EDITOR" for area in bpy.context.screen.areas), "an editor was changed")
     view.render_display_type, settings().preview_percentage = before, 100
