@@ -22,6 +22,7 @@ from ..sync import mesh_edits
 from ..sync.records import CameraRecord, SceneRecord
 from ..sync.report import SyncReport
 from ..sync.state import SceneState
+from .advice import LABELS
 
 if TYPE_CHECKING:
     import bpy
@@ -187,9 +188,9 @@ class SceneBench:
             for name in names:
                 if round_number and self._is_over("builders"):
                     return
-                yield self._share(), f"builder {name}"
+                yield self._share(), f"builder {LABELS[name]}"
                 scene = make_scene(self._subject.record, BuildConfig(builder=name))  # type: ignore[arg-type]
-                milliseconds = yield from self._commit(scene, f"builder {name}")
+                milliseconds = yield from self._commit(scene, f"builder {LABELS[name]}")
                 rows[name].build.append(milliseconds)
                 rows[name].trace += [self._cast(scene) for _ in range(2)]
                 rows[name].byte_count = scene.statistics().byte_count
@@ -203,10 +204,10 @@ class SceneBench:
         budget = 1e9 * max(0.1, PARTS["answers"] * self._seconds - self._passed()) / 3.0
         threads = perfect_bvh.thread_count()
         share = min(1.0, budget * threads / (NANOSECONDS_PER_CHECK * triangles * len(self._rays[0])))
-        yield self._share(), "answers"
+        yield self._share(), "rays"
         row = _Row(trace=[self._cast(scene) for _ in range(5)])
-        yield self._share(), "audit"
-        audit = yield from self._aside(partial(self._audit, scene, share), "audit")
+        yield self._share(), "check of results"
+        audit = yield from self._aside(partial(self._audit, scene, share), "check of results")
         self.figures["answers"] = {
             **row.as_json(),
             "checked": audit.checked_count,
@@ -221,9 +222,9 @@ class SceneBench:
         for rays in RAY_COUNTS:
             if self._is_over("planner"):
                 return
-            yield self._share(), "planner"
+            yield self._share(), "choice of builders"
             scene = make_scene(self._subject.record)
-            report = yield from self._aside(partial(_commit, scene, rays), "planner")
+            report = yield from self._aside(partial(_commit, scene, rays), "choice of builders")
             counts: dict[str, int] = {}
             for mesh in report.meshes:
                 counts[mesh.builder] = counts.get(mesh.builder, 0) + mesh.triangle_count

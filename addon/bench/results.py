@@ -19,14 +19,14 @@ from .advice import LABELS, POLICY_LABELS, Figures, advice, better_builder, rays
 DIGITS = 3  # rows are compared with one another
 HEADINGS = {  # of the cost and gain columns of each part
     "Builder": ("Build", "Rays"),
-    "Policy": ("Update", "Rays"),
-    "Answers": ("Checked", "Wrong"),
+    "Updates": ("Time", "Rays"),
+    "Results": ("Checked", "Wrong"),
 }
 
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """part: "Builder", "Policy" or "Answers". cost, gain: numbers with their units, ready to be read.
+    """part: "Builder", "Updates" or "Results". cost, gain: numbers with their units, ready to be read.
 
     share: the gain in parts of the largest of this part; None where a bar of it would mean nothing.
     """
@@ -70,13 +70,13 @@ def _policies(figures: Figures) -> Iterator[Row]:
     for policy, rows in rows_of.items():
         update = duration(sum(row["update_ms"] for row in rows) / len(rows), DIGITS)
         share = speeds[policy] / max(speeds.values())
-        yield Row("Policy", POLICY_LABELS[policy], update, _speed(speeds[policy]), share)
+        yield Row("Updates", POLICY_LABELS[policy], update, _speed(speeds[policy]), share)
 
 
 def _answer_rows(figures: Figures) -> Iterator[Row]:
     answers = figures.get("answers")
     if answers:
-        yield Row("Answers", "audited", f"{answers['checked']:,}", f"{answers['wrong']:,}")
+        yield Row("Results", "Sample", f"{answers['checked']:,}", f"{answers['wrong']:,}")
 
 
 def _speed(millions: float) -> str:

@@ -33,8 +33,8 @@ class PERFECT_BVH_OT_bench(Ticking, bpy.types.Operator):
     bl_idname = "perfect_bvh.bench"
     bl_label = "Benchmark This Scene"
     bl_description = (
-        "Measure what BVH builders and update policies cost and gain in this scene, and show a table with bars. "
-        "If matplotlib is installed, the Image Editor also shows charts"
+        "Measure each way to build and to update the BVHs of this scene: the time it takes, and the speed of rays. A "
+        "table shows the results. If matplotlib is installed, the Image Editor also shows charts"
     )
     bl_options: ClassVar = {"REGISTER"}
 
@@ -260,7 +260,7 @@ class PERFECT_BVH_OT_compare(Ticking, bpy.types.Operator):
         if self._space is not None:
             compare_view.show(comparison, context.scene, self._space, self._edits)
         left, right = comparison.left, comparison.right
-        self.report({"INFO"}, f"SAH: {left.label} {left.sah:,.1f}, {right.label} {right.sah:,.1f}")
+        self.report({"INFO"}, f"Cost of a ray (SAH): {left.label} {left.sah:,.1f}, {right.label} {right.sah:,.1f}")
         return {"FINISHED"}
 
     def _end(self, context: bpy.types.Context) -> None:

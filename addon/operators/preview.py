@@ -37,7 +37,7 @@ class PERFECT_BVH_OT_preview(Ticking, bpy.types.Operator):
     bl_label = "Render View to Image"
     bl_description = (
         "Render what the 3D viewport shows into an image, and show it in the Image Editor. A Rendered viewport has its "
-        "own Mode and lighting, any other these settings"
+        "own Mode and lighting, other viewports those of the Render properties"
     )
     bl_options: ClassVar = {"REGISTER"}
 

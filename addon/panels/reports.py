@@ -381,7 +381,7 @@ class PERFECT_BVH_PT_bench(StudyPanel, bpy.types.Panel):
     page = "how_to/refitting"
 
     def draw(self, context: bpy.types.Context) -> None:
-        text = "Find out in about a minute which BVH builder and update policy suit this scene"
+        text = "Measure for about a minute how this scene's BVHs are best built, and updated when objects move"
         draw_purpose(context, self.layout, text)
         draw_main_button(context, self.layout, "perfect_bvh.bench", "Benchmark This Scene", "TIME")
         draw_messages_of(context, self.layout, "Benchmark This Scene")

@@ -63,7 +63,10 @@ class PERFECT_BVH_PT_display(StudyPanel, bpy.types.Panel):
 
     def draw(self, context: bpy.types.Context) -> None:
         layout = settings_layout(self)
-        text = "Boxes of the BVHs over this viewport, level by level. SAH: expected cost of a ray, lower is better"
+        text = (
+            "A BVH is a tree of boxes in which rays look for triangles. This shows the boxes over the viewport, level "
+            "by level. SAH: expected cost of a ray, lower is better"
+        )
         draw_purpose(context, layout, text)
         settings = overlay_settings(context.space_data)
         if not context.space_data.overlay.show_overlays:

@@ -23,9 +23,7 @@ class BakeKind:
 
 
 BAKE_KINDS = (
-    BakeKind(
-        "SUN_HOURS", "Sun Hours", "How long the sun shines on it, over a table of directions", (("sun_hours", "h"),)
-    ),
+    BakeKind("SUN_HOURS", "Sun Hours", "How long the sun shines on it on the chosen dates", (("sun_hours", "h"),)),
     BakeKind(
         "SKY_VIEW", "Sky View", "The share of the sky that it sees, 0 to 1", (("sky_view", ""),), ("cosine", "rays")
     ),
@@ -46,17 +44,17 @@ BAKE_KINDS = (
     BakeKind(
         "EXPOSURE",
         "Exposure",
-        "The share of the viewpoints of a path that see it, from how near and how straight",
+        "The share of a camera's frames or a curve's points that see it; also the nearest distance and smallest angle",
         (("exposure", ""), ("nearest_distance", "units"), ("smallest_angle", "rad")),
         ("viewers",),
     ),
 )
 KINDS = {kind.name: kind for kind in BAKE_KINDS}
 DOMAINS = {
-    "FACE": "One value a face, at its centre",
-    "CORNER": "One value a face corner",
-    "POINT": "One value a vertex, the mean of its corners",
-    "TEXEL": "One value a pixel of an image, by the UV map",
+    "FACE": "One value per face, at its center",
+    "CORNER": "One value per face corner",
+    "POINT": "One value per vertex, the mean of its corners",
+    "TEXEL": "One value per pixel of an image, by the UV map",
 }
 METHODS = {
     "CONE": "The mean distance to the opposite side, over a cone of rays",

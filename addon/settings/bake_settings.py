@@ -86,7 +86,7 @@ class PERFECT_BVH_PG_bake(bpy.types.PropertyGroup):
     )
     method: choice("Method", "How the thickness is measured", _METHODS, "CONE")
     angle: number("Angle", "Half the opening of the cone of rays", math.radians(30.0), 0.0, _WIDEST, subtype="ANGLE")
-    rays: whole("Samples", "Rays from each place. Four times as many halve the noise", 256, 1, 1 << 20)
+    rays: whole("Samples", "Rays for each value. Four times as many halve the noise", 256, 1, 1 << 20)
     viewers: pointer(
         "Seen From",
         "Object that looks: a camera, within its frame; a curve, from all its points. The scene's camera if empty",

@@ -72,7 +72,7 @@ class PERFECT_BVH_PG_scan(bpy.types.PropertyGroup):
         "Elevation of each line in degrees, separated by commas; lowest:highest:count for even steps",
         "-15:15:16",
     )
-    columns: whole("Columns", "Number of measurements of all lines per turn", 1800, 1, 1 << 20)
+    columns: whole("Columns", "Number of measurements of each line per turn", 1800, 1, 1 << 20)
     rate: number("Rate", "Turns of the sensor per second", 10.0, 0.01, 10000.0, soft_max=100.0)
     max_distance: number("Range", "Largest distance that the sensor can measure", 100.0, 0.001, subtype="DISTANCE")
     seed: whole("Noise Seed", "Seed of the sensor's noise and dropout: the same seed gives the same points", 0, 0)

@@ -22,12 +22,12 @@ class PERFECT_BVH_PG_overlay(bpy.types.PropertyGroup):
     level: whole(
         "Level",
         "Depth in the BVH: 0 is the box around everything, and each box contains up to eight others. "
-        "Leaves that end above are drawn as well",
+        "Leaves, the boxes of triangles, that end above are drawn as well",
         *(2, 0, 64),
         soft_max=12,
         update=redraw_for_setting,
     )
-    use_all_to_level: switch("Show Parent Levels", "Draw the nodes above the level as well", update=redraw_for_setting)
+    use_all_to_level: switch("Show Parent Levels", "Draw the boxes above the level as well", update=redraw_for_setting)
     color_by: choice(
         "Color",
         "Meaning of the boxes' colors",

@@ -66,7 +66,7 @@ class PERFECT_BVH_PG_updates(bpy.types.PropertyGroup):
         name="Sort By",
         description="Which objects come first in the list",
         items=[
-            ("SHARE", "Share", "Those on which the camera's rays spend most", 0),
+            ("SHARE", "Share", "Those that cost the camera's rays most", 0),
             ("TIME", "Time", "Those whose BVH took longest to build or refit", 1),
         ],
         default="SHARE",

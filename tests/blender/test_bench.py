@@ -86,8 +86,8 @@ def test_every_part_is_measured_and_written(moving_ball: bpy.types.Scene, tmp_pa
     assert written["advice"] == results.advice
     assert all(sentence.endswith(".") for sentence in results.advice.values())
     builders = [(name, "Builder") for name in ("Fast", "Automatic", "Full Sweep", "Spatial Splits")]
-    others = [(policy, "Policy") for policy in ("Always Refit", "Always Rebuild", "Automatic")]
-    assert [(row.name, row.part) for row in results.table] == [*builders, *others, ("audited", "Answers")]
+    others = [(policy, "Updates") for policy in ("Always Refit", "Always Rebuild", "Automatic")]
+    assert [(row.name, row.part) for row in results.table] == [*builders, *others, ("Sample", "Results")]
 
 
 @needs_matplotlib
@@ -140,12 +140,12 @@ def test_the_table_can_be_read() -> None:
     assert rows == (
         Row("Builder", "Fast", "0.12 ms", "5.00 M rays/s", 0.0025),
         Row("Builder", "Automatic", "12.3 s", "2,000 M rays/s", 1.0),
-        Row("Policy", "Always Refit", "2.00 ms", "10.0 M rays/s", 1.0),
-        Row("Answers", "audited", "12,345", "0"),
+        Row("Updates", "Always Refit", "2.00 ms", "10.0 M rays/s", 1.0),
+        Row("Results", "Sample", "12,345", "0"),
     )
     lines = format_table(rows).splitlines()
     assert len({len(line) for line in lines}) == 1
-    assert [line.split()[0] for line in lines if not line.startswith(" ")] == ["Builder", "Policy", "Answers"]
+    assert [line.split()[0] for line in lines if not line.startswith(" ")] == ["Builder", "Updates", "Results"]
     assert table({"rays": 1}) == () and format_table(()) == ""
 
 
@@ -176,11 +176,11 @@ def test_advice_tells_of_trees_that_decay() -> None:
 def test_stopping_keeps_what_there_is(moving_ball: bpy.types.Scene, tmp_path: Path) -> None:
     bench = SceneBench(subject_of(moving_ball), 60.0)
     steps = bench.steps()
-    begin(steps, "builder auto")
+    begin(steps, "builder Automatic")
     assert [row["name"] for row in bench.figures["builders"]] == ["fast"]
     assert advice(bench.figures) == {}
     assert [row.name for row in table(bench.figures)] == ["Fast"]
-    begin(steps, "builder fast")
+    begin(steps, "builder Fast")
     steps.close()
     assert set(advice(bench.figures)) == {"builders", "total_time"}
     assert write(bench.figures, tmp_path).json.is_file()
@@ -192,7 +192,7 @@ def begin(steps: Iterator[tuple[float, str]], part: str) -> None:
     assert any(what == part for _, what in steps)
 
 
-PARTS_THAT_BUILD = ("rays", "builder spatial", "planner", "frame 1")
+PARTS_THAT_BUILD = ("rays", "builder Spatial Splits", "choice of builders", "frame 1")
 
 
 @pytest.mark.parametrize("part", PARTS_THAT_BUILD)
@@ -215,7 +215,7 @@ def test_it_goes_on_while_it_audits_and_hands_on_what_is_wrong(
     moving_ball: bpy.types.Scene, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     steps = SceneBench(subject_of(moving_ball), 60.0, count(0.0, 1e-3).__next__).steps()
-    begin(steps, "audit")
+    begin(steps, "check of results")
 
     def fail(*_: object, **__: object) -> None:
         raise MemoryError("no room for an audit")

@@ -34,7 +34,7 @@ def test_the_table_of_a_bench_shows_with_its_advice_on_its_scene_only(tmp_path: 
     assert "spatial" not in drawn(panels.reports.PERFECT_BVH_PT_bench)
     rows = (
         Row("Builder", "spatial", "12.3 ms", "4.56 M rays/s", 1.0),
-        Row("Policy", "refit", "1.00 ms", "1.00 M rays/s"),
+        Row("Updates", "refit", "1.00 ms", "1.00 M rays/s"),
     )
     sentences = {"builders": "Leave it.", "total_time": "Leave it."}
     results = Results(tmp_path / "bench.json", rows, sentences, {}, None, can_draw=False)
@@ -42,7 +42,7 @@ def test_the_table_of_a_bench_shows_with_its_advice_on_its_scene_only(tmp_path: 
     texts = drawn(panels.reports.PERFECT_BVH_PT_bench)
     start = texts.index("Builder")
     assert texts[start : start + 6] == ["Builder", "Build", "Rays", "spatial", "12.3 ms", "4.56 M rays/s"]
-    assert texts[start + 6 :] == ["Policy", "Update", "Rays", "refit", "1.00 ms", "1.00 M rays/s", "Leave it."]
+    assert texts[start + 6 :] == ["Updates", "Time", "Rays", "refit", "1.00 ms", "1.00 M rays/s", "Leave it."]
     forget()
     assert "spatial" not in drawn(panels.reports.PERFECT_BVH_PT_bench)
 
