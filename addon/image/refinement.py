@@ -302,6 +302,12 @@ class Tracer:
         if work is not None:
             work.ask_to_stop()
 
+    def end(self) -> None:
+        """Stop, and wait for that."""
+        self.stop()
+        if self._work is not None:
+            self._work.settle()
+
     def wait_for_image(self, seconds: float = math.inf) -> None:
         """Wait until there is anything to show or nothing is traced, at most `seconds`."""
         refinement, until = self._refinement, time.monotonic() + seconds

@@ -1,21 +1,22 @@
 """The button Render View to Image: a 3D viewport's view in the Image Editor, for any render engine.
 
-In a window it works while Blender continues: trees are built in the background, the image is refined in steps of a
-timer, each round is shown, and Esc cancels it and keeps the last round. Without one it does the same in one go, through
-the scene's camera.
+In a window it works while Blender continues: trees are built and the image is traced in the background, a timer shows
+how far it is, and Esc cancels it and keeps the image so far. Without one it does the same in one go, through the
+scene's camera.
 """
 
 from __future__ import annotations
 
 import time
+import weakref
 from collections.abc import Callable, Iterator
 from typing import ClassVar
 
 import bpy
 import numpy as np
 
-from ..image.progressive import Pace
-from ..image.refinement import Refinement
+from ..image.progressive import SHOW_SECONDS, Pace
+from ..image.refinement import Refinement, Tracer
 from ..live.pending_commit import LOOKING_SECONDS
 from ..settings.modes import find_mode
 from ..settings.preferences import redraw_viewports
@@ -26,12 +27,11 @@ from ..view3d.rendered.screen import picture_of, remember_view
 from .ticking import Ticking
 
 IMAGE_NAME = "Perfect BVH View"
-# The time of a tick of the timer.
-REFINING_SECONDS = 0.1
+REFINING_SECONDS = 0.1  # of a step without a window
 
 
 class PERFECT_BVH_OT_preview(Ticking, bpy.types.Operator):
-    """Refines the view in steps of a timer."""
+    """Looks in steps of a timer at the view, which is traced in the background."""
 
     bl_idname = "perfect_bvh.preview"
     bl_label = "Render View to Image"
@@ -45,8 +45,11 @@ class PERFECT_BVH_OT_preview(Ticking, bpy.types.Operator):
     _view: AwaitedView
     _refinement: Refinement | None = None
     _revision: int  # of the trees that the image shows
+    _tracer: Tracer
     _started: float  # the tracing
-    _image_uid: int
+    _shows_at = float("-inf")  # when a better image may be shown
+    _image_uid: int | None = None  # None before there is any
+    _size = (0, 0)  # of the image
     _window: int | None = None  # the one that was opened for the image
 
     @classmethod
@@ -74,13 +77,17 @@ class PERFECT_BVH_OT_preview(Ticking, bpy.types.Operator):
         if not self._attempt(lambda: self._build(context) if self._refinement is None else self._refine(context)):
             self._end(context)
             return {"CANCELLED"}
-        self._show_state(context)
-        if self._refinement is None or not self._refinement.is_finished:
+        if self._shows_at < float("inf"):  # the finished image is not shown yet
             return None
         self._end(context)
         self._remember(self._refinement)
         self._tell_where(context, "is")
         return {"FINISHED"}
+
+    def _stop(self, context: bpy.types.Context) -> set[str]:
+        if self._refinement is not None and self._image_uid is not None:
+            _store(self._refinement)
+        return Ticking._stop(self, context)
 
     def _stopped(self) -> str:
         count = None if self._refinement is None else self._refinement.sample_count
@@ -106,7 +113,7 @@ class PERFECT_BVH_OT_preview(Ticking, bpy.types.Operator):
     def _begin_image(self) -> None:
         self._refinement = self._view.refine(Pace())
         self._revision = self._view.sync.revision
-        self._started = time.monotonic()
+        self._tracer, self._started = Tracer(), time.monotonic()
 
     def _remember(self, refinement: Refinement) -> None:
         """Remember the result, unless the scene or its trees have changed: costs would belong to no known mesh."""
@@ -117,9 +124,10 @@ class PERFECT_BVH_OT_preview(Ticking, bpy.types.Operator):
             remember_view("View to Image", view.sync, refinement, scene, view.edits, has_own_mode=own)
 
     def _build(self, context: bpy.types.Context) -> None:
-        """Look whether the trees are there; if they are, show the first image."""
+        """Look whether the trees are there; if they are, begin to trace."""
         import perfect_bvh
 
+        self._show_state(context)
         if not self._view.building.wait(LOOKING_SECONDS):
             return
         try:
@@ -132,13 +140,8 @@ class PERFECT_BVH_OT_preview(Ticking, bpy.types.Operator):
             return
         assert self._refinement is not None
         redraw_viewports(context)  # their overlays have waited for the trees, too
-        self._refinement.step(REFINING_SECONDS)
-        before = _windows(context)
-        image = _store(self._refinement)
-        show_in_editor(context, image)
-        self._image_uid = image.session_uid
-        self._tell_where(context, "is being rendered")
-        self._window = next(iter(_windows(context) - before), None)
+        weakref.finalize(self, self._tracer.stop).atexit = False  # Blender may forget its operator
+        self._tracer.trace(self._refinement)
 
     def _tell_where(self, context: bpy.types.Context, what: str) -> None:
         """Which image to look at, where the user has Blender open no editor for renders and none is open."""
@@ -147,13 +150,30 @@ class PERFECT_BVH_OT_preview(Ticking, bpy.types.Operator):
             self.report({"INFO"}, f'The view {what} in the image "{image.name}": open an Image Editor to see it')
 
     def _refine(self, context: bpy.types.Context) -> None:
-        assert self._refinement is not None
-        was_coarse = self._refinement.sample_count == 0
-        if self._refinement.step(REFINING_SECONDS):
-            image = _store(self._refinement)
-            if was_coarse:  # it had fewer pixels: an editor that showed all of it would show a part of this one
-                _fit_editors(context, image)
-        context.window_manager.progress_update(100 * self._refinement.progress)
+        """Show the image as it is now, if it is time; the finished one at once."""
+        refinement, problem = self._refinement, self._tracer.problem
+        assert refinement is not None
+        if problem is not None:
+            raise problem
+        is_finished = refinement.is_finished
+        if not is_finished and time.monotonic() < self._shows_at:
+            return
+        self._show_state(context)
+        context.window_manager.progress_update(100 * refinement.progress)
+        if refinement.image is not None:
+            self._show_image(context, refinement)
+            self._shows_at = float("inf") if is_finished else time.monotonic() + SHOW_SECONDS
+
+    def _show_image(self, context: bpy.types.Context, refinement: Refinement) -> None:
+        image, before = _store(refinement), _windows(context)
+        is_new, is_finer = self._image_uid is None, self._size != tuple(image.size)
+        self._image_uid, self._size = image.session_uid, tuple(image.size)
+        if is_new:
+            show_in_editor(context, image)
+            self._tell_where(context, "is being rendered")
+            self._window = next(iter(_windows(context) - before), None)
+        elif is_finer:  # an editor that showed all of the coarse image would show a part of this one
+            _fit_editors(context, image)
 
     def _is_closed(self, context: bpy.types.Context) -> bool:
         """Whether the image's window is gone: Esc over it goes to that, not to this operator."""
@@ -170,6 +190,8 @@ class PERFECT_BVH_OT_preview(Ticking, bpy.types.Operator):
     def _end(self, context: bpy.types.Context) -> None:
         if self._refinement is None:
             self._view.building.stop()
+        else:
+            self._tracer.end()
         self._end_ticking(context)
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import re
 from collections.abc import Iterator
+from threading import Semaphore
 from types import SimpleNamespace
 
 import numpy as np
@@ -28,6 +29,7 @@ from blender.long_builds import (  # noqa: E402
     tick_until_half,
 )
 from perfect_bvh_addon.image.progressive import Pace  # noqa: E402
+from perfect_bvh_addon.image.refinement import Refinement  # noqa: E402
 from perfect_bvh_addon.live.scene_sync import SceneSync  # noqa: E402
 from perfect_bvh_addon.live.sync_cache import sync_of  # noqa: E402
 from perfect_bvh_addon.operators import preview  # noqa: E402
@@ -113,7 +115,7 @@ def test_escape_before_there_is_an_image_says_so(gate: Gate, cube) -> None:
 
 
 def test_escape_while_it_is_refined_keeps_what_there_is(cube, scene) -> None:
-    scene.perfect_bvh.samples, scene.perfect_bvh.use_noise_threshold = 4096, False
+    scene.perfect_bvh.samples, scene.perfect_bvh.use_noise_threshold = 65536, False
     operator, window = press()
     while NAME not in bpy.data.images or operator._refinement.sample_count < 2:
         assert operator.modal(window, TIMER) == {"RUNNING_MODAL"}
@@ -126,16 +128,28 @@ def test_escape_while_it_is_refined_keeps_what_there_is(cube, scene) -> None:
 def test_the_timer_alone_advances_the_samples_and_the_time_that_remains(
     cube, scene, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """The status is that of F12, and grows within a round of samples."""
+    """The status is that of F12, and grows within a round of samples; no tick waits for a step of the image."""
     scene.perfect_bvh.samples, scene.perfect_bvh.use_noise_threshold = 16, False
     scene.render.resolution_y = 512
     clock = itertools.count(0.0, 0.5)
     monkeypatch.setattr(preview, "time", SimpleNamespace(monotonic=lambda: next(clock)))
     monkeypatch.setattr(Pace, "pixel_samples_in", lambda pace, seconds: 32 * 64)  # two tiles of rows
+    step, turn, done = Refinement.step, Semaphore(0), Semaphore(0)
+
+    def step_in_turn(refinement: Refinement, *how: object) -> bool:
+        assert turn.acquire(timeout=PATIENCE)
+        better = step(refinement, *how)
+        done.release()
+        return better
+
+    monkeypatch.setattr(Refinement, "step", step_in_turn)
     operator, window = press()
     states: list[str] = []
     while operator.modal(window, TIMER) == {"RUNNING_MODAL"}:
         states.append(window.status)
+        if operator._refinement is not None and not operator._refinement.is_finished:
+            turn.release()
+            assert done.acquire(timeout=PATIENCE)
     rendered = [state for state in states if not state.startswith("Building")]
     form = r"Sample (\d+)/16 \| Time: \d\d:\d\d\.\d0( \| Remaining: \d\d:\d\d\.\d\d)? \| Esc: Cancel"
     found = [re.fullmatch(form, state) for state in rendered]
@@ -146,7 +160,7 @@ def test_the_timer_alone_advances_the_samples_and_the_time_that_remains(
 
 def test_closing_the_window_of_the_image_stops_it(cube, scene, monkeypatch: pytest.MonkeyPatch) -> None:
     """Esc over that window closes it, and no other handler gets the event."""
-    scene.perfect_bvh.samples, scene.perfect_bvh.use_noise_threshold = 4096, False
+    scene.perfect_bvh.samples, scene.perfect_bvh.use_noise_threshold = 65536, False
     operator, window = press()
     main, opened = (SimpleNamespace(screen=SimpleNamespace(areas=()), as_pointer=lambda at=at: at) for at in (1, 2))
     windows = window.window_manager.windows = [main]

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import bpy
 import numpy as np
 from addon_state import (
@@ -20,6 +22,8 @@ from driver import Step, area_pixels, at_rest, check, redrawn, screenshot, wait_
 from gates import Gate, gate_of_renders
 from hands import handled, hover, press_key
 from places import area_of, context_of, middle_of, region_of
+
+STATUS_BAR = 18  # pixels
 
 
 def find_and_press_preview() -> Step:
@@ -57,6 +61,30 @@ def press_preview() -> Step:
     check_shows_whole(shown[0])
     settings().preview_percentage = 100
     yield from close_image_windows()
+
+
+def follow_a_preview_without_the_mouse() -> Step:
+    """The status bar advances by itself."""
+    view, window = bpy.context.preferences.view, bpy.context.window_manager.windows[0]
+    display, view.render_display_type = view.render_display_type, "NONE"  # no window covers the bar
+    samples, settings().samples, settings().use_noise_threshold = settings().samples, 65536, False
+    hover(*middle_of(area_of("VIEW_3D")))
+    yield from handled()
+    with bpy.context.temp_override(**context_of(area_of("VIEW_3D"))):
+        bpy.ops.perfect_bvh.preview("INVOKE_DEFAULT")
+    bar, seen = SimpleNamespace(x=0, y=0, width=window.width, height=STATUS_BAR), set[bytes]()
+
+    def advances() -> bool:
+        seen.add(area_pixels(bar).tobytes())
+        return len(seen) > 5
+
+    yield from wait_until(advances, "the status bar stands still while a view is rendered", every=0.2)
+    check(is_working(), "a view of 65,536 samples has ended")
+    screenshot("preview_without_the_mouse")
+    yield from press_key("Escape")
+    yield from wait_until(lambda: not is_working(), "Escape does not stop the preview")
+    settings().samples, settings().use_noise_threshold, view.render_display_type = samples, True, display
+    yield from redrawn()
 
 
 def stop_a_preview_while_it_builds() -> Step:

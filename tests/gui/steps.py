@@ -79,6 +79,7 @@ STEPS = (
     walk_steps.leave_the_workspace_while_walking,
     walk_steps.undo_while_walking,
     render_steps.press_preview,
+    render_steps.follow_a_preview_without_the_mouse,
     render_steps.stop_a_preview_while_it_builds,
     render_steps.render_without_a_camera,
     render_steps.render,
