@@ -92,9 +92,6 @@ class PERFECT_BVH_PT_panorama(RenderPanel, bpy.types.Panel):
         column.prop(settings, "longitude_max", text="Max")
 
 
-CAMERA_CLASSES = (PERFECT_BVH_PT_panorama,)
-
-
 # Nodes ---------------------------------------------------------------------------------------------------------------
 # The nodes that this engine follows, in a panel. Blender's own show those of EEVEE, which may be others.
 
@@ -173,9 +170,6 @@ class PERFECT_BVH_PT_light_nodes(LightPanel, bpy.types.Panel):
         draw_surface(self.layout, context.light, "")
 
 
-LIGHT_CLASSES = (PERFECT_BVH_PT_light_beam, PERFECT_BVH_PT_light_settings, PERFECT_BVH_PT_light_nodes)
-
-
 # Material ------------------------------------------------------------------------------------------------------------
 # The properties of a material, and its number in passes.
 
@@ -210,9 +204,6 @@ class PERFECT_BVH_PT_material_settings(MaterialPanel, bpy.types.Panel):
         settings_layout(self).prop(context.material, "pass_index")
 
 
-MATERIAL_CLASSES = (PERFECT_BVH_PT_material_surface, PERFECT_BVH_PT_material_settings)
-
-
 # World ---------------------------------------------------------------------------------------------------------------
 # The world's light.
 
@@ -244,9 +235,6 @@ class PERFECT_BVH_PT_world_surface(WorldPanel, bpy.types.Panel):
 
     def draw(self, context: bpy.types.Context) -> None:
         draw_surface(self.layout, context.world, "color")
-
-
-WORLD_CLASSES = (PERFECT_BVH_PT_world_preview, PERFECT_BVH_PT_world_surface)
 
 
 # Visibility ----------------------------------------------------------------------------------------------------------
@@ -290,9 +278,6 @@ def _draw_mask(panel: bpy.types.Panel, context: bpy.types.Context) -> None:
         panel.layout.prop(context.object, "is_shadow_catcher")
 
 
-VISIBILITY_CLASSES = (PERFECT_BVH_PT_ray_visibility,)
-
-
 def register() -> None:
     bpy.types.OBJECT_PT_visibility.append(_draw_mask)
 
@@ -333,6 +318,3 @@ class PERFECT_BVH_PT_object_motion_blur(EnginePanel, bpy.types.Panel):
         column.prop(settings, "motion_steps", text="Steps")
         if owner.type in DEFORMED_TYPES:
             column.prop(settings, "use_deform_motion", text="Deformation")
-
-
-OBJECT_CLASSES = (PERFECT_BVH_PT_object_motion_blur,)

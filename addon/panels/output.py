@@ -221,11 +221,6 @@ def _draw_sun(layout: bpy.types.UILayout, settings: bpy.types.PropertyGroup, oth
     layout.prop(*((settings, "north") if other is None else (other, "north_offset")))
 
 
-SCAN_CLASSES = (PERFECT_BVH_PT_scan,)
-BAKE_CLASSES = (PERFECT_BVH_PT_bake_rays,)
-LABEL_CLASSES = (PERFECT_BVH_PT_label_images,)
-
-
 # View layer ----------------------------------------------------------------------------------------------------------
 # The passes that the engine writes in addition to Combined.
 
@@ -282,8 +277,3 @@ class PERFECT_BVH_PT_override(RenderPanel, bpy.types.Panel):
 
 
 HAS_OVERRIDE = hasattr(bpy.types, "VIEWLAYER_PT_override")
-VIEW_LAYER_CLASSES = (
-    PERFECT_BVH_PT_passes,
-    PERFECT_BVH_PT_filter,
-    *(() if HAS_OVERRIDE else (PERFECT_BVH_PT_override,)),
-)

@@ -116,18 +116,6 @@ def _draw_view_hint(context: bpy.types.Context, layout: bpy.types.UILayout) -> N
         column.prop(scene.view_settings, "view_transform", text="View Transform")
 
 
-RENDER_CLASSES = (PERFECT_BVH_PT_render,)
-# After the panels of Sampling and of Light Paths.
-LAST_CLASSES = (
-    PERFECT_BVH_PT_film,
-    PERFECT_BVH_PT_simplify,
-    PERFECT_BVH_PT_simplify_viewport,
-    PERFECT_BVH_PT_simplify_render,
-    PERFECT_BVH_PT_performance,
-    PERFECT_BVH_PT_performance_viewport,
-)
-
-
 # Sampling ------------------------------------------------------------------------------------------------------------
 # The amount of work for images, and the treatment of the remaining noise: in Cycles' layout.
 
@@ -227,14 +215,6 @@ def _is_noisy(settings: bpy.types.bpy_struct) -> bool:
     return find_mode(settings.mode.lower()).is_noisy
 
 
-SAMPLING_CLASSES = (
-    PERFECT_BVH_PT_sampling,
-    PERFECT_BVH_PT_sampling_viewport,
-    PERFECT_BVH_PT_sampling_render,
-    PERFECT_BVH_PT_sampling_advanced,
-)
-
-
 # Light paths ---------------------------------------------------------------------------------------------------------
 # How far light bounces. Cycles keeps these settings in the file, and both engines follow them.
 
@@ -310,14 +290,6 @@ def _light_paths_layout(panel: bpy.types.Panel, context: bpy.types.Context) -> b
     return layout
 
 
-LIGHT_PATHS_CLASSES = (
-    PERFECT_BVH_PT_light_paths,
-    PERFECT_BVH_PT_light_paths_bounces,
-    PERFECT_BVH_PT_light_paths_clamping,
-    PERFECT_BVH_PT_light_paths_caustics,
-)
-
-
 # Hair ----------------------------------------------------------------------------------------------------------------
 # What hair is: Cycles' settings, which this engine follows, or those of EEVEE where Cycles is off.
 
@@ -338,9 +310,6 @@ class PERFECT_BVH_PT_hair(EnginePanel, bpy.types.Panel):
         subdivisions = column.column()
         subdivisions.active = cycles.shape == "RIBBONS"
         subdivisions.prop(cycles, "subdivisions", text="Curve Subdivisions")
-
-
-HAIR_CLASSES = (PERFECT_BVH_PT_hair,)
 
 
 # Motion blur ---------------------------------------------------------------------------------------------------------
@@ -386,6 +355,3 @@ class PERFECT_BVH_PT_motion_blur_curve(EnginePanel, bpy.types.Panel):
         layout, render = motion_blur_layout(self, context), context.scene.render
         layout.use_property_split = False
         layout.template_curve_mapping(render, "motion_blur_shutter_curve")
-
-
-MOTION_BLUR_CLASSES = (PERFECT_BVH_PT_motion_blur, PERFECT_BVH_PT_motion_blur_curve)

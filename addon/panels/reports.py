@@ -90,9 +90,6 @@ def draw_messages(context: bpy.types.Context, layout: bpy.types.UILayout) -> Non
         draw_lines(context, column, f"{line}: see Not Shown", icon="INFO", inset=BOX)
 
 
-REPORTS_CLASSES = (PERFECT_BVH_PT_statistics,)
-
-
 # Updates -------------------------------------------------------------------------------------------------------------
 # The updates for the last image: objects in a list, and advice for the chosen one.
 
@@ -255,10 +252,6 @@ def _draw_active(context: bpy.types.Context, layout: bpy.types.UILayout, rows: b
         draw_lines(context, column, rows.note, icon="ERROR", inset=TABS)
 
 
-UPDATES_CLASSES = (PERFECT_BVH_PT_updates,)
-UPDATES_LISTS = (PERFECT_BVH_UL_updates,)
-
-
 # Compare -------------------------------------------------------------------------------------------------------------
 # Looking into trees: two of one object side by side.
 
@@ -287,9 +280,6 @@ class PERFECT_BVH_PT_compare(StudyPanel, bpy.types.Panel):
         if compare_view.shown() is not None:
             row.operator("perfect_bvh.end_comparison", text="", icon="X")
         draw_messages_of(context, layout, "Compare")
-
-
-COMPARE_CLASSES = (PERFECT_BVH_PT_compare,)
 
 
 # Not shown -----------------------------------------------------------------------------------------------------------
@@ -366,10 +356,6 @@ class PERFECT_BVH_PT_not_shown(EnginePanel, bpy.types.Panel):
             button.kind, button.session_uid = row.kind, row.session_uid
 
 
-NOT_SHOWN_CLASSES = (PERFECT_BVH_PT_not_shown,)
-NOT_SHOWN_LISTS = (PERFECT_BVH_UL_not_shown,)
-
-
 # Bench ---------------------------------------------------------------------------------------------------------------
 # The button that measures the scene, and a table of what that has found.
 
@@ -417,6 +403,3 @@ def _draw_cells(layout: bpy.types.UILayout, cells: tuple[str, str, str], share: 
         else:
             column.progress(text=cell, factor=filled)
     return split
-
-
-BENCH_CLASSES = (PERFECT_BVH_PT_bench,)

@@ -78,10 +78,6 @@ class PERFECT_BVH_PT_display(StudyPanel, bpy.types.Panel):
             layout.prop(settings, name)
 
 
-OVERLAY_CLASSES = (PERFECT_BVH_PT_overlay,)
-DISPLAY_CLASSES = (PERFECT_BVH_PT_display,)
-
-
 # Shading -------------------------------------------------------------------------------------------------------------
 # The Viewport Shading popover in Rendered shading: the content and the light of a viewport.
 
@@ -135,9 +131,6 @@ def _draw_studio(layout: bpy.types.UILayout, shading: Any) -> None:
     column.prop(shading, "studiolight_background_alpha")
 
 
-SHADING_CLASSES = (PERFECT_BVH_PT_shading_lighting, PERFECT_BVH_PT_shading_render_pass)
-
-
 # Render view ---------------------------------------------------------------------------------------------------------
 # The button that renders a viewport's view.
 
@@ -153,9 +146,6 @@ class PERFECT_BVH_PT_render_view(SidebarPanel, bpy.types.Panel):
         draw_purpose(context, self.layout, "Renders this viewport into the Image Editor")
         draw_main_button(context, self.layout, "perfect_bvh.preview", "Render View", "RENDER_STILL")
         draw_messages_of(context, self.layout, "Render View to Image")
-
-
-RENDER_VIEW_CLASSES = (PERFECT_BVH_PT_render_view,)
 
 
 # Menus ---------------------------------------------------------------------------------------------------------------
@@ -243,6 +233,3 @@ class PERFECT_BVH_PT_walk_ray(StudyPanel, bpy.types.Panel):
         row.label(text=place_of(walk.index, len(walk.steps)))
         draw_purpose(context, layout, WALK_WORDS)
         draw_messages_of(context, layout, "Walk a Ray")
-
-
-WALK_RAY_CLASSES = (PERFECT_BVH_PT_walk_ray,)

@@ -31,7 +31,7 @@ def test_a_panel_can_be_drawn_after_a_render(panel: type) -> None:
 
 def test_light_paths_say_where_they_can_be_set(monkeypatch) -> None:
     """Cycles stores them, and Cycles may be disabled."""
-    paths, *others = panels.render.LIGHT_PATHS_CLASSES
+    paths, *others = (panel for panel in panels.CLASSES if "_light_paths" in panel.__name__)
     assert drawn(paths) == [] and all(drawn(panel) for panel in others)
     monkeypatch.setattr(panels.render, "light_path_settings", lambda scene: None)
     assert " ".join(drawn(paths)) == panels.render.CYCLES_IS_OFF
@@ -92,7 +92,7 @@ def test_a_panorama_can_be_set_up_without_cycles() -> None:
 
 def test_the_scan_panel_shows_what_belongs_to_the_sensor() -> None:
     settings = bpy.context.scene.perfect_bvh.scan
-    (panel,) = panels.output.SCAN_CLASSES
+    panel = panels.output.PERFECT_BVH_PT_scan
     assert {"width", "height", "sensor", "labels"} <= set(drawn(panel)) and "rate" not in drawn(panel)
     settings.pattern = "LIDAR"
     assert {"elevations", "columns", "rate"} <= set(drawn(panel)) and "width" not in drawn(panel)
@@ -108,7 +108,7 @@ def test_the_scan_panel_shows_what_belongs_to_the_sensor() -> None:
 
 def test_the_scan_panel_shows_what_belongs_to_frames_and_files() -> None:
     settings = bpy.context.scene.perfect_bvh.scan
-    (panel,) = panels.output.SCAN_CLASSES
+    panel = panels.output.PERFECT_BVH_PT_scan
     assert not {"frame_start", "steps_per_frame", "folder", "point_column"} & set(drawn(panel))
     settings.frames = "SCENE"
     assert "steps_per_frame" in drawn(panel) and "frame_start" not in drawn(panel)
@@ -164,7 +164,7 @@ def test_lines_fit_into_the_narrowest_sidebar() -> None:
 @pytest.mark.parametrize(("denoiser", "is_built_in"), [("OpenImageDenoise 2.3.3", False), ("Joint Filter", True)])
 def test_sampling_says_by_what_is_denoised(monkeypatch, denoiser: str, is_built_in: bool) -> None:
     monkeypatch.setattr(panels.render, "denoiser_in_use", lambda: denoiser)
-    told = [" ".join(drawn(panel)) for panel in panels.render.SAMPLING_CLASSES]
+    told = [" ".join(drawn(panel)) for panel in panels.CLASSES if "_sampling" in panel.__name__]
     assert sum(text.count(panels.render.NO_OIDN) for text in told) == is_built_in
     bpy.context.scene.perfect_bvh.mode = "NORMAL"
     assert drawn(panels.render.PERFECT_BVH_PT_sampling) == []
@@ -207,7 +207,7 @@ def test_a_command_in_a_message_can_be_copied() -> None:
     assert command is not None and command.endswith(" -m pip install laspy lazrs")
     assert files.command_in("Choose a folder for the files") is None
     messages.tell(bpy.context.scene, "Scan", f"LAZ files need laspy. {files.how_to_install('laspy')}", is_error=True)
-    assert "perfect_bvh.copy_command" in drawn(panels.output.SCAN_CLASSES[0])
+    assert "perfect_bvh.copy_command" in drawn(panels.output.PERFECT_BVH_PT_scan)
     reports, manager = [], SimpleNamespace(clipboard="")
     pressed = SimpleNamespace(command=command, report=lambda kinds, text: reports.append(text))
     copy = operators.help_buttons.PERFECT_BVH_OT_copy_command.execute

@@ -86,7 +86,7 @@ def test_all_that_could_not_be_read_stays_in_the_list_and_the_statistics_tell_of
     assert "simplified" not in " ".join(drawn(reports.PERFECT_BVH_PT_statistics))
     bpy.ops.render.render()
     not_shown.list_rows()
-    (panel,) = panels.reports.NOT_SHOWN_CLASSES
+    panel = panels.reports.PERFECT_BVH_PT_not_shown
     texts = drawn(panel)
     assert [text for text in texts if text.startswith("Broken ") and "not finite" in text][:5] == [
         f"Broken {number}: left out 1 triangle with a vertex that is not finite or beyond 1e18" for number in range(5)
@@ -95,7 +95,7 @@ def test_all_that_could_not_be_read_stays_in_the_list_and_the_statistics_tell_of
 
 
 def test_a_scene_of_which_nothing_is_missing_says_so_once_it_was_rendered() -> None:
-    (panel,) = panels.reports.NOT_SHOWN_CLASSES
+    panel = panels.reports.PERFECT_BVH_PT_not_shown
     assert drawn(panel)[0] == "No light"
     bpy.context.scene.perfect_bvh.mode = "CLAY"
     bpy.ops.render.render()
@@ -124,7 +124,7 @@ def broken_scene() -> Any:
 
 def test_what_is_not_shown_is_listed_and_can_be_selected() -> None:
     material = broken_scene()
-    (panel,) = panels.reports.NOT_SHOWN_CLASSES
+    panel = panels.reports.PERFECT_BVH_PT_not_shown
     line = "1 material simplified, 1 object not shown, 1 light simplified, 1 setting ignored"
     assert not_shown.line_of(bpy.context.scene) == line
     assert not_shown.list_rows()
@@ -155,7 +155,7 @@ def test_objects_whose_shape_or_light_is_simplified_can_be_selected(kind: Kind) 
     row = NotShown(kind, cube.name, cube.session_uid, "something is unsupported; something else is used")
     not_shown.tell(bpy.context.scene, (row,))
     assert not_shown.list_rows()
-    (panel,) = panels.reports.NOT_SHOWN_CLASSES
+    panel = panels.reports.PERFECT_BVH_PT_not_shown
     assert drawn(panel)[-1] == "perfect_bvh.select_not_shown"
     assert bpy.ops.perfect_bvh.select_not_shown(kind=kind, session_uid=cube.session_uid) == {"FINISHED"}
     assert [obj.name for obj in bpy.context.selected_objects] == ["Cube"]
@@ -176,7 +176,7 @@ def test_a_scene_lists_what_is_not_shown_of_it_alone() -> None:
     shown.filter_name = "OCCLUSION"
     made = panels.reports.PERFECT_BVH_UL_not_shown
     assert sum(made.filter_items(shown, bpy.context, listed, "rows")[0]) == 1
-    (panel,) = panels.reports.NOT_SHOWN_CLASSES
+    panel = panels.reports.PERFECT_BVH_PT_not_shown
     assert not panel.poll(SimpleNamespace(engine=ENGINE_NAME, scene=other))
 
 

@@ -53,7 +53,8 @@ def note_drawn() -> None:
         tab = area_of("PROPERTIES").spaces.active.context.lower()
         of_tab = [panel for panel in module("panels").CLASSES if getattr(panel, "bl_context", "") == tab]
         # Of the sidebar only panels for a single task; the others have separate steps.
-        for panel in (*of_tab, *module("panels.output").SCAN_CLASSES, *module("panels.reports").BENCH_CLASSES):
+        others = module("panels.output").PERFECT_BVH_PT_scan, module("panels.reports").PERFECT_BVH_PT_bench
+        for panel in (*of_tab, *others):
             if not panel.poll(bpy.context):
                 continue
             if hasattr(panel, "draw_header"):
