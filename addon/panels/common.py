@@ -88,6 +88,14 @@ def settings_layout(panel: bpy.types.Panel) -> bpy.types.UILayout:
     return layout
 
 
+def draw_props(layout: bpy.types.UILayout, owner: bpy.types.bpy_struct, *names: str, **texts: str) -> None:
+    """Draws properties, one after the other: first those with their own names, then those with other texts."""
+    for name in names:
+        layout.prop(owner, name)
+    for name, text in texts.items():
+        layout.prop(owner, name, text=text)
+
+
 def text_width(text: str) -> float:
     """Returns the width of one line, in pixels at the usual resolution scale."""
     blf.size(FONT, bpy.context.preferences.ui_styles[0].widget.points)

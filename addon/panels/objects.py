@@ -9,7 +9,7 @@ import bpy
 
 from ..settings.preferences import native_error
 from ..settings.scene_settings import ENGINE_NAME, object_motion_settings
-from .common import EnginePanel, RenderPanel, draw_lines, settings_layout
+from .common import EnginePanel, RenderPanel, draw_lines, draw_props, settings_layout
 from .render import motion_blur_layout
 
 # Blender's own panels that stay of use with this engine.
@@ -84,12 +84,8 @@ class PERFECT_BVH_PT_panorama(RenderPanel, bpy.types.Panel):
         if settings.panorama_type != "EQUIRECTANGULAR":
             draw_lines(context, layout, ONLY_EQUIRECTANGULAR, icon="ERROR")
             return
-        column = layout.column(align=True)
-        column.prop(settings, "latitude_min", text="Latitude Min")
-        column.prop(settings, "latitude_max", text="Max")
-        column = layout.column(align=True)
-        column.prop(settings, "longitude_min", text="Longitude Min")
-        column.prop(settings, "longitude_max", text="Max")
+        draw_props(layout.column(align=True), settings, latitude_min="Latitude Min", latitude_max="Max")
+        draw_props(layout.column(align=True), settings, longitude_min="Longitude Min", longitude_max="Max")
 
 
 # Nodes ---------------------------------------------------------------------------------------------------------------
@@ -262,13 +258,9 @@ class PERFECT_BVH_PT_ray_visibility(RenderPanel, bpy.types.Panel):
         return super().poll(context) and has_rays(context.object)
 
     def draw(self, context: bpy.types.Context) -> None:
-        column, obj = settings_layout(self).column(), context.object
-        column.prop(obj, "visible_camera", text="Camera")
-        column.prop(obj, "visible_diffuse", text="Diffuse")
-        column.prop(obj, "visible_glossy", text="Glossy")
-        column.prop(obj, "visible_transmission", text="Transmission")
-        column.prop(obj, "visible_volume_scatter", text="Volume Scatter")
-        column.prop(obj, "visible_shadow", text="Shadow")
+        rays = ("Camera", "Diffuse", "Glossy", "Transmission", "Volume Scatter", "Shadow")
+        texts = {f"visible_{ray.lower().replace(' ', '_')}": ray for ray in rays}
+        draw_props(settings_layout(self).column(), context.object, **texts)
 
 
 def _draw_mask(panel: bpy.types.Panel, context: bpy.types.Context) -> None:

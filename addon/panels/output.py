@@ -19,6 +19,7 @@ from .common import (
     draw_lines,
     draw_main_button,
     draw_messages_of,
+    draw_props,
     draw_purpose,
     settings_layout,
 )
@@ -48,13 +49,9 @@ def _draw_sensor(layout: bpy.types.UILayout, settings: bpy.types.PropertyGroup) 
     layout.prop(settings, "pattern")
     column = layout.column(align=True)
     if settings.pattern == "CAMERA":
-        column.prop(settings, "width")
-        column.prop(settings, "height", text="Y")
+        draw_props(column, settings, "width", height="Y")
     elif settings.pattern == "LIDAR":
-        column.prop(settings, "elevations")
-        column.prop(settings, "columns")
-        column.prop(settings, "rate")
-        column.prop(settings, "max_distance")
+        draw_props(column, settings, "elevations", "columns", "rate", "max_distance")
     elif settings.pattern == "FILE":
         column.prop(settings, "sensor_file")
     if settings.pattern not in ("CAMERA", "LIDAR"):  # which have no noise
@@ -62,17 +59,14 @@ def _draw_sensor(layout: bpy.types.UILayout, settings: bpy.types.PropertyGroup) 
     column = layout.column(align=True)
     column.prop(settings, "sensor", placeholder="Scene Camera")
     column.operator("perfect_bvh.add_sensor", icon="ADD")
-    layout.prop(settings, "mount")
-    layout.prop(settings, "labels")
-    layout.prop(settings, "use_viewport")
+    draw_props(layout, settings, "mount", "labels", "use_viewport")
 
 
 def _draw_frames(layout: bpy.types.UILayout, settings: bpy.types.PropertyGroup) -> None:
     layout.prop(settings, "frames")
     column = layout.column(align=True)
     if settings.frames == "RANGE":
-        column.prop(settings, "frame_start")
-        column.prop(settings, "frame_end")
+        draw_props(column, settings, "frame_start", "frame_end")
     if settings.frames != "CURRENT":
         column.prop(settings, "steps_per_frame")
 
@@ -93,8 +87,7 @@ def _draw_files(context: bpy.types.Context, layout: bpy.types.UILayout, settings
     if not settings.use_files:
         return
     column = layout.column(align=True)
-    column.prop(settings, "folder")
-    column.prop(settings, "file_format")
+    draw_props(column, settings, "folder", "file_format")
     if settings.file_format == "kitti":
         column.prop(settings, "category")
     elif FORMATS[f".{settings.file_format}"].has_boxes:
@@ -132,23 +125,17 @@ class PERFECT_BVH_PT_label_images(SidebarPanel, bpy.types.Panel):
         layout.prop(settings, "frames")
         column = layout.column(align=True)
         if settings.frames == "RANGE":
-            column.prop(settings, "frame_start")
-            column.prop(settings, "frame_end")
+            draw_props(column, settings, "frame_start", "frame_end")
         layout.prop(settings, "use_render_size")
         if not settings.use_render_size:
-            column = layout.column(align=True)
-            column.prop(settings, "width")
-            column.prop(settings, "height", text="Y")
-        layout.prop(settings, "category")
-        layout.prop(settings, "layers")
+            draw_props(layout.column(align=True), settings, "width", height="Y")
+        draw_props(layout, settings, "category", "layers")
         layout.column(align=True).prop(settings, "formats")
         if "png" in settings.formats:
             draw_lines(context, layout, PNG_LOOKS, "INFO", TABS)
         if "exr" in settings.formats:
             _draw_missing(context, layout, "EXR files", "OpenEXR")
-        layout.prop(settings, "use_coco")
-        layout.prop(settings, "folder")
-        layout.prop(settings, "use_resume")
+        draw_props(layout, settings, "use_coco", "folder", "use_resume")
         draw_main_button(context, layout, "perfect_bvh.label_images", "Start Labelling", "IMAGE_DATA")
         draw_messages_of(context, layout, "Label Images")
 
@@ -171,13 +158,10 @@ class PERFECT_BVH_PT_bake_rays(SidebarPanel, bpy.types.Panel):
             context, layout, "What each face of the selected meshes sees: hours of sun, sky, or its surroundings"
         )
         settings = context.scene.perfect_bvh.bake
-        layout.prop(settings, "kind")
-        layout.prop(settings, "domain")
+        draw_props(layout, settings, "kind", "domain")
         if settings.domain == "TEXEL":
             layout.prop(settings, "uv_map", placeholder="Active")
-            column = layout.column(align=True)
-            for name in ("width", "height", "margin"):
-                column.prop(settings, name)
+            draw_props(layout.column(align=True), settings, "width", "height", "margin")
         if settings.kind == "SUN_HOURS":
             _draw_sun(layout, settings, sun_position_of(context.scene))
         for name in options_of(settings):
@@ -199,8 +183,7 @@ def _draw_sun(layout: bpy.types.UILayout, settings: bpy.types.PropertyGroup, oth
     column.prop(settings, "period")
     column.prop(dates, "year")
     if settings.period != "YEAR":
-        column.prop(dates, "month")
-        column.prop(dates, "day")
+        draw_props(column, dates, "month", "day")
     if settings.period == "RANGE":
         column = layout.column(align=True)
         column.prop(settings, "month_end", text="To Month")
@@ -211,13 +194,11 @@ def _draw_sun(layout: bpy.types.UILayout, settings: bpy.types.PropertyGroup, oth
         layout.prop(settings, "step")
         place = settings if other is None else other
         column = layout.column(align=True)
-        column.prop(place, "latitude")
-        column.prop(place, "longitude")
+        draw_props(column, place, "latitude", "longitude")
         if other is None:
             column.prop(settings, "zone", placeholder="From the longitude")
         else:
-            column.prop(other, "UTC_zone")
-            column.prop(other, "use_daylight_savings")
+            draw_props(column, other, "UTC_zone", "use_daylight_savings")
     layout.prop(*((settings, "north") if other is None else (other, "north_offset")))
 
 
@@ -236,14 +217,12 @@ class PERFECT_BVH_PT_passes(RenderPanel, bpy.types.Panel):
         layout = settings_layout(self)
         view_layer = context.view_layer
         column = layout.column(heading="Include", align=True)
-        column.prop(view_layer, "use_pass_z")
-        column.prop(view_layer, "use_pass_normal")
+        draw_props(column, view_layer, "use_pass_z", "use_pass_normal")
         vector = column.column()
         vector.active = not context.scene.render.use_motion_blur
         vector.prop(view_layer, "use_pass_vector")
         column = layout.column(heading="Indexes", align=True)
-        column.prop(view_layer, "use_pass_object_index", text="Object")
-        column.prop(view_layer, "use_pass_material_index", text="Material")
+        draw_props(column, view_layer, use_pass_object_index="Object", use_pass_material_index="Material")
         threshold = layout.column()
         threshold.active = mode_of_render(context.scene).shading
         threshold.prop(view_layer, "pass_alpha_threshold")

@@ -10,7 +10,7 @@ from ..settings.modes import find_mode, mode_of_render
 from ..settings.preferences import denoiser_in_use, native_error
 from ..settings.scene_settings import light_path_settings, rolling_shutter_settings
 from ..view3d.rendered import opening
-from .common import EnginePanel, RenderPanel, draw_lines, settings_layout
+from .common import EnginePanel, RenderPanel, draw_lines, draw_props, settings_layout
 
 # The mode of the image, its background, threads, and Blender's own Simplify settings.
 
@@ -251,10 +251,8 @@ class PERFECT_BVH_PT_light_paths_bounces(LightPathsPanel, bpy.types.Panel):
     def draw(self, context: bpy.types.Context) -> None:
         layout, settings = _light_paths_layout(self, context), light_path_settings(context.scene)
         layout.prop(settings, "max_bounces", text="Total")
-        column = layout.column(align=True)
-        column.prop(settings, "diffuse_bounces", text="Diffuse")
-        column.prop(settings, "glossy_bounces", text="Glossy")
-        column.prop(settings, "transmission_bounces", text="Transmission")
+        texts = {"diffuse_bounces": "Diffuse", "glossy_bounces": "Glossy", "transmission_bounces": "Transmission"}
+        draw_props(layout.column(align=True), settings, **texts)
         layout.prop(settings, "transparent_max_bounces", text="Transparent")
 
 
@@ -265,9 +263,8 @@ class PERFECT_BVH_PT_light_paths_clamping(LightPathsPanel, bpy.types.Panel):
 
     def draw(self, context: bpy.types.Context) -> None:
         layout, settings = _light_paths_layout(self, context), light_path_settings(context.scene)
-        column = layout.column(align=True)
-        column.prop(settings, "sample_clamp_direct", text="Direct")
-        column.prop(settings, "sample_clamp_indirect", text="Indirect")
+        texts = {"sample_clamp_direct": "Direct", "sample_clamp_indirect": "Indirect"}
+        draw_props(layout.column(align=True), settings, **texts)
 
 
 class PERFECT_BVH_PT_light_paths_caustics(LightPathsPanel, bpy.types.Panel):
@@ -279,8 +276,7 @@ class PERFECT_BVH_PT_light_paths_caustics(LightPathsPanel, bpy.types.Panel):
         layout, settings = _light_paths_layout(self, context), light_path_settings(context.scene)
         layout.prop(settings, "blur_glossy")
         column = layout.column(heading="Caustics", align=True)
-        column.prop(settings, "caustics_reflective", text="Reflective")
-        column.prop(settings, "caustics_refractive", text="Refractive")
+        draw_props(column, settings, caustics_reflective="Reflective", caustics_refractive="Refractive")
 
 
 def _light_paths_layout(panel: bpy.types.Panel, context: bpy.types.Context) -> bpy.types.UILayout:

@@ -24,6 +24,7 @@ from .common import (
     draw_main_button,
     draw_message,
     draw_messages_of,
+    draw_props,
     draw_purpose,
     settings_layout,
     text_width,
@@ -273,9 +274,7 @@ class PERFECT_BVH_PT_compare(StudyPanel, bpy.types.Panel):
             "to it. Lower is better",
         )
         compare = context.scene.perfect_bvh.compare
-        column = layout.column(align=True)
-        column.prop(compare, "left")
-        column.prop(compare, "right")
+        draw_props(layout.column(align=True), compare, "left", "right")
         row = draw_main_button(context, layout, "perfect_bvh.compare", "Compare", "MOD_MIRROR")
         if compare_view.shown() is not None:
             row.operator("perfect_bvh.end_comparison", text="", icon="X")

@@ -18,6 +18,7 @@ from .common import (
     draw_main_button,
     draw_manual,
     draw_messages_of,
+    draw_props,
     draw_purpose,
     settings_layout,
 )
@@ -41,15 +42,11 @@ class PERFECT_BVH_PT_overlay(bpy.types.Panel):
         layout = self.layout
         settings = overlay_settings(context.space_data)
         layout.active = context.space_data.overlay.show_overlays
-        row = layout.row()
-        row.prop(settings, "show_top_level")
-        row.prop(settings, "show_active")
+        draw_props(layout.row(), settings, "show_top_level", "show_active")
         column = layout.column()
         column.active = settings.show_top_level or settings.show_active
         column.prop(settings, "level")
-        row = column.row()
-        row.prop(settings, "use_all_to_level")
-        row.prop(settings, "use_in_front")
+        draw_props(column.row(), settings, "use_all_to_level", "use_in_front")
         split = column.split(factor=0.25)
         split.label(text="Color")
         split.row(align=True).prop(settings, "color_by", expand=True)
@@ -72,10 +69,8 @@ class PERFECT_BVH_PT_display(StudyPanel, bpy.types.Panel):
         if not context.space_data.overlay.show_overlays:
             draw_lines(context, layout, "Overlays are off in this viewport", icon="INFO", inset=TABS)
         column = layout.column(heading="Boxes", align=True)
-        column.prop(settings, "show_top_level")
-        column.prop(settings, "show_active")
-        for name in ("level", "use_all_to_level", "use_in_front", "color_by"):
-            layout.prop(settings, name)
+        draw_props(column, settings, "show_top_level", "show_active")
+        draw_props(layout, settings, "level", "use_all_to_level", "use_in_front", "color_by")
 
 
 # Shading -------------------------------------------------------------------------------------------------------------
@@ -103,8 +98,7 @@ class PERFECT_BVH_PT_shading_lighting(ShadingPanel, bpy.types.Panel):
     def draw(self, context: bpy.types.Context) -> None:
         layout, shading = self.layout, context.space_data.shading
         layout.active = find_mode(mode_of(context.scene, shading)).shading
-        layout.prop(shading, "use_scene_lights_render")
-        layout.prop(shading, "use_scene_world_render")
+        draw_props(layout, shading, "use_scene_lights_render", "use_scene_world_render")
         if not shading.use_scene_world_render:
             _draw_studio(layout, shading)
 
@@ -127,8 +121,7 @@ def _draw_studio(layout: bpy.types.UILayout, shading: Any) -> None:
     split.operator("screen.userpref_show", emboss=False, text="", icon="PREFERENCES").section = "LIGHTS"
     column = layout.split(factor=0.9).column()
     column.prop(shading, "studiolight_rotate_z", text="Rotation")
-    column.prop(shading, "studiolight_intensity")
-    column.prop(shading, "studiolight_background_alpha")
+    draw_props(column, shading, "studiolight_intensity", "studiolight_background_alpha")
 
 
 # Render view ---------------------------------------------------------------------------------------------------------
