@@ -14,7 +14,7 @@ from types import SimpleNamespace
 import pytest
 from perfect_bvh import _core
 
-# (parameter names with a `=` after those that have a default) of each overload
+# (parameter names with a `=` after those that have a default) of each overload that has others
 Signatures = tuple[tuple[str, ...], ...]
 
 # A default that is not an expression, such as <Mode.clay: 0>.
@@ -40,7 +40,7 @@ def signatures_in_docstring(name: str, docstring: str) -> Signatures:
         if match and "(*args, **kwargs)" not in line:
             text = OPAQUE_DEFAULT.sub("= ...", match.group(1))
             found.append(parameters_of(function_from(f"def {text}: ...")))
-    return tuple(sorted(found))
+    return tuple(sorted(set(found)))  # those of float32 and float64 are one
 
 
 def function_from(source: str) -> ast.FunctionDef:

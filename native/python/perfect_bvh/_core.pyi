@@ -4,7 +4,7 @@ Origins and directions of rays: (rows, 3), float32 or float64 each, rows at any 
 """
 
 from collections.abc import Callable
-from typing import Any, overload
+from typing import Any, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -17,6 +17,7 @@ _Int = npt.NDArray[np.int32]
 _Long = npt.NDArray[np.int64]
 _Byte = npt.NDArray[np.uint8]
 _Mask = npt.NDArray[np.uint32]
+_Real = TypeVar("_Real", _Float, _Double)
 _Progress = Callable[[float], object] | None
 
 def thread_count() -> int: ...
@@ -49,12 +50,7 @@ def render(
 NODE_SHAPES: list[tuple[str, str, int, int, str]]
 
 def evaluate_nodes(
-    codes: _Int,
-    numbers: _Float,
-    images: list[Any],
-    given: list[_Float],
-    channels: _Int,
-    count: int,
+    codes: _Int, numbers: _Float, images: list[Any], given: list[_Float], channels: _Int, count: int
 ) -> _Float: ...
 def materials_at(
     snapshot: Snapshot, appearance: dict[str, Any], instance_ids: _Int, primitive_ids: _Int, uvs: _Float
@@ -170,21 +166,9 @@ class Snapshot:
         progress: _Progress,
     ) -> dict[str, npt.NDArray[Any]]: ...
 
-@overload
 def divide_curves(
-    points: _Float,
-    radii: _Float,
-    curve_offsets: _Long,
-    cyclic: _Byte,
-    kind: str,
-    tolerance: float,
-    piece_count: int,
-    function: str,
-) -> Subdivision: ...
-@overload
-def divide_curves(
-    points: _Double,
-    radii: _Double,
+    points: _Real,
+    radii: _Real,
     curve_offsets: _Long,
     cyclic: _Byte,
     kind: str,
@@ -198,143 +182,47 @@ class Subdivision:
     def offsets(self) -> _Long: ...
     def is_as_fine_as(self, other: Subdivision) -> bool: ...
     def finer(self, other: Subdivision) -> Subdivision: ...
-    @overload
     def balls(
-        self, points: _Float, radii: _Float, curve_offsets: _Long, cyclic: _Byte, kind: str, function: str
-    ) -> tuple[npt.NDArray[Any], npt.NDArray[Any]]: ...
-    @overload
-    def balls(
-        self, points: _Double, radii: _Double, curve_offsets: _Long, cyclic: _Byte, kind: str, function: str
+        self, points: _Real, radii: _Real, curve_offsets: _Long, cyclic: _Byte, kind: str, function: str
     ) -> tuple[npt.NDArray[Any], npt.NDArray[Any]]: ...
 
 def make_scene() -> Scene: ...
 
 class Scene:
-    @overload
-    def add_mesh(self, positions: _Float, triangles: _Int, settings: dict[str, Any], usage: str) -> int: ...
-    @overload
-    def add_mesh(self, positions: _Double, triangles: _Int, settings: dict[str, Any], usage: str) -> int: ...
-    @overload
-    def update_mesh(self, mesh_id: int, positions: _Float) -> None: ...
-    @overload
-    def update_mesh(self, mesh_id: int, positions: _Double) -> None: ...
-    @overload
-    def set_mesh_motion(self, mesh_id: int, positions: _Float, steps: int, time_range: tuple[float, float]) -> None: ...
-    @overload
-    def set_mesh_motion(
-        self, mesh_id: int, positions: _Double, steps: int, time_range: tuple[float, float]
-    ) -> None: ...
-    @overload
-    def replace_mesh(self, mesh_id: int, positions: _Float, triangles: _Int) -> None: ...
-    @overload
-    def replace_mesh(self, mesh_id: int, positions: _Double, triangles: _Int) -> None: ...
-    @overload
-    def add_points(self, centers: _Float, radii: _Float, settings: dict[str, Any], usage: str) -> int: ...
-    @overload
-    def add_points(self, centers: _Double, radii: _Double, settings: dict[str, Any], usage: str) -> int: ...
-    @overload
+    def add_mesh(self, positions: _Real, triangles: _Int, settings: dict[str, Any], usage: str) -> int: ...
+    def update_mesh(self, mesh_id: int, positions: _Real) -> None: ...
+    def set_mesh_motion(self, mesh_id: int, positions: _Real, steps: int, time_range: tuple[float, float]) -> None: ...
+    def replace_mesh(self, mesh_id: int, positions: _Real, triangles: _Int) -> None: ...
+    def add_points(self, centers: _Real, radii: _Real, settings: dict[str, Any], usage: str) -> int: ...
     def add_curves(
         self,
-        points: _Float,
-        radii: _Float,
+        points: _Real,
+        radii: _Real,
         curve_offsets: _Long,
         cyclic: _Byte,
         is_ribbon: bool,
         settings: dict[str, Any],
         usage: str,
     ) -> int: ...
-    @overload
-    def add_curves(
-        self,
-        points: _Double,
-        radii: _Double,
-        curve_offsets: _Long,
-        cyclic: _Byte,
-        is_ribbon: bool,
-        settings: dict[str, Any],
-        usage: str,
-    ) -> int: ...
-    @overload
-    def update_points(self, mesh_id: int, centers: _Float, radii: _Float) -> None: ...
-    @overload
-    def update_points(self, mesh_id: int, centers: _Double, radii: _Double) -> None: ...
-    @overload
-    def update_curves(self, mesh_id: int, points: _Float, radii: _Float) -> None: ...
-    @overload
-    def update_curves(self, mesh_id: int, points: _Double, radii: _Double) -> None: ...
-    @overload
-    def set_chains(self, mesh_id: int, centers: _Float, radii: _Float, offsets: _Long) -> None: ...
-    @overload
-    def set_chains(self, mesh_id: int, centers: _Double, radii: _Double, offsets: _Long) -> None: ...
-    @overload
-    def replace_points(self, mesh_id: int, centers: _Float, radii: _Float) -> None: ...
-    @overload
-    def replace_points(self, mesh_id: int, centers: _Double, radii: _Double) -> None: ...
-    @overload
+    def update_points(self, mesh_id: int, centers: _Real, radii: _Real) -> None: ...
+    def update_curves(self, mesh_id: int, points: _Real, radii: _Real) -> None: ...
+    def set_chains(self, mesh_id: int, centers: _Real, radii: _Real, offsets: _Long) -> None: ...
+    def replace_points(self, mesh_id: int, centers: _Real, radii: _Real) -> None: ...
     def replace_curves(
-        self, mesh_id: int, points: _Float, radii: _Float, curve_offsets: _Long, cyclic: _Byte, is_ribbon: bool
-    ) -> None: ...
-    @overload
-    def replace_curves(
-        self, mesh_id: int, points: _Double, radii: _Double, curve_offsets: _Long, cyclic: _Byte, is_ribbon: bool
+        self, mesh_id: int, points: _Real, radii: _Real, curve_offsets: _Long, cyclic: _Byte, is_ribbon: bool
     ) -> None: ...
     def set_usage(self, mesh_id: int, usage: str) -> None: ...
     def remove_mesh(self, mesh_id: int) -> None: ...
-    @overload
-    def add_instances(self, meshes: _Int, transforms: _Float, masks: _Mask, orders: _Long | None = None) -> int: ...
-    @overload
-    def add_instances(self, meshes: _Int, transforms: _Double, masks: _Mask, orders: _Long | None = None) -> int: ...
-    @overload
-    def set_transforms(self, ids: _Int, transforms: _Float) -> None: ...
-    @overload
-    def set_transforms(self, ids: _Int, transforms: _Double) -> None: ...
-    @overload
+    def add_instances(self, meshes: _Int, transforms: _Real, masks: _Mask, orders: _Long | None = None) -> int: ...
+    def set_transforms(self, ids: _Int, transforms: _Real) -> None: ...
     def set_points_motion(
-        self,
-        mesh_id: int,
-        centers: _Float,
-        radii: _Float,
-        offsets: _Long,
-        steps: int,
-        time_range: tuple[float, float],
+        self, mesh_id: int, centers: _Real, radii: _Real, offsets: _Long, steps: int, time_range: tuple[float, float]
     ) -> None: ...
-    @overload
-    def set_points_motion(
-        self,
-        mesh_id: int,
-        centers: _Double,
-        radii: _Double,
-        offsets: _Long,
-        steps: int,
-        time_range: tuple[float, float],
-    ) -> None: ...
-    @overload
     def set_curves_motion(
-        self,
-        mesh_id: int,
-        points: _Float,
-        radii: _Float,
-        offsets: _Long,
-        steps: int,
-        time_range: tuple[float, float],
+        self, mesh_id: int, points: _Real, radii: _Real, offsets: _Long, steps: int, time_range: tuple[float, float]
     ) -> None: ...
-    @overload
-    def set_curves_motion(
-        self,
-        mesh_id: int,
-        points: _Double,
-        radii: _Double,
-        offsets: _Long,
-        steps: int,
-        time_range: tuple[float, float],
-    ) -> None: ...
-    @overload
     def set_instance_motion(
-        self, ids: _Int, transforms: _Float, steps: int, time_range: tuple[float, float]
-    ) -> None: ...
-    @overload
-    def set_instance_motion(
-        self, ids: _Int, transforms: _Double, steps: int, time_range: tuple[float, float]
+        self, ids: _Int, transforms: _Real, steps: int, time_range: tuple[float, float]
     ) -> None: ...
     def set_masks(self, ids: _Int, masks: _Mask) -> None: ...
     def remove_instances(self, ids: _Int) -> None: ...
