@@ -22,7 +22,7 @@ import numpy.typing as npt
 from ..settings.scan_choices import FORMATS, KITTI
 from ..support.files import data_library, replacing
 from .las import LasPoints, write_las
-from .point_cloud import AXES, COLUMNS, SINGULAR, PointCloud, column_names
+from .point_cloud import AXES, COLUMNS, PointCloud, column_names
 
 # The names of label columns in each format of point clouds. Does not depend on Blender.
 
@@ -32,23 +32,10 @@ _FORBIDDEN = {".ply": r"[^!-~]", ".las": r"[\0]", ".h5": r"[/\0]"}
 _MOST_BYTES = {".las": 32}
 # Of LAS's own columns.
 _TAKEN = {
-    ".las": frozenset(
-        (
-            "return_number",
-            "number_of_returns",
-            "synthetic",
-            "key_point",
-            "withheld",
-            "overlap",
-            "scanner_channel",
-            "scan_direction_flag",
-            "edge_of_flight_line",
-            "classification",
-            "user_data",
-            "scan_angle",
-            "point_source_id",
-            "gps_time",
-        )
+    ".las": (
+        *("return_number", "number_of_returns", "synthetic", "key_point", "withheld", "overlap", "scanner_channel"),
+        *("scan_direction_flag", "edge_of_flight_line", "classification", "user_data", "scan_angle"),
+        *("point_source_id", "gps_time"),
     )
 }
 
@@ -157,7 +144,7 @@ def _table(cloud: PointCloud, labels: Mapping[str, str]) -> dict[str, npt.NDArra
         if column in AXES:
             table |= {name: np.ascontiguousarray(values[:, axis]) for axis, name in enumerate(AXES[column])}
         else:
-            table[SINGULAR[column]] = values
+            table[COLUMNS[column].singular] = values
     return table | {labels[name]: label.values for name, label in cloud.labels.items()}
 
 

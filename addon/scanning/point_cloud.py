@@ -7,7 +7,7 @@ import os
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -26,66 +26,43 @@ if TYPE_CHECKING:
     from .patterns import Rays
 
 
-# In the order of the file; each holds one row a point.
-COLUMNS = (
-    "positions",
-    "distances",
-    "normals",
-    "object_ids",
-    "instance_ids",
-    "material_ids",
-    "times",
-    "ray_ids",
-    "ring_ids",
-    "incidences",
-    "intensities",
-    "spacings",
-    "return_ids",
-    "return_counts",
-)
+class Column(NamedTuple):
+    """A column of points. singular: its name for a single point. row: the shape of a point's value."""
 
+    singular: str
+    dtype: type[np.generic]
+    row: tuple[int, ...] = ()
+
+
+# In the order of the file; each holds one row a point.
+COLUMNS = {
+    "positions": Column("position", np.float64, (3,)),
+    "distances": Column("distance", np.float64),
+    "normals": Column("normal", np.float32, (3,)),
+    "object_ids": Column("object_id", np.int32),
+    "instance_ids": Column("instance_id", np.int32),
+    "material_ids": Column("material_id", np.int32),
+    "times": Column("time", np.float64),
+    "ray_ids": Column("ray_id", np.int64),
+    "ring_ids": Column("ring", np.int32),
+    "incidences": Column("incidence", np.float32),
+    "intensities": Column("intensity", np.float32),
+    "spacings": Column("spacing", np.float32),
+    "return_ids": Column("return_id", np.int32),
+    "return_counts": Column("return_count", np.int32),
+}
 # What columns are called where a table has one for each number of a point.
 AXES = {"positions": ("x", "y", "z"), "normals": ("nx", "ny", "nz")}
-SINGULAR = {
-    "distances": "distance",
-    "object_ids": "object_id",
-    "instance_ids": "instance_id",
-    "material_ids": "material_id",
-    "times": "time",
-    "ray_ids": "ray_id",
-    "ring_ids": "ring",
-    "incidences": "incidence",
-    "intensities": "intensity",
-    "spacings": "spacing",
-    "return_ids": "return_id",
-    "return_counts": "return_count",
-}
 # Of boxes, in files after "box_".
 BOX_COLUMNS = (
-    "frames",
-    "times",
-    "instance_ids",
-    "object_ids",
-    "centers",
-    "sizes",
-    "axes",
-    "point_counts",
-    "visible_shares",
+    *("frames", "times", "instance_ids", "object_ids", "centers", "sizes", "axes"),
+    *("point_counts", "visible_shares"),
 )
 # What else files and Blender's points have a name for.
 _OTHERS = (
-    "object_names",
-    "material_names",
-    "ray_count",
-    "pose_error",
-    "scene_error",
-    "labels",
-    "boxes",
+    *("object_names", "material_names", "ray_count", "pose_error", "scene_error", "labels", "boxes"),
     *(f"box_{name}" for name in BOX_COLUMNS),
-    "normal",
-    "position",
-    "radius",
-    "color",
+    *("radius", "color"),
 )
 
 
@@ -203,7 +180,8 @@ class PointCloud:
 
 def column_names(labels: Iterable[str]) -> dict[str, str]:
     """Returns the column name of each label: the label's own name, or `label_NAME` if that is taken."""
-    taken = {*COLUMNS, *SINGULAR.values(), *_OTHERS, *(name for names in AXES.values() for name in names)}
+    singulars = (column.singular for column in COLUMNS.values())
+    taken = {*COLUMNS, *singulars, *_OTHERS, *(name for names in AXES.values() for name in names)}
     # Readers of some formats do not tell small letters from capitals.
     return {name: f"label_{name}" if name.lower() in taken else name for name in labels}
 
@@ -212,23 +190,7 @@ def column_names(labels: Iterable[str]) -> dict[str, str]:
 # Gathers the hits of many batches into one point cloud, in which ids mean the same throughout.
 
 
-EMPTY = {
-    "positions": np.empty((0, 3)),
-    "distances": np.empty(0),
-    "normals": np.empty((0, 3), np.float32),
-    "object_ids": np.empty(0, np.int32),
-    "instance_ids": np.empty(0, np.int32),
-    "material_ids": np.empty(0, np.int32),
-    "times": np.empty(0),
-    "ray_ids": np.empty(0, np.int64),
-    "ring_ids": np.empty(0, np.int32),
-    "incidences": np.empty(0, np.float32),
-    "intensities": np.empty(0, np.float32),
-    "spacings": np.empty(0, np.float32),
-    "return_ids": np.empty(0, np.int32),
-    "return_counts": np.empty(0, np.int32),
-}
-
+EMPTY = {name: np.empty((0, *column.row), column.dtype) for name, column in COLUMNS.items()}
 NO_LABELS: Mapping[str, Any] = {}
 WITHOUT_MATERIAL = 0.8  # as Blender shows it
 

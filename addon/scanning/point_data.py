@@ -18,7 +18,7 @@ import numpy.typing as npt
 from ..extract.label_values import COLOR, OBJECT_NAMES, RADIUS
 from ..settings.scan_choices import OTHER, find_color
 from ..support.id_colors import id_colors
-from .point_cloud import PointCloud, column_names
+from .point_cloud import COLUMNS, Column, PointCloud, column_names
 
 # A colour for each point from a column of numbers, vectors or ids. Does not depend on Blender.
 
@@ -27,34 +27,12 @@ Float32Array = npt.NDArray[np.float32]
 Float64Array = npt.NDArray[np.float64]
 
 # From low to high, in sRGB: yellow, green, blue, violet, of falling lightness.
-RAMP = np.array(
-    [
-        (253, 231, 37),
-        (122, 209, 81),
-        (34, 168, 132),
-        (42, 120, 142),
-        (65, 68, 135),
-        (68, 1, 84),
-    ]
-)
+RAMP = np.array([(253, 231, 37), (122, 209, 81), (34, 168, 132), (42, 120, 142), (65, 68, 135), (68, 1, 84)])
 # The lowest and the highest hundredth get the ends, so that a single far point does not take all of the ramp.
 RAMP_SHARES = (1.0, 99.0)
 NOTHING = 0.2  # the grey, linear, of points without a value: no material, no label
-# Columns of a cloud by the names that they have on points.
-COLOR_COLUMNS = {
-    "position": "positions",
-    "distance": "distances",
-    "normal": "normals",
-    "object_id": "object_ids",
-    "instance_id": "instance_ids",
-    "material_id": "material_ids",
-    "time": "times",
-    "ring": "ring_ids",
-    "incidence": "incidences",
-    "intensity": "intensities",
-    "return_id": "return_ids",
-    "return_count": "return_counts",
-}
+# Columns of a cloud by the names that they have on points, of which the radii show the spacings.
+COLOR_COLUMNS = {column.singular: name for name, column in COLUMNS.items() if name not in ("ray_ids", "spacings")}
 
 
 def colors_of(cloud: PointCloud, color_by: str) -> Float32Array:
@@ -179,21 +157,20 @@ def _points_group(material: bpy.types.Material) -> bpy.types.NodeTree:
 # Point data ----------------------------------------------------------------------------------------------------------
 
 
-# Attribute, its type, the field of its values, the column.
-ATTRIBUTES = (
-    ("distance", "FLOAT", "value", "distances"),
-    ("normal", "FLOAT_VECTOR", "vector", "normals"),
-    ("object_id", "INT", "value", "object_ids"),
-    ("instance_id", "INT", "value", "instance_ids"),
-    ("material_id", "INT", "value", "material_ids"),
-    ("time", "FLOAT", "value", "times"),
-    ("ring", "INT", "value", "ring_ids"),
-    ("incidence", "FLOAT", "value", "incidences"),
-    ("intensity", "FLOAT", "value", "intensities"),
-    ("return_id", "INT", "value", "return_ids"),
-    ("return_count", "INT", "value", "return_counts"),
-)
 POSITION = "position"
+
+
+def _kind_of(column: Column) -> tuple[str, str]:
+    """Returns an attribute's type, and the field of its values."""
+    if column.row:
+        return "FLOAT_VECTOR", "vector"
+    return "INT" if np.issubdtype(column.dtype, np.integer) else "FLOAT", "value"
+
+
+# Attribute, its type, the field of its values, the column.
+ATTRIBUTES = tuple(
+    (attribute, *_kind_of(COLUMNS[name]), name) for attribute, name in COLOR_COLUMNS.items() if attribute != POSITION
+)
 MATERIAL_NAMES = "material_names"
 LABELS = "labels"
 HAS_RESIZE = "resize" in bpy.types.PointCloud.bl_rna.functions

@@ -27,7 +27,7 @@ from perfect_bvh_addon.scanning.formats import (  # noqa: E402
     check_format,
     label_columns,
 )
-from perfect_bvh_addon.scanning.point_cloud import COLUMNS, SINGULAR  # noqa: E402
+from perfect_bvh_addon.scanning.point_cloud import COLUMNS  # noqa: E402
 from perfect_bvh_addon.support.files import how_to_get  # noqa: E402
 from perfect_bvh_addon.sync.lookup import LabelColumn, LabelTable  # noqa: E402
 
@@ -87,7 +87,7 @@ def test_tables_hold_every_column(tmp_path: Path, suffix: str, count: int) -> No
     path = save_cloud(made, tmp_path / f"points{suffix}")
     table = pyarrow_csv.read_csv(path) if suffix == ".csv" else pyarrow_parquet.read_table(path)
     assert table.num_rows == count
-    assert len(table.column_names) == len(SINGULAR) + 6 + len(made.labels)
+    assert len(table.column_names) == len(COLUMNS) + 4 + len(made.labels)
     if count:
         assert np.array_equal(table["x"].to_numpy(), made.positions[:, 0])
         assert np.array_equal(table["ray_id"].to_numpy(), made.ray_ids)
