@@ -326,13 +326,12 @@ def check_format(suffix: str, labels: list[str], **asked: Any) -> None:
 
 def _carrier(scene: bpy.types.Scene, name: str | None) -> bpy.types.Object | None:
     """The object that carries the sensor; None for the camera of each frame."""
-    import difflib
+    from ..scanning.outcomes import nearest
 
     if name is None:
         return None
     found = scene.objects.get(name)
     if found is None:
-        near = difflib.get_close_matches(name, scene.objects.keys(), n=1, cutoff=0.5)
-        hint = f" (is it {near[0]!r}?)" if near else ""
-        raise CommandError(f"--on {name}: scene {scene.name!r} has no such object{hint}")
+        near = nearest(name, scene.objects.keys())
+        raise CommandError(f"--on {name}: scene {scene.name!r} has no such object{near}")
     return found

@@ -8,16 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from perfect_bvh._checks import check_count, check_number
 
-from .patterns import (
-    Float64Array,
-    OnAnyObject,
-    Rays,
-    View,
-    check_range,
-    check_ray_count,
-    directions_of,
-    first_shot,
-)
+from .patterns import Float64Array, OnAnyObject, Rays, View, check_range, check_ray_count, directions_of, first_shot
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,16 +53,8 @@ class Rosette(OnAnyObject):
         off_axis = np.hypot(across, up)
         share = np.sinc(off_axis / math.pi)  # sin(x) / x
         directions = np.stack([across * share, up * share, -np.cos(off_axis)], axis=1)
-        return Rays(
-            origins=np.zeros_like(directions),
-            directions=directions,
-            times=times,
-            ring_ids=np.zeros(len(times), np.int32),
-            t_min=self.min_distance,
-            t_max=self.max_distance,
-            gap=0.0,
-            spread=math.radians(self.field_of_view) / math.sqrt(max(self.rate * self.duration, 1.0)),
-        )
+        spread = math.radians(self.field_of_view) / math.sqrt(max(self.rate * self.duration, 1.0))
+        return self._rays(directions, times, np.zeros(len(times), np.int32), spread)
 
 
 @dataclass(frozen=True, slots=True)
@@ -116,16 +99,8 @@ class Raster(OnAnyObject):
         azimuths = math.radians(self.horizontal) * (0.5 - (columns + 0.5) / self.width)
         elevations = math.radians(self.vertical) * (0.5 - (rows + 0.5) / self.height)
         directions = directions_of(azimuths, elevations)
-        return Rays(
-            origins=np.zeros_like(directions),
-            directions=directions,
-            times=shots / (self.width * self.height * self.rate),
-            ring_ids=rows.astype(np.int32),
-            t_min=self.min_distance,
-            t_max=self.max_distance,
-            gap=0.0,
-            spread=math.radians(self.horizontal) / self.width,
-        )
+        times = shots / (self.width * self.height * self.rate)
+        return self._rays(directions, times, rows.astype(np.int32), math.radians(self.horizontal) / self.width)
 
 
 @dataclass(frozen=True, slots=True)
@@ -176,16 +151,8 @@ class DepthCamera(OnAnyObject):
         grid[..., 0], grid[..., 1] = x, y[:, None]
         directions = np.tile(grid.reshape(-1, 3), (len(pictures), 1))
         rows = np.repeat(np.arange(self.height, dtype=np.int32), self.width)
-        return Rays(
-            origins=np.zeros_like(directions),
-            directions=directions,
-            times=np.repeat(pictures, self.width * self.height),
-            ring_ids=np.tile(rows, len(pictures)),
-            t_min=self.min_distance,
-            t_max=self.max_distance,
-            gap=0.0,
-            spread=2.0 * across / self.width,
-        )
+        times = np.repeat(pictures, self.width * self.height)
+        return self._rays(directions, times, np.tile(rows, len(pictures)), 2.0 * across / self.width)
 
 
 def _check_grid(pattern: str, width: int, height: int) -> None:

@@ -90,6 +90,8 @@ class OnAnyObject:
     """The common part of patterns that need no camera, nor a second eye."""
 
     __slots__ = ()
+    min_distance: float
+    max_distance: float
 
     @property
     def needs_camera(self) -> bool:
@@ -102,6 +104,13 @@ class OnAnyObject:
     @property
     def baseline(self) -> float:
         return 0.0
+
+    def _rays(
+        self, directions: Float64Array, times: Float64Array, ring_ids: npt.NDArray[np.int32], spread: float
+    ) -> Rays:
+        """Rays that start at the sensor, within its range."""
+        nowhere = np.zeros_like(directions)
+        return Rays(nowhere, directions, times, ring_ids, self.min_distance, self.max_distance, 0.0, spread)
 
 
 @dataclass(frozen=True, slots=True)
@@ -219,16 +228,9 @@ class SpinningLidar(OnAnyObject):
         azimuths = np.radians(((columns % self.columns + 0.5) / self.columns - 0.5) * self.sweep)
         elevations = np.radians(np.array(self.elevations))
         directions = directions_of(np.repeat(azimuths, len(elevations)), np.tile(elevations, len(columns)))
-        return Rays(
-            origins=np.zeros_like(directions),
-            directions=directions,
-            times=np.repeat(columns / a_second, len(elevations)),
-            ring_ids=np.tile(np.arange(len(elevations), dtype=np.int32), len(columns)),
-            t_min=self.min_distance,
-            t_max=self.max_distance,
-            gap=0.0,
-            spread=math.radians(self.sweep) / self.columns,
-        )
+        rings = np.tile(np.arange(len(elevations), dtype=np.int32), len(columns))
+        times = np.repeat(columns / a_second, len(elevations))
+        return self._rays(directions, times, rings, math.radians(self.sweep) / self.columns)
 
 
 def directions_of(azimuths: Float64Array, elevations: Float64Array) -> Float64Array:
