@@ -45,7 +45,6 @@ class PERFECT_BVH_OT_bake_rays(JobOperator, bpy.types.Operator):
     bl_description = "Cast rays from each face of the selected meshes, and show what they find as colors. Esc cancels"
     bl_options: ClassVar = {"REGISTER", "UNDO"}
     doing = "Baking"
-    _started: float
     _space: int | None
 
     @classmethod
@@ -59,30 +58,14 @@ class PERFECT_BVH_OT_bake_rays(JobOperator, bpy.types.Operator):
             return "No weather file: choose one, or measure hours of sun"
         return None
 
-    def execute(self, context: bpy.types.Context) -> set[str]:
-        import perfect_bvh
+    def _make_job(self, context: bpy.types.Context) -> BakeJob:
+        self._space = find_space(context)
+        return BakeJob(context)
 
-        if not self._begin(context):
-            return {"CANCELLED"}
-        try:
-            self._job.baker.run()
-        except (ValueError, perfect_bvh.EngineError, MemoryError) as problem:
-            self._complain(problem)
-            return {"CANCELLED"}
-        finally:
-            self._end(context)
-        return self._finish(context)
+    def _hold(self, context: bpy.types.Context) -> float | None:
+        from ..live.scene_view import SceneView
 
-    def _begin(self, context: bpy.types.Context) -> bool:
-        self._forget_complaints()
-        self._started, self._space = time.perf_counter(), find_space(context)
-        try:
-            self._job = BakeJob(context)
-        except (ValueError, ImportError, OSError) as problem:
-            self._complain(problem)
-            return False
-        self._steps = self._job.steps()
-        return True
+        return SceneView("bake", context.scene, context.view_layer).hold(self._run)
 
     def _finish(self, context: bpy.types.Context) -> set[str]:
         job = self._job

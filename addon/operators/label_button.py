@@ -34,7 +34,6 @@ class PERFECT_BVH_OT_label_images(JobOperator, bpy.types.Operator):
     bl_description = "Write exact object ids, masks and depth of what the camera sees. Esc cancels"
     bl_options: ClassVar = {"REGISTER"}
     doing = "Labelling"
-    _started: float
 
     @classmethod
     def _find_complaint(cls, context: bpy.types.Context) -> str | None:
@@ -47,25 +46,8 @@ class PERFECT_BVH_OT_label_images(JobOperator, bpy.types.Operator):
             return "Nothing to output: choose a format"
         return None
 
-    def execute(self, context: bpy.types.Context) -> set[str]:
-        if not self._begin(context):
-            return {"CANCELLED"}
-        try:
-            done = self._run()
-        finally:
-            self._end(context)
-        return self._give_up(context) if done is None else self._finish(context)
-
-    def _begin(self, context: bpy.types.Context) -> bool:
-        self._forget_complaints()
-        self._started = time.perf_counter()
-        try:
-            self._job = LabelsJob(context.scene, context.view_layer)
-        except (ValueError, ImportError, OSError) as problem:
-            self._complain(problem)
-            return False
-        self._steps = self._job.steps()
-        return True
+    def _make_job(self, context: bpy.types.Context) -> LabelsJob:
+        return LabelsJob(context.scene, context.view_layer)
 
     def _finish(self, context: bpy.types.Context) -> set[str]:
         for warning in self._job.warnings:

@@ -30,8 +30,40 @@ class JobOperator(Ticking):
     """
 
     doing: ClassVar[str]
+    _started: float
     _job: Any
     _steps: Any  # a generator; Blender evaluates annotations
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        if not self._begin(context):
+            return {"CANCELLED"}
+        done: float | None = None
+        try:
+            done = self._hold(context)
+        except ValueError as problem:
+            self._complain(problem)
+        finally:
+            self._end(context)
+        return self._give_up(context) if done is None else self._finish(context)
+
+    def _begin(self, context: bpy.types.Context) -> bool:
+        self._forget_complaints()
+        self._started = time.perf_counter()
+        try:
+            self._job = self._make_job(context)
+        except (ValueError, ImportError, OSError) as problem:
+            self._complain(problem)
+            return False
+        self._steps = self._job.steps()
+        return True
+
+    def _make_job(self, context: bpy.types.Context) -> Any:
+        """Returns the job that the panel describes. Raises ValueError, ImportError and OSError."""
+        raise NotImplementedError
+
+    def _hold(self, context: bpy.types.Context) -> float | None:
+        """Does `_run` with one evaluated scene, if that is faster."""
+        return self._run()
 
     def _run(self) -> float | None:
         """Does all steps, in one go."""

@@ -44,7 +44,6 @@ class PERFECT_BVH_OT_scan(JobOperator, bpy.types.Operator):
     # Blender evaluates these annotations, and the scanner's module needs the native engine.
     _file: Any
     _colors: tuple[str, str]
-    _started: float
     doing = "Scanning"
 
     @classmethod
@@ -63,44 +62,19 @@ class PERFECT_BVH_OT_scan(JobOperator, bpy.types.Operator):
             return "The scene is linked from another file: nothing can be added to it"
         return None
 
-    def execute(self, context: bpy.types.Context) -> set[str]:
-        from ..live.scene_view import SceneView
-
-        if not self._begin(context):
-            return {"CANCELLED"}
-        settings = context.scene.perfect_bvh.scan
-        view = SceneView("scan", context.scene, context.view_layer, for_viewport=settings.use_viewport)
-        done: float | None = None
-        try:
-            done = view.hold(self._run)
-        except ValueError as problem:
-            self._complain(problem)
-        finally:
-            self._end(context)
-        return self._give_up(context) if done is None else self._finish(context)
-
-    # The parts -------------------------------------------------------------------------------------------------------
-
-    def _begin(self, context: bpy.types.Context) -> bool:
-
-        self._forget_complaints()
+    def _make_job(self, context: bpy.types.Context) -> PointsJob | FilesJob:
+        scene, settings = context.scene, context.scene.perfect_bvh.scan
         self._kept: list[tuple[str, PointCloud]] = []
-        self._started = time.perf_counter()
-        settings = context.scene.perfect_bvh.scan
         # The current choice: the panel's may be different when the points are ready.
         self._colors = settings.point_color, settings.point_column
-        self._file = ScannedFile(context.scene, context.view_layer) if settings.use_files else None
-        try:
-            self._job = (
-                PointsJob(context.scene, context.view_layer)
-                if self._file is None
-                else FilesJob(context.scene, self._file)
-            )
-        except (ValueError, OSError) as problem:
-            self._complain(problem)
-            return False
-        self._steps = self._job.steps()
-        return True
+        self._file = ScannedFile(scene, context.view_layer) if settings.use_files else None
+        return PointsJob(scene, context.view_layer) if self._file is None else FilesJob(scene, self._file)
+
+    def _hold(self, context: bpy.types.Context) -> float | None:
+        from ..live.scene_view import SceneView
+
+        for_viewport = context.scene.perfect_bvh.scan.use_viewport
+        return SceneView("scan", context.scene, context.view_layer, for_viewport=for_viewport).hold(self._run)
 
     def _keep(self) -> None:
         """The points are kept if they are asked for: only a file is missing."""
