@@ -194,7 +194,7 @@ class Schedule:
 
 
 # Throttle ------------------------------------------------------------------------------------------------------------
-# Limit how often the growing image of a render is shown. Needs no Blender.
+# Limit how often the growing image of a render is shown.
 
 
 T = TypeVar("T")

@@ -267,7 +267,7 @@ def _columns_of(camera: Camera, width: int) -> tuple[int, int]:
 # Refines one image after the other on a separate thread, which exists only while there is something to trace.
 #
 # Its images hold nothing of Blender, so Blender continues during the tracing, and may edit the scene. All
-# methods are for one thread, except `stop`, which is for any. Does not depend on Blender.
+# methods are for one thread, except `stop`, which is for any.
 
 
 # The first image of a view is awaited: it is made so coarse that it is there at once.

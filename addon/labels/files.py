@@ -31,7 +31,7 @@ from ..support.id_colors import id_colors
 from ..sync.lookup import LabelColumn
 from .labels import ARRAYS, Labels
 
-# Labels as an OpenEXR file of several layers, as Blender and compositors read them. Does not depend on Blender.
+# Labels as an OpenEXR file of several layers, as Blender and compositors read them.
 #
 # Channels are named LAYER.PASS.CHANNEL, as Blender names its own. Depths, normals, positions, uvs, flow and numeric
 # labels are 32-bit floats; ids are unsigned whole numbers of 32 bits. Compressed without loss (ZIP).

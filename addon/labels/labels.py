@@ -88,7 +88,7 @@ def find_things(
 
 
 # Masks ---------------------------------------------------------------------------------------------------------------
-# The pixels of many object instances, a mask for each; masks may overlap. Does not depend on Blender.
+# The pixels of many object instances, a mask for each; masks may overlap.
 
 
 Int64Array = npt.NDArray[np.int64]
@@ -298,7 +298,7 @@ def describe_camera(camera: Camera, frame: tuple[int, int], cut: tuple[slice, sl
 
 
 # Run lengths ---------------------------------------------------------------------------------------------------------
-# Masks as run lengths in the format of COCO: all at once, from pixels sorted by columns. Does not depend on Blender.
+# Masks as run lengths in the format of COCO: all at once, from pixels sorted by columns.
 
 
 def run_lengths(masks: Masks) -> list[dict[str, Any]]:

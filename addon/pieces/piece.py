@@ -49,7 +49,7 @@ def runs_of(frames: Iterable[int], size: int, *, has_gaps: bool = False) -> list
 
 
 # Inputs --------------------------------------------------------------------------------------------------------------
-# The inputs of the bytes of chunks, except their frames, as JSON values. Does not depend on Blender.
+# The inputs of the bytes of chunks, except their frames, as JSON values.
 
 
 _BLOCK = 1 << 20
@@ -122,7 +122,7 @@ def find_difference(inputs: dict[str, Any], others: dict[str, Any]) -> str | Non
 
 
 # Folder --------------------------------------------------------------------------------------------------------------
-# Manifests of chunks: which are finished, and which do not belong together. Does not depend on Blender.
+# Manifests of chunks: which are finished, and which do not belong together.
 #
 # Each chunk has a manifest next to its files, written last: its frames, facts about it, the files' checksums, and
 # the inputs that it was made from. A chunk is finished if its manifest exists, has the current inputs, and its

@@ -24,7 +24,7 @@ from ..support.files import data_library, replacing
 from .las import LasPoints, write_las
 from .point_cloud import AXES, COLUMNS, PointCloud, column_names
 
-# The names of label columns in each format of point clouds. Does not depend on Blender.
+# The names of label columns in each format of point clouds.
 
 
 # What no name may hold, and how many bytes it may have.

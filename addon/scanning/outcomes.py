@@ -146,7 +146,7 @@ class MissJudge:
 
 
 # Complaints ----------------------------------------------------------------------------------------------------------
-# Says in words why a scan is useless, and how to fix it. Does not depend on Blender.
+# Says in words why a scan is useless, and how to fix it.
 #
 # The sentences hold no counts, so that equal ones of several files of a scan merge.
 
@@ -204,7 +204,7 @@ def unit_complaints(units: Any, farthest: float) -> Iterator[str]:
 
 
 # Words ---------------------------------------------------------------------------------------------------------------
-# Messages about names that users wrote: the nearest of the existing names. Does not depend on Blender.
+# Messages about names that users wrote: the nearest of the existing names.
 
 
 def nearest(name: str, names: Iterable[str]) -> str:

@@ -75,8 +75,6 @@ def stretches_of(
 
 # Poses ---------------------------------------------------------------------------------------------------------------
 # The pose of a moving sensor: between two poses it moves in a straight line, and turns evenly the shorter way.
-#
-# Does not depend on Blender.
 
 
 # How far from a rotation what turns one pose into the next may be: matrices of Blender are float32.
@@ -160,7 +158,7 @@ def bend(before: Float64Array, here: Float64Array, after: Float64Array, distance
 
 
 # Second eye ----------------------------------------------------------------------------------------------------------
-# Depth cameras with two cameras: a point counts if both see it. Does not depend on Blender.
+# Depth cameras with two cameras: a point counts if both see it.
 
 
 Float64Array = npt.NDArray[np.float64]

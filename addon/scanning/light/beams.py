@@ -30,8 +30,6 @@ if TYPE_CHECKING:
     from ...live.scene_sync import SceneSync
 
 # Turns the hits of the beams' rays into echoes: merged, compared with the sensor's detection limit, chosen by rules.
-#
-# Does not depend on Blender.
 
 
 IntArray = npt.NDArray[Any]

@@ -150,7 +150,7 @@ class Light:
 
 
 # Beam rays -----------------------------------------------------------------------------------------------------------
-# The rays that sample a beam: one at its middle, and others evenly over its disc. Does not depend on Blender.
+# The rays that sample a beam: one at its middle, and others evenly over its disc.
 
 
 # Vogel 1979: each seed of a sunflower is turned by so much of a turn from the one before.
@@ -210,7 +210,7 @@ def unit(vectors: Float64Array) -> Float64Array:
 
 
 # Ray noise -----------------------------------------------------------------------------------------------------------
-# Random numbers of rays: they depend only on the seed, the ray's number and a channel. Does not depend on Blender.
+# Random numbers of rays: they depend only on the seed, the ray's number and a channel.
 #
 # A ray's numbers do not depend on other rays, their order or the number of workers. They have the same bits on every
 # system: only whole numbers, sums, products, quotients and square roots are used.
@@ -295,7 +295,7 @@ def _logarithm(values: Float64Array) -> Float64Array:
 
 
 # Measuring -----------------------------------------------------------------------------------------------------------
-# The measured positions of echoes: with each ray's noise, bias and dropout. Does not depend on Blender.
+# The measured positions of echoes: with each ray's noise, bias and dropout.
 
 
 IntArray = npt.NDArray[Any]

@@ -124,7 +124,7 @@ def lobe_back(cosines: Float64Array, roughness: Float64Array) -> Float64Array:
 # Tables --------------------------------------------------------------------------------------------------------------
 # The tables of a sensor's file that describe the physics of its beams: [beam], [light], [detection] and [noise].
 #
-# Does not depend on Blender. All tables and all their keys are optional; a file without any is of an ideal sensor.
+# All tables and all their keys are optional; a file without any is of an ideal sensor.
 
 
 TABLES: dict[str, type[Any]] = {"beam": Beam, "light": Optics, "detection": Detection, "noise": Noise}
