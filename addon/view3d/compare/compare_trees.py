@@ -20,7 +20,7 @@ from ...statistics.words import count_of, duration
 from ...sync.records import MeshRecord
 from ..pointer import OneObject, RayCost, Rays, cost_of, diffuse_rays, primary_rays
 
-# The text under two compared trees: rows of a name, a value and a ratio. Does not depend on Blender.
+# The text under two compared trees: rows of a name, a value and a ratio.
 
 
 SAME = 0.005  # ratios as near to 1 as that are shown as 1
@@ -96,7 +96,7 @@ def _no_ratio(value: float, other: float | None) -> float | None:
 
 
 # Shaded mesh ---------------------------------------------------------------------------------------------------------
-# A mesh with a color at each vertex, as if lit from above: an object with its boxes. Does not depend on Blender.
+# A mesh with a color at each vertex, as if lit from above: an object with its boxes.
 
 
 Float32Array = npt.NDArray[np.float32]

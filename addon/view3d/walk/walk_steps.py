@@ -121,7 +121,7 @@ def count(walk: RayWalk, end: int, nanoseconds: npt.NDArray[np.float64]) -> Coun
 
 
 # Walk words ----------------------------------------------------------------------------------------------------------
-# The events of a walk in sentences: a step, or one box or triangle of a step. Does not depend on Blender.
+# The events of a walk in sentences: a step, or one box or triangle of a step.
 #
 # They begin in upper case and have no full stop.
 
@@ -239,7 +239,7 @@ class WalkWords:
 
 
 # Pixel ray -----------------------------------------------------------------------------------------------------------
-# The ray through a point of a region, as the picture of that region is traced. Does not depend on Blender.
+# The ray through a point of a region, as the picture of that region is traced.
 
 
 Float64Array = npt.NDArray[np.float64]
