@@ -220,7 +220,7 @@ class BVHTree:
         place, away, row = np.empty((1, 3)), np.empty(1), np.empty(1, np.int32)
         limits = _FROM, np.array((min(distance, LONGEST),), np.float32), _ALL, _FROM
         out = {"positions": place, "distances": away, "primitive_ids": row}
-        self._snapshot.cast_rays(rays[:1], rays[1:], *limits, "none", "stream", out, 1, None)
+        self._snapshot.cast_rays((rays[:1], rays[1:], *limits, "none"), "stream", out, 1, None)
         return self._answer(place[0], away[0], row[0])
 
     def _blenders(self) -> Any:

@@ -70,16 +70,24 @@ Strategy parse_strategy(const std::string& name) {
   throw InvalidArgument("strategy must be 'auto', 'packets', 'stream' or 'single', got '" + name + "'");
 }
 
-RayColumns read_rays(const py::array& origins, const py::array& directions, const Array<float>& t_min,
-                     const Array<float>& t_max, const Array<std::uint32_t>& masks, const Array<float>& times,
-                     const std::string& cull) {
+template <class T>
+Array<T> column_of(const py::handle& value) {
+  if (!py::isinstance<Array<T>>(value)) throw std::invalid_argument("_core: a column of rays has the wrong dtype");
+  return py::reinterpret_borrow<Array<T>>(value);
+}
+
+// Reads origins, directions, t_min, t_max, masks, times and cull. The caller keeps the arrays alive.
+RayColumns read_rays(const py::tuple& given) {
+  if (given.size() != 7) throw std::invalid_argument("_core: rays are a tuple of seven");
   RayColumns columns;
-  set_columns(origins, directions, columns);
+  set_columns(given[0].cast<py::array>(), given[1].cast<py::array>(), columns);
+  const auto t_min = column_of<float>(given[2]), t_max = column_of<float>(given[3]), times = column_of<float>(given[5]);
+  const auto masks = column_of<std::uint32_t>(given[4]);
   columns.t_min = t_min.data(), columns.t_min_stride = stride_of(t_min, columns.count);
   columns.t_max = t_max.data(), columns.t_max_stride = stride_of(t_max, columns.count);
   columns.masks = masks.data(), columns.mask_stride = stride_of(masks, columns.count);
   columns.times = times.data(), columns.time_stride = stride_of(times, columns.count);
-  columns.cull = parse_cull(cull);
+  columns.cull = parse_cull(given[6].cast<std::string>());
   return columns;
 }
 
@@ -164,11 +172,9 @@ void bind_queries(py::module_& module) {
   snapshot.def_property_readonly("scene_id", [](const Snapshot& self) { return self.scene_id; });
   snapshot.def(
       "cast_rays",
-      [](const Snapshot& self, const py::array& origins, const py::array& directions, const Array<float>& t_min,
-         const Array<float>& t_max, const Array<std::uint32_t>& masks, const Array<float>& times,
-         const std::string& cull, const std::string& strategy, const py::dict& outputs, int threads,
-         const py::object& progress) {
-        RayColumns rays = read_rays(origins, directions, t_min, t_max, masks, times, cull);
+      [](const Snapshot& self, const py::tuple& given, const std::string& strategy, const py::dict& outputs,
+         int threads, const py::object& progress) {
+        RayColumns rays = read_rays(given);
         rays.strategy = parse_strategy(strategy);
         const HitColumns hits = read_outputs(outputs, rays.count);
         return with_progress(progress, [&](CancelToken& cancel) {
@@ -176,16 +182,12 @@ void bind_queries(py::module_& module) {
           return std::pair(summary.invalid_count, summary.packet_count);
         });
       },
-      py::arg("origins"), py::arg("directions"), py::arg("t_min").noconvert(), py::arg("t_max").noconvert(),
-      py::arg("masks").noconvert(), py::arg("times").noconvert(), py::arg("cull"), py::arg("strategy"),
-      py::arg("outputs"), py::arg("threads"), py::arg("progress"));
+      py::arg("rays"), py::arg("strategy"), py::arg("outputs"), py::arg("threads"), py::arg("progress"));
   snapshot.def(
       "test_occlusions",
-      [](const Snapshot& self, const py::array& origins, const py::array& directions, const Array<float>& t_min,
-         const Array<float>& t_max, const Array<std::uint32_t>& masks, const Array<float>& times,
-         const std::string& cull, const std::string& strategy, Array<bool>& occluded, int threads,
+      [](const Snapshot& self, const py::tuple& given, const std::string& strategy, Array<bool>& occluded, int threads,
          const py::object& progress) {
-        RayColumns rays = read_rays(origins, directions, t_min, t_max, masks, times, cull);
+        RayColumns rays = read_rays(given);
         rays.strategy = parse_strategy(strategy);
         if (static_cast<std::size_t>(occluded.size()) != rays.count) {
           throw std::invalid_argument("_core: occluded has the wrong size");
@@ -195,16 +197,13 @@ void bind_queries(py::module_& module) {
           return test_occlusions(self, rays, out, ThreadPool::shared(), threads, cancel);
         });
       },
-      py::arg("origins"), py::arg("directions"), py::arg("t_min").noconvert(), py::arg("t_max").noconvert(),
-      py::arg("masks").noconvert(), py::arg("times").noconvert(), py::arg("cull"), py::arg("strategy"),
-      py::arg("occluded").noconvert(), py::arg("threads"), py::arg("progress"));
+      py::arg("rays"), py::arg("strategy"), py::arg("occluded").noconvert(), py::arg("threads"), py::arg("progress"));
   snapshot.def(
       "audit_answers",
-      [](const Snapshot& self, const py::array& origins, const py::array& directions, const Array<float>& t_min,
-         const Array<float>& t_max, const Array<std::uint32_t>& masks, const Array<float>& times,
-         const Array<float>& t_hit, const Array<std::int32_t>& instance_ids, const Array<std::int32_t>& primitive_ids,
-         const std::string& cull, int threads, const py::object& progress) {
-        const RayColumns rays = read_rays(origins, directions, t_min, t_max, masks, times, cull);
+      [](const Snapshot& self, const py::tuple& given, const Array<float>& t_hit,
+         const Array<std::int32_t>& instance_ids, const Array<std::int32_t>& primitive_ids, int threads,
+         const py::object& progress) {
+        const RayColumns rays = read_rays(given);
         for (const py::ssize_t size : {t_hit.size(), instance_ids.size(), primitive_ids.size()}) {
           if (static_cast<std::size_t>(size) != rays.count) {
             throw std::invalid_argument("_core: an audited column has the wrong size");
@@ -218,16 +217,13 @@ void bind_queries(py::module_& module) {
         });
         return verdicts;
       },
-      py::arg("origins"), py::arg("directions"), py::arg("t_min").noconvert(), py::arg("t_max").noconvert(),
-      py::arg("masks").noconvert(), py::arg("times").noconvert(), py::arg("t_hit").noconvert(),
-      py::arg("instance_ids").noconvert(), py::arg("primitive_ids").noconvert(), py::arg("cull"), py::arg("threads"),
-      py::arg("progress"));
+      py::arg("rays"), py::arg("t_hit").noconvert(), py::arg("instance_ids").noconvert(),
+      py::arg("primitive_ids").noconvert(), py::arg("threads"), py::arg("progress"));
   snapshot.def(
       "count_intersections",
-      [](const Snapshot& self, const py::array& origins, const py::array& directions, const Array<float>& t_min,
-         const Array<float>& t_max, const Array<std::uint32_t>& masks, const Array<float>& times,
-         const std::string& cull, Array<std::int32_t>& counts, int threads, const py::object& progress) {
-        const RayColumns rays = read_rays(origins, directions, t_min, t_max, masks, times, cull);
+      [](const Snapshot& self, const py::tuple& given, Array<std::int32_t>& counts, int threads,
+         const py::object& progress) {
+        const RayColumns rays = read_rays(given);
         if (static_cast<std::size_t>(counts.size()) != rays.count) {
           throw std::invalid_argument("_core: counts has the wrong size");
         }
@@ -236,16 +232,12 @@ void bind_queries(py::module_& module) {
           return count_intersections(self, rays, out, ThreadPool::shared(), threads, cancel);
         });
       },
-      py::arg("origins"), py::arg("directions"), py::arg("t_min").noconvert(), py::arg("t_max").noconvert(),
-      py::arg("masks").noconvert(), py::arg("times").noconvert(), py::arg("cull"), py::arg("counts").noconvert(),
-      py::arg("threads"), py::arg("progress"));
+      py::arg("rays"), py::arg("counts").noconvert(), py::arg("threads"), py::arg("progress"));
   snapshot.def(
       "list_intersections",
-      [](const Snapshot& self, const py::array& origins, const py::array& directions, const Array<float>& t_min,
-         const Array<float>& t_max, const Array<std::uint32_t>& masks, const Array<float>& times,
-         const std::string& cull, const Array<std::int64_t>& ray_splits, const py::dict& outputs, int threads,
-         const py::object& progress) {
-        const RayColumns rays = read_rays(origins, directions, t_min, t_max, masks, times, cull);
+      [](const Snapshot& self, const py::tuple& given, const Array<std::int64_t>& ray_splits, const py::dict& outputs,
+         int threads, const py::object& progress) {
+        const RayColumns rays = read_rays(given);
         const auto splits = as_span(ray_splits);
         if (splits.size() != rays.count + 1) throw std::invalid_argument("_core: ray_splits has the wrong size");
         check_splits(splits);
@@ -254,9 +246,7 @@ void bind_queries(py::module_& module) {
           return list_intersections(self, rays, splits, hits, ThreadPool::shared(), threads, cancel);
         });
       },
-      py::arg("origins"), py::arg("directions"), py::arg("t_min").noconvert(), py::arg("t_max").noconvert(),
-      py::arg("masks").noconvert(), py::arg("times").noconvert(), py::arg("cull"), py::arg("ray_splits").noconvert(),
-      py::arg("outputs"), py::arg("threads"), py::arg("progress"));
+      py::arg("rays"), py::arg("ray_splits").noconvert(), py::arg("outputs"), py::arg("threads"), py::arg("progress"));
   snapshot.def(
       "compute_closest_points",
       [](const Snapshot& self, const Array<double>& points, const Array<double>& max_distances,
@@ -272,17 +262,14 @@ void bind_queries(py::module_& module) {
       py::arg("times").noconvert(), py::arg("outputs"), py::arg("threads"), py::arg("progress"));
   snapshot.def(
       "walk_ray",
-      [](const Snapshot& self, const py::array& origins, const py::array& directions, const Array<float>& t_min,
-         const Array<float>& t_max, const Array<std::uint32_t>& masks, const Array<float>& times,
-         const std::string& cull, const py::object& progress) {
-        const RayColumns rays = read_rays(origins, directions, t_min, t_max, masks, times, cull);
+      [](const Snapshot& self, const py::tuple& given, const py::object& progress) {
+        const RayColumns rays = read_rays(given);
         if (rays.count != 1) throw std::invalid_argument("_core: walk_ray takes one ray");
         const Ray ray = load_ray(rays, 0);
         return to_dict(
             with_progress(progress, [&](CancelToken& cancel) { return walk_ray(self, ray, rays.cull, cancel); }));
       },
-      py::arg("origins"), py::arg("directions"), py::arg("t_min").noconvert(), py::arg("t_max").noconvert(),
-      py::arg("masks").noconvert(), py::arg("times").noconvert(), py::arg("cull"), py::arg("progress"));
+      py::arg("rays"), py::arg("progress"));
 }
 
 }  // namespace perfect_bvh::bindings

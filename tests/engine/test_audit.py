@@ -74,7 +74,7 @@ def audit_natively(scene, origins, directions, columns) -> tuple[np.ndarray, np.
     limits = (np.zeros(1, np.float32), np.full(1, np.inf, np.float32), np.full(1, 0xFFFFFFFF, np.uint32))
     core = scene.snapshot()._committed()
     times = np.zeros(1, np.float32)
-    verdicts = core.audit_answers(origins, directions, *limits, times, *columns, "none", 0, None)
+    verdicts = core.audit_answers((origins, directions, *limits, times, "none"), *columns, 0, None)
     return verdicts & 1 != 0, verdicts & 2 != 0
 
 

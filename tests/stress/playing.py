@@ -98,4 +98,4 @@ def wrong_answers(
     answers = np.float32(t_hit), np.int32(instance_ids), np.int32(primitive_ids)
     times = np.zeros(1, np.float32)
     audit = scene.snapshot()._committed().audit_answers
-    return audit(origins, directions, *limits, times, *answers, "none", 0, None) & 1 != 0
+    return audit((origins, directions, *limits, times, "none"), *answers, 0, None) & 1 != 0

@@ -17,6 +17,8 @@ _Int = npt.NDArray[np.int32]
 _Long = npt.NDArray[np.int64]
 _Byte = npt.NDArray[np.uint8]
 _Mask = npt.NDArray[np.uint32]
+# Origins, directions, t_min, t_max, masks, times and cull.
+_Rays = tuple[Any, ...]
 _Real = TypeVar("_Real", _Float, _Double)
 _Progress = Callable[[float], object] | None
 
@@ -75,74 +77,17 @@ class Snapshot:
     @property
     def scene_id(self) -> int: ...
     def cast_rays(
-        self,
-        origins: npt.NDArray[Any],
-        directions: npt.NDArray[Any],
-        t_min: _Float,
-        t_max: _Float,
-        masks: _Mask,
-        times: _Float,
-        cull: str,
-        strategy: str,
-        outputs: dict[str, npt.NDArray[Any]],
-        threads: int,
-        progress: _Progress,
+        self, rays: _Rays, strategy: str, outputs: dict[str, npt.NDArray[Any]], threads: int, progress: _Progress
     ) -> tuple[int, int]: ...
     def test_occlusions(
-        self,
-        origins: npt.NDArray[Any],
-        directions: npt.NDArray[Any],
-        t_min: _Float,
-        t_max: _Float,
-        masks: _Mask,
-        times: _Float,
-        cull: str,
-        strategy: str,
-        occluded: npt.NDArray[np.bool_],
-        threads: int,
-        progress: _Progress,
+        self, rays: _Rays, strategy: str, occluded: npt.NDArray[np.bool_], threads: int, progress: _Progress
     ) -> int: ...
     def audit_answers(
-        self,
-        origins: npt.NDArray[Any],
-        directions: npt.NDArray[Any],
-        t_min: _Float,
-        t_max: _Float,
-        masks: _Mask,
-        times: _Float,
-        t_hit: _Float,
-        instance_ids: _Int,
-        primitive_ids: _Int,
-        cull: str,
-        threads: int,
-        progress: _Progress,
+        self, rays: _Rays, t_hit: _Float, instance_ids: _Int, primitive_ids: _Int, threads: int, progress: _Progress
     ) -> npt.NDArray[np.uint8]: ...
-    def count_intersections(
-        self,
-        origins: npt.NDArray[Any],
-        directions: npt.NDArray[Any],
-        t_min: _Float,
-        t_max: _Float,
-        masks: _Mask,
-        times: _Float,
-        cull: str,
-        counts: _Int,
-        threads: int,
-        progress: _Progress,
-    ) -> int: ...
+    def count_intersections(self, rays: _Rays, counts: _Int, threads: int, progress: _Progress) -> int: ...
     def list_intersections(
-        self,
-        origins: npt.NDArray[Any],
-        directions: npt.NDArray[Any],
-        t_min: _Float,
-        t_max: _Float,
-        masks: _Mask,
-        times: _Float,
-        cull: str,
-        ray_splits: _Long,
-        outputs: dict[str, npt.NDArray[Any]],
-        threads: int,
-        progress: _Progress,
+        self, rays: _Rays, ray_splits: _Long, outputs: dict[str, npt.NDArray[Any]], threads: int, progress: _Progress
     ) -> int: ...
     def compute_closest_points(
         self,
@@ -154,17 +99,7 @@ class Snapshot:
         threads: int,
         progress: _Progress,
     ) -> int: ...
-    def walk_ray(
-        self,
-        origins: npt.NDArray[Any],
-        directions: npt.NDArray[Any],
-        t_min: _Float,
-        t_max: _Float,
-        masks: _Mask,
-        times: _Float,
-        cull: str,
-        progress: _Progress,
-    ) -> dict[str, npt.NDArray[Any]]: ...
+    def walk_ray(self, rays: _Rays, progress: _Progress) -> dict[str, npt.NDArray[Any]]: ...
 
 def divide_curves(
     points: _Real,

@@ -150,8 +150,8 @@ def _judge(
     for start in range(0, count, _ROWS_AT_A_TIME):
         part = slice(start, min(start + _ROWS_AT_A_TIME, count))
         share = share_of(progress, part.start / count, (part.stop - part.start) / count)
-        arguments: Any = (*columns_of(part), cull, threads, share)
-        verdicts[part] = snapshot.audit_answers(*arguments)
+        *rays, t_hit, instance_ids, primitive_ids = columns_of(part)
+        verdicts[part] = snapshot.audit_answers((*rays, cull), t_hit, instance_ids, primitive_ids, threads, share)
     return verdicts
 
 

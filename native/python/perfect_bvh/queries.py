@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import Any, Literal, NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -115,7 +115,7 @@ class Queries:
         snapshot, invalid, packed = self._committed(), 0, 0
         for piece in batch.pieces(share_of(progress, 0.0, 0.5) if audit > 0.0 else progress):
             part = {name: column[piece.index] for name, column in columns.items()}
-            counts = snapshot.cast_rays(*_six(piece.columns), cull, self._strategy, part, threads, piece.progress)
+            counts = snapshot.cast_rays((*piece.columns, cull), self._strategy, part, threads, piece.progress)
             invalid, packed = invalid + counts[0], packed + counts[1]
         audited = None
         if audit > 0.0:
@@ -155,7 +155,7 @@ class Queries:
         snapshot = self._committed()
         for piece in batch.pieces(progress):
             part = occluded[piece.index]
-            snapshot.test_occlusions(*_six(piece.columns), cull, self._strategy, part, threads, piece.progress)
+            snapshot.test_occlusions((*piece.columns, cull), self._strategy, part, threads, piece.progress)
         return occluded
 
     def count_intersections(
@@ -234,7 +234,7 @@ class Queries:
             part = {field: column[first:last] for field, column in columns.items()}
             inner = splits[piece.rows.start : piece.rows.stop + 1]
             inner = inner if first == 0 else inner - first
-            invalid += snapshot.list_intersections(*_six(piece.columns), cull, inner, part, threads, piece.progress)
+            invalid += snapshot.list_intersections((*piece.columns, cull), inner, part, threads, piece.progress)
         return Intersections(Hits(columns, invalid, snapshot.generation, snapshot.scene_id), splits)
 
     def walk_ray(
@@ -263,7 +263,7 @@ class Queries:
         if batch.shape != ():
             raise ValueError(f"walk_ray: origin and direction must have shape (3,), got rays of shape {batch.shape}")
         piece = next(batch.pieces(progress))
-        return RayWalk(**self._committed().walk_ray(*_six(piece.columns), cull, progress))
+        return RayWalk(**self._committed().walk_ray((*piece.columns, cull), progress))
 
     def compute_closest_points(
         self,
@@ -321,11 +321,6 @@ class Queries:
         return SceneStatistics.from_core(_core.measure(self._committed(), bool(detailed), progress))
 
 
-def _six(columns: tuple[npt.NDArray[Any], ...]) -> tuple[Any, Any, Any, Any, Any, Any]:
-    first, second, third, fourth, fifth, sixth = columns
-    return first, second, third, fourth, fifth, sixth
-
-
 def _count(
     snapshot: _core.Snapshot,
     batch: Batch,
@@ -336,4 +331,4 @@ def _count(
 ) -> None:
     for piece in batch.pieces(progress):
         part = counts[piece.index]
-        snapshot.count_intersections(*_six(piece.columns), cull, part, threads, piece.progress)
+        snapshot.count_intersections((*piece.columns, cull), part, threads, piece.progress)
