@@ -72,13 +72,8 @@ def build_parser(prog: str) -> argparse.ArgumentParser:
     return parser
 
 
-def _add_file(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("file", metavar="FILE.blend", help="the scene")
-    _add_file_options(parser)
-    _add_viewport(parser)
-
-
-def _add_file_options(parser: argparse.ArgumentParser) -> None:
+def _add_file(parser: argparse.ArgumentParser, **how: Any) -> None:
+    parser.add_argument("file", metavar="FILE.blend", help="the scene", **how)
     parser.add_argument("--threads", type=POSITIVE, metavar="N", help="number of threads (default: from the file)")
     parser.add_argument(
         "--autoexec", action="store_true", help="run the file's Python scripts and drivers (only if you trust the file)"
@@ -86,9 +81,6 @@ def _add_file_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--allow-missing", action="store_true", help="continue if linked libraries are missing, and list them"
     )
-
-
-def _add_viewport(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--viewport",
         action="store_true",
@@ -102,12 +94,8 @@ def _add_frames(parser: argparse.ArgumentParser, default: str = "current") -> No
     parser.add_argument("--frames", type=parse_frames, metavar="LIST", help=what)
 
 
-def _add_quiet(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("-q", "--quiet", action="store_true", help="print no progress bar and no summary")
-
-
 def _add_pieces(parser: argparse.ArgumentParser) -> None:
-    """Adds options of work in chunks, with or without workers."""
+    """Adds options of work in chunks, with or without workers, and of what it prints."""
     parser.add_argument("--chunk", dest="piece", type=POSITIVE, metavar="N", help="frames per chunk (default: 10)")
     parser.add_argument("--piece", action=_OldName, type=POSITIVE, help=argparse.SUPPRESS)
     parser.add_argument("--resume", action="store_true", help="create only missing or damaged chunks")
@@ -120,6 +108,7 @@ def _add_pieces(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--scheduler", metavar="ADDRESS", help="process chunks on the workers of a Dask scheduler (tcp://host:8786)"
     )
+    parser.add_argument("-q", "--quiet", action="store_true", help="print no progress bar and no summary")
 
 
 def _add_labels_of(parser: argparse.ArgumentParser, what: str) -> None:
@@ -183,7 +172,6 @@ def _add_render(commands: argparse._SubParsersAction) -> None:
     )
     parser.add_argument("--stats", action="store_true", help="print updates of trees and times for each frame")
     _add_pieces(parser)
-    _add_quiet(parser)
 
 
 def _add_scan(commands: argparse._SubParsersAction) -> None:
@@ -193,9 +181,7 @@ def _add_scan(commands: argparse._SubParsersAction) -> None:
         description="Scan frames with a LiDAR or a depth camera on an object. Each chunk of frames becomes "
         "a file of points and a manifest that describes it. --resume creates only missing or damaged chunks.",
     )
-    parser.add_argument("file", metavar="FILE.blend", nargs="?", help="the scene")
-    _add_file_options(parser)
-    _add_viewport(parser)
+    _add_file(parser, nargs="?")
     parser.add_argument("-o", "--output", metavar="DIR", help="folder of the files")
     parser.add_argument(
         "--sensor", default="spinning-16", metavar="NAME", help="a name from --list-sensors, or your own .toml file"
@@ -233,7 +219,6 @@ def _add_scan(commands: argparse._SubParsersAction) -> None:
         "(default: the object's name is its class)",
     )
     _add_pieces(parser)
-    _add_quiet(parser)
 
 
 def _add_labels(commands: argparse._SubParsersAction) -> None:
@@ -280,7 +265,6 @@ def _add_labels(commands: argparse._SubParsersAction) -> None:
     )
     parser.add_argument("--no-coco", action="store_true", help="write no COCO file")
     _add_pieces(parser)
-    _add_quiet(parser)
 
 
 def _add_bake(commands: argparse._SubParsersAction) -> None:
@@ -328,7 +312,6 @@ def _add_bake(commands: argparse._SubParsersAction) -> None:
     parser.add_argument("--format", default="csv", choices=["csv", "parquet"], help="(default: %(default)s)")
     _add_frames(parser)
     _add_pieces(parser)
-    _add_quiet(parser)
 
 
 def _word(name: str) -> str:
