@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Literal, get_args
 
 import numpy as np
 import numpy.typing as npt
@@ -39,10 +39,7 @@ State = Literal[
     "built",
 ]
 # The changes of objects, and then of the trees of their meshes, which are more specific.
-STATES: tuple[State, ...] = (
-    *("kept", "unseen", "masked", "moved", "recounted", "replaced", "added", "removed"),
-    *("refitted", "rotated", "partly_rebuilt", "rebuilt", "built"),
-)
+STATES: tuple[State, ...] = get_args(State)
 OF_TREES = frozenset(STATES[STATES.index("refitted") :])
 MOST_CHANGED, MOST_UNCHANGED = 200, 300
 _RANK = {state: rank for rank, state in enumerate(STATES)}
