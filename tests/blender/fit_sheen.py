@@ -2,13 +2,14 @@
 
     python tests/blender/fit_sheen.py
 
-A sphere of a Sheen BSDF shows all angles to the camera and to a sun without size: one sample of a pixel is the lobe's
-value. For each roughness and cosine a linearly transformed cosine is fitted whose square roots are linear in three
-numbers. A linear spline with the engine's knots is fitted to all of them by least squares.
+Each pixel looks at a small square of a Sheen BSDF: columns are tilted, rows are rougher. A white world shows the lobe's
+albedo, and suns without size show its values, both without noise. From them follow the two numbers of its linearly
+transformed cosine. Splines with the engine's knots are fitted to all by least squares.
 """
 
 from __future__ import annotations
 
+import math
 import sys
 from typing import Any
 
@@ -16,100 +17,125 @@ import bpy
 import numpy as np
 import numpy.typing as npt
 from blender.node_setups import add, new_red, surface
-from oracles.cycles import FILTER_WIDTH, render_planes
+from oracles.cycles import FILTER_WIDTH, preserved, render_planes
 
 Array = npt.NDArray[np.float64]
 
-ROUGHNESSES = (0.1, 0.12, 0.16, *np.arange(0.2, 1.01, 0.05).round(2).tolist())
-TILTS = (0.0, 0.5, 1.0, 1.5, 2.0)  # of the sun, in radians
-COSINES = np.linspace(0.04, 0.98, 24)
-KNOTS = (0.0, 0.1, 0.2, 0.35, 0.5, 0.7, 1.0)
-ALBEDO_KNOTS = (0.1, 0.15, 0.2, 0.26, 0.33, 0.42, 0.54, 0.68, 0.84, 1.0)
-SHAPE_KNOTS = (0.1, 0.2, 0.35, 0.6, 1.0)
+LEAST_ROUGHNESS, KNOTS = 0.09, 8
+COSINES = (np.arange(64) + 0.5) / 64.0
+ROUGHNESSES = LEAST_ROUGHNESS + (1.0 - LEAST_ROUGHNESS) * np.linspace(0.0, 1.0, 64)
+SUNS = [(tilt, around) for tilt in (0.0, 0.4, 0.8, 1.2) for around in (0.0, 1.5, 3.1, 4.7)]  # in radians
 
 
-def make_ball() -> tuple[Any, Any, Any]:
-    """The scene, the shader node and the sun."""
+def make_squares() -> Any:
+    """Make the scene; the square of a pixel faces up, tilted towards +X."""
     bpy.ops.wm.read_factory_settings(use_empty=True)
     scene = bpy.context.scene
-    bpy.ops.mesh.primitive_ico_sphere_add(subdivisions=7, radius=1.0)
-    bpy.context.object.data.shade_smooth()
+    x, y = (axis.ravel() for axis in np.meshgrid(np.arange(64.0), np.arange(64.0)))
+    cosines, roughnesses = np.tile(COSINES, 64), np.repeat(ROUGHNESSES, 64)
+    half = np.minimum(0.45 / cosines, 10.0)
+    along = np.stack([half * cosines, 0.0 * half, -half * np.sqrt(1.0 - cosines**2)], axis=1)
+    middle, across = np.stack([x, y, 0.0 * x], axis=1), np.array([0.0, 0.45, 0.0])
+    corners = [middle - along - across, middle + along - across, middle + along + across, middle - along + across]
+    mesh = bpy.data.meshes.new("Squares")
+    mesh.from_pydata(np.stack(corners, axis=1).reshape(-1, 3).tolist(), [], np.arange(4 * 4096).reshape(-1, 4).tolist())
+    mesh.attributes.new("rough", "FLOAT", "FACE").data.foreach_set("value", roughnesses.astype(np.float32))
     material = new_red()
-    bpy.context.object.data.materials.append(material)
-    node = add(material.node_tree, "BsdfSheen", Color=(1.0, 1.0, 1.0, 1.0))
+    mesh.materials.append(material)
+    squares = bpy.data.objects.new("Squares", mesh)
+    squares.visible_diffuse = squares.visible_shadow = False
+    scene.collection.objects.link(squares)
+    node, rough = add(material.node_tree, "BsdfSheen", Color=(1.0, 1.0, 1.0, 1.0)), add(material.node_tree, "Attribute")
+    rough.attribute_name = "rough"
+    material.node_tree.links.new(rough.outputs["Fac"], node.inputs["Roughness"])
     material.node_tree.links.new(node.outputs[0], surface(material))
     bpy.ops.object.light_add(type="SUN")
-    sun = bpy.context.object
-    sun.data.angle, sun.data.energy = 0.0, 1.0
-    bpy.ops.object.camera_add(location=(0.0, 0.0, 6.0))
+    bpy.context.object.data.angle = 0.0
+    bpy.ops.object.camera_add(location=(31.5, 31.5, 40.0))
     scene.camera = bpy.context.object
-    scene.camera.data.type, scene.camera.data.ortho_scale = "ORTHO", 2.0
-    scene.render.resolution_x = scene.render.resolution_y = 96
-    scene.cycles.samples, scene.cycles.filter_width, scene.cycles.max_bounces = 1, FILTER_WIDTH, 0
+    scene.camera.data.type, scene.camera.data.ortho_scale = "ORTHO", 64.0
+    scene.render.resolution_x = scene.render.resolution_y = 64
+    scene.cycles.samples, scene.cycles.filter_width = 1, FILTER_WIDTH
     scene.cycles.use_adaptive_sampling = scene.cycles.use_denoising = False
     scene.world = bpy.data.worlds.new("World")
-    scene.world.node_tree.nodes["Background"].inputs["Strength"].default_value = 0.0
-    return scene, node, sun
+    scene.world.node_tree.nodes["Background"].inputs["Color"].default_value = (1.0, 1.0, 1.0, 1.0)
+    scene.world.cycles.sampling_method = "NONE"
+    return scene
 
 
-def measure(scene: Any, sun: Any) -> Array:
-    """(N, 5): cosines to the viewer, directions to the sun in the normal's frame with x to the viewer, and values."""
-    rows = []
-    for tilt in TILTS:
-        sun.rotation_euler = (tilt, 0.0, 0.0)
+def render(scene: Any, strength: float, energy: float) -> Array:
+    """Render (roughnesses, cosines), under a world and a sun."""
+    sky = scene.world.node_tree.nodes["Background"].inputs["Strength"]
+    with preserved((bpy.data.lights["Sun"], "energy", energy), (sky, "default_value", strength)):
+        found: Array = render_planes(scene, "CYCLES", ["Combined.R"])["Combined.R"][::-1].astype(np.float64)
+    return found
+
+
+def lobes(scene: Any) -> tuple[Array, Array, Array]:
+    """Return albedos, scales and shears, (roughnesses, cosines), NaN where too few suns are seen."""
+    albedos = render(scene, 1.0, 0.0)
+    scales, shears = np.full((2, *albedos.shape), np.nan)
+    sun, seen = bpy.data.objects["Sun"], []
+    for tilt, around in SUNS:
+        sun.rotation_euler = (0.0, tilt, around)
         bpy.context.view_layer.update()
-        light = np.array(sun.matrix_world.to_3x3().col[2])
-        planes = render_planes(scene, "CYCLES", ["Combined.R", "Normal.X", "Normal.Y", "Normal.Z"])
-        normals = np.stack([planes[f"Normal.{axis}"] for axis in "XYZ"], axis=-1).reshape(-1, 3).astype(np.float64)
-        values = planes["Combined.R"].ravel().astype(np.float64)
-        seen = (normals @ light > 0.12) & (normals[:, 2] > 0.02) & (values > 0.0)
-        normals, values = normals[seen], values[seen]
-        along = np.array((0.0, 0.0, 1.0)) - normals * normals[:, 2:]
-        along /= np.linalg.norm(along, axis=1, keepdims=True)
-        parts = [along @ light, np.cross(normals, along) @ light, normals @ light]
-        rows.append(np.stack([normals[:, 2], *parts, values], axis=1))
-    return np.concatenate(rows)
+        x, y, z = sun.matrix_world.to_3x3().col[2]
+        # In the frame of a square whose normal has this cosine: x towards the viewer's side.
+        sine = np.sqrt(1.0 - COSINES**2)
+        out = np.stack([COSINES * -x + sine * z, 0.0 * COSINES + y, sine * x + COSINES * z], axis=1)
+        seen.append((out, render(scene, 0.0, 1.0)))
+    for row, column in np.ndindex(albedos.shape):
+        rows = np.array([(*out[column], values[row, column]) for out, values in seen])
+        rows = rows[(rows[:, 2] > 0.02) & (rows[:, 3] > 0.0)]
+        if len(rows) >= 6 and albedos[row, column] > 1e-6:
+            scales[row, column], shears[row, column] = lobe_of(rows)
+    return albedos, scales, shears
 
 
-def lobe_of(rows: Array) -> tuple[float, float, float]:
-    """Albedo, scale and shear of the lobe through values at one cosine."""
-    x, y, z = rows[:, 1], rows[:, 2], rows[:, 3]
-    roots = np.sqrt(z / (np.pi * rows[:, 4]))
-    terms = np.stack([x * x + y * y, x * z, z * z], axis=1) / roots[:, None]
+def lobe_of(rows: Array) -> tuple[float, float]:
+    """Scale and shear of the lobe through values in directions."""
+    x, y, z = rows[:, 0], rows[:, 1], rows[:, 2]
+    terms = np.stack([x * x + y * y, x * z, z * z], axis=1) / np.sqrt(z / (np.pi * rows[:, 3]))[:, None]
     first, second, third = np.linalg.lstsq(terms, np.ones(len(rows)), rcond=None)[0]
     slope = second / (2.0 * first)
-    scale = 1.0 / np.sqrt(third / first - slope * slope)
-    return (scale / first) ** 2, scale, slope * scale
+    left = third / first - slope * slope
+    return (left**-0.5, slope * left**-0.5) if left > 0.0 else (math.nan, math.nan)
 
 
-def hats(places: Array, knots: tuple[float, ...]) -> Array:
-    """(N, K): the weights of a linear spline's knots."""
-    return np.stack([np.interp(places, knots, row) for row in np.eye(len(knots))], axis=1)
+def weights(places: Array) -> Array:
+    """(N, KNOTS): those of a quadratic B-spline's knots, at 0 to 1."""
+    along = np.clip(places, 0.0, 1.0) * (KNOTS - 2)
+    low = np.minimum(along.astype(int), KNOTS - 3)
+    part = along - low
+    found = np.zeros((len(places), KNOTS))
+    shares = 0.5 * (1.0 - part) ** 2, 0.5 + part - part * part, 0.5 * part * part
+    for step, share in enumerate(shares):
+        found[np.arange(len(places)), low + step] = share
+    return found
 
 
-def spline(lobes: Array, values: Array, weights: Array, knots: tuple[float, ...]) -> Array:
-    """(K, 7): the spline through values of lobes by their roughness and cosine."""
-    rows = (hats(lobes[:, 0], knots)[:, :, None] * hats(lobes[:, 1], KNOTS)[:, None, :]).reshape(len(lobes), -1)
-    size = rows.shape[1]
-    system = np.concatenate([rows * weights[:, None], np.eye(size) * 1e-4])
-    wanted = np.concatenate([values * weights, np.zeros(size)])
-    return np.linalg.lstsq(system, wanted, rcond=None)[0].reshape(len(knots), -1)
+def fit(values: Array, importance: Array) -> Array:
+    """(KNOTS, KNOTS): the spline's numbers by roughness and cosine."""
+    least = math.sqrt(LEAST_ROUGHNESS)
+    down, across = weights((np.sqrt(ROUGHNESSES) - least) / (1.0 - least)), weights(np.sqrt(COSINES))
+    matrix = (down[:, None, :, None] * across[None, :, None, :]).reshape(values.size, -1)
+    known = np.isfinite(values).ravel()
+    matrix, wanted, importance = matrix[known], values.ravel()[known], importance.ravel()[known]
+    # Little curvature where nothing is seen.
+    bend = np.diff(np.eye(KNOTS), 2, axis=0) * 1e-4
+    smooth = np.concatenate([np.kron(bend, np.eye(KNOTS)), np.kron(np.eye(KNOTS), bend)])
+    system = np.concatenate([matrix * importance[:, None], smooth])
+    found: Array = np.linalg.lstsq(system, np.append(wanted * importance, np.zeros(len(smooth))), rcond=None)[0]
+    return found.reshape(KNOTS, KNOTS)
 
 
 def main() -> None:
-    scene, node, sun = make_ball()
-    found = []
-    for roughness in ROUGHNESSES:
-        node.inputs["Roughness"].default_value = roughness
-        rows = measure(scene, sun)
-        near = [(cosine, rows[np.abs(rows[:, 0] - cosine) < 0.012]) for cosine in COSINES]
-        found += [(roughness, cosine, *lobe_of(part)) for cosine, part in near if len(part) > 40]
-    lobes = np.array([lobe for lobe in found if 1e-7 < lobe[2] < 1.0])
-    albedos, depths = lobes[:, 2], np.sqrt(-np.log(lobes[:, 2]))
-    seen = np.sqrt(lobes[:, 1] + 0.05)
-    tables = [spline(lobes, depths, 2.0 * albedos * depths / (albedos + 0.02) * seen + 1e-3, ALBEDO_KNOTS)]
-    tables += [spline(lobes, lobes[:, column], np.sqrt(albedos) * seen + 1e-3, SHAPE_KNOTS) for column in (3, 4)]
-    sys.stdout.write("\n".join(str(table.round(3)) for table in tables) + "\n")
+    albedos, scales, shears = lobes(make_squares())
+    depths = np.sqrt(-np.log(np.clip(albedos, 1e-7, 1.0)))
+    tables = [fit(depths, 2.0 * albedos * depths / (albedos + 0.02) + 1e-3)]
+    for table in [*tables, *(fit(values, np.sqrt(albedos)) for values in (scales, shears))]:
+        rows = ("{" + ", ".join(f"{value:.3f}f" for value in row) + "}," for row in table)
+        sys.stdout.write("\n".join(rows) + "\n\n")
 
 
 if __name__ == "__main__":

@@ -89,6 +89,23 @@ def test_sheen_looks_as_in_cycles(ball: Any, roughness: float) -> None:
     check(ball, principled(Base_Color=DARK, Sheen_Weight=1.0, Sheen_Roughness=roughness, Sheen_Tint=TINT))
 
 
+@pytest.mark.parametrize("roughness", [0.3, 0.5, 0.7, 1.0])
+def test_sheen_has_no_rings(ball: Any, roughness: float) -> None:
+    """In an even white world each pixel shows the share of light that fibers reflect at one angle."""
+    scene, size = bpy.context.scene, 96
+    bpy.data.objects.remove(bpy.data.objects["Sun"])
+    scene.world.node_tree.nodes["Background"].inputs["Color"].default_value = (1.0, 1.0, 1.0, 1.0)
+    scene.camera.data.ortho_scale = 4.0
+    scene.render.resolution_x = scene.render.resolution_y = size
+    node("BsdfSheen", Color=(1.0, 1.0, 1.0, 1.0), Roughness=roughness)(ball.data.materials[0])
+    ours, theirs = (image[..., 0].astype(np.float64) for image in render_beside(scene, 8))
+    middles = (np.arange(size) + 0.5) / (size / 2) - 1.0
+    cosines = np.sqrt(np.maximum(1.0 - np.add.outer(middles**2, middles**2), 0.0))
+    rings = np.digitize(cosines, np.linspace(0.2, 1.0, 17))
+    off = [(ours - theirs)[rings == ring].mean() for ring in range(1, 17)]
+    assert np.abs(off).max() < 0.0015
+
+
 @pytest.mark.parametrize(
     "values",
     [

@@ -3,14 +3,15 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <cstddef>
 #include <numbers>
-#include <span>
 
 namespace perfect_bvh {
 namespace {
 
 constexpr float kPi = std::numbers::pi_v<float>;
 constexpr float kLeastCosine = 1e-4f;
+constexpr float kLeastScale = 0.01f;  // of fibers' light
 
 float largest(Vec3f color) noexcept { return std::max({color.x, color.y, color.z}); }
 
@@ -28,59 +29,73 @@ Vec3f fiber_normal_of(const Material& material, const Finish& finish, const Coat
   return normalized(place.normal + (material.coat_normal - place.normal) * std::min(finish.coat, 1.0f));
 }
 
-// A linear spline in cosine and roughness, fitted to renders of Cycles (tests/blender/fit_sheen.py): the square root of
-// the albedo's negative logarithm, the scale and the shear. From a roughness of .25 on, a sphere reflects as much light
-// as in Cycles to 2 %; below that fibers are hardly visible.
-constexpr std::array kCosines{0.0f, 0.1f, 0.2f, 0.35f, 0.5f, 0.7f, 1.0f};
-constexpr std::array kAlbedoRoughnesses{0.1f, 0.15f, 0.2f, 0.26f, 0.33f, 0.42f, 0.54f, 0.68f, 0.84f, 1.0f};
-constexpr std::array kShapeRoughnesses{0.1f, 0.2f, 0.35f, 0.6f, 1.0f};
-using Row = std::array<float, kCosines.size()>;
-constexpr Row kDepths[]{
-    {1.273f, 1.854f, 2.53f, 3.086f, 3.227f, 3.455f, 3.392f},  {0.783f, 1.288f, 1.935f, 2.634f, 2.885f, 3.155f, 3.341f},
-    {0.755f, 1.111f, 1.578f, 2.161f, 2.543f, 2.848f, 3.105f}, {0.693f, 0.97f, 1.306f, 1.776f, 2.159f, 2.514f, 2.839f},
-    {0.664f, 0.887f, 1.133f, 1.498f, 1.829f, 2.19f, 2.582f},  {0.643f, 0.818f, 1.0f, 1.276f, 1.537f, 1.85f, 2.244f},
-    {0.635f, 0.758f, 0.892f, 1.095f, 1.291f, 1.535f, 1.877f}, {0.616f, 0.707f, 0.805f, 0.954f, 1.1f, 1.281f, 1.536f},
-    {0.584f, 0.653f, 0.727f, 0.838f, 0.946f, 1.077f, 1.248f}, {0.543f, 0.599f, 0.662f, 0.752f, 0.834f, 0.928f, 1.035f},
-};
-constexpr Row kScales[]{
-    {0.065f, 0.048f, 0.028f, 0.064f, 0.122f, 0.229f, 0.404f}, {0.062f, 0.123f, 0.15f, 0.173f, 0.2f, 0.244f, 0.376f},
-    {0.127f, 0.211f, 0.268f, 0.308f, 0.327f, 0.35f, 0.421f},  {0.332f, 0.419f, 0.483f, 0.544f, 0.582f, 0.619f, 0.668f},
-    {0.747f, 0.808f, 0.842f, 0.865f, 0.877f, 0.884f, 0.888f},
-};
-constexpr Row kShears[]{
-    {-0.416f, 0.087f, -0.055f, 0.002f, -0.021f, -0.017f, -0.005f},
-    {-0.16f, 0.012f, -0.009f, -0.021f, -0.038f, -0.067f, -0.041f},
-    {-0.238f, -0.099f, -0.041f, -0.01f, -0.007f, -0.017f, -0.027f},
-    {-0.194f, -0.173f, -0.147f, -0.114f, -0.091f, -0.074f, -0.025f},
-    {-0.017f, -0.014f, -0.016f, -0.019f, -0.018f, -0.014f, -0.002f},
-};
+// Quadratic B-splines in the square roots of cosine and roughness, fitted to renders of Cycles
+// (tests/blender/fit_sheen.py): the square root of the albedo's negative logarithm, the scale and the shear. Rows begin
+// at a roughness of .09; below that fibers are hardly visible.
+constexpr std::size_t kKnots = 8;
+constexpr float kLeastRoot = 0.3f;
+using Table = std::array<std::array<float, kKnots>, kKnots>;
+constexpr Table kDepths{{
+    {1.464f, 0.866f, 1.830f, 3.211f, 3.860f, 2.184f, 6.760f, -0.370f},
+    {0.515f, 0.671f, 1.026f, 1.879f, 2.831f, 3.166f, 3.289f, 3.589f},
+    {0.734f, 0.574f, 0.840f, 1.260f, 1.898f, 2.504f, 2.877f, 3.076f},
+    {0.707f, 0.581f, 0.749f, 1.008f, 1.387f, 1.850f, 2.306f, 2.667f},
+    {0.673f, 0.594f, 0.700f, 0.866f, 1.115f, 1.428f, 1.782f, 2.181f},
+    {0.645f, 0.593f, 0.662f, 0.770f, 0.935f, 1.150f, 1.392f, 1.671f},
+    {0.608f, 0.560f, 0.608f, 0.682f, 0.797f, 0.943f, 1.097f, 1.248f},
+    {0.508f, 0.505f, 0.535f, 0.600f, 0.689f, 0.790f, 0.869f, 0.930f},
+}};
+constexpr Table kScales{{
+    {-0.004f, 0.020f, 0.009f, 0.057f, 0.202f, 0.188f, 1.033f, 1.262f},
+    {0.038f, 0.041f, 0.060f, 0.041f, 0.056f, 0.141f, 0.248f, 0.553f},
+    {0.119f, 0.059f, 0.108f, 0.170f, 0.188f, 0.221f, 0.278f, 0.460f},
+    {0.137f, 0.115f, 0.174f, 0.262f, 0.314f, 0.341f, 0.391f, 0.515f},
+    {0.229f, 0.222f, 0.282f, 0.366f, 0.439f, 0.481f, 0.524f, 0.598f},
+    {0.423f, 0.374f, 0.452f, 0.536f, 0.603f, 0.654f, 0.695f, 0.729f},
+    {0.658f, 0.620f, 0.684f, 0.750f, 0.790f, 0.812f, 0.828f, 0.844f},
+    {0.843f, 0.821f, 0.851f, 0.884f, 0.908f, 0.923f, 0.926f, 0.918f},
+}};
+constexpr Table kShears{{
+    {0.154f, 0.059f, -0.024f, 0.036f, -0.093f, -0.013f, 0.123f, -0.179f},
+    {-0.341f, -0.096f, 0.020f, -0.030f, 0.029f, -0.060f, -0.034f, -0.017f},
+    {-0.022f, -0.217f, -0.034f, 0.012f, -0.038f, -0.013f, -0.069f, 0.048f},
+    {-0.098f, -0.189f, -0.159f, -0.033f, -0.007f, -0.032f, -0.047f, -0.008f},
+    {-0.165f, -0.178f, -0.175f, -0.135f, -0.068f, -0.038f, -0.038f, 0.005f},
+    {-0.142f, -0.152f, -0.158f, -0.135f, -0.113f, -0.081f, -0.051f, 0.025f},
+    {-0.083f, -0.077f, -0.077f, -0.073f, -0.063f, -0.055f, -0.041f, 0.025f},
+    {0.089f, 0.080f, 0.079f, 0.075f, 0.062f, 0.055f, 0.041f, -0.025f},
+}};
 
-struct Knot {
-  std::size_t low;
-  float part;
+// The weights of three knots from one on.
+struct Knots {
+  std::size_t first;
+  std::array<float, 3> weights;
 };
-Knot knot_at(std::span<const float> knots, float at) noexcept {
-  std::size_t low = 0;
-  while (low + 2 < knots.size() && knots[low + 1] <= at) ++low;
-  return {low, std::clamp((at - knots[low]) / (knots[low + 1] - knots[low]), 0.0f, 1.0f)};
+Knots knots_at(float place) noexcept {
+  const float along = std::clamp(place, 0.0f, 1.0f) * (kKnots - 2);
+  const std::size_t first = std::min(static_cast<std::size_t>(along), kKnots - 3);
+  const float part = along - static_cast<float>(first), rest = 1.0f - part;
+  return {first, {0.5f * rest * rest, 0.5f + part * rest, 0.5f * part * part}};
 }
-float between(float low, float high, float part) noexcept { return low + (high - low) * part; }
 
-float look_up(std::span<const Row> table, Knot cosine, Knot roughness) noexcept {
-  const auto across = [&](const Row& row) { return between(row[cosine.low], row[cosine.low + 1], cosine.part); };
-  return between(across(table[roughness.low]), across(table[roughness.low + 1]), roughness.part);
+float look_up(const Table& table, const Knots& row, const Knots& column) noexcept {
+  float found = 0.0f;
+  for (std::size_t i = 0; i < 3; ++i)
+    for (std::size_t j = 0; j < 3; ++j)
+      found += row.weights[i] * column.weights[j] * table[row.first + i][column.first + j];
+  return found;
 }
 
 }  // namespace
 
 SheenLobe sheen_lobe(float cosine, float roughness) noexcept {
-  const Knot column = knot_at(kCosines, cosine), shape = knot_at(kShapeRoughnesses, roughness);
-  float depth = look_up(kDepths, column, knot_at(kAlbedoRoughnesses, roughness));
-  // Fibers smoother than the table's first row reflect almost nothing.
-  const float smoother = kAlbedoRoughnesses[0] / std::clamp(roughness, 1e-3f, kAlbedoRoughnesses[0]);
-  if (smoother > 1.0f) depth *= power(smoother, 0.75f);
+  const float root = std::sqrt(std::clamp(roughness, 1e-3f, 1.0f));
+  const Knots row = knots_at((root - kLeastRoot) / (1.0f - kLeastRoot));
+  const Knots column = knots_at(std::sqrt(std::max(cosine, 0.0f)));
+  float depth = look_up(kDepths, row, column);
+  if (root < kLeastRoot) depth *= power(kLeastRoot / root, 1.5f);
   const auto albedo = static_cast<float>(exponential(-static_cast<double>(depth * depth)));
-  return {look_up(kScales, column, shape), look_up(kShears, column, shape), albedo};
+  return {std::max(look_up(kScales, row, column), kLeastScale), look_up(kShears, row, column), albedo};
 }
 
 Coating::Coating(const Material& material, const Finish& finish, const Place& place, float least_alpha,
