@@ -12,7 +12,7 @@ import numpy.typing as npt
 if TYPE_CHECKING:  # records are there without the engine, too
     from perfect_bvh.nodes import NodeProgram
 
-Extension = Literal["repeat", "extend", "clip", "mirror"]
+Extension = Literal["repeat", "extend", "clip", "mirror", "sky"]
 Interpolation = Literal["linear", "closest"]
 Pixels = npt.NDArray[np.uint8] | npt.NDArray[np.float32]
 

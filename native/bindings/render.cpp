@@ -26,7 +26,8 @@ const std::map<std::string, Mode> kModes{
 const std::map<std::string, Extension> kExtensions{{"repeat", Extension::kRepeat},
                                                    {"extend", Extension::kExtend},
                                                    {"clip", Extension::kClip},
-                                                   {"mirror", Extension::kMirror}};
+                                                   {"mirror", Extension::kMirror},
+                                                   {"sky", Extension::kSky}};
 
 Vec3f as_color(const py::handle& value) {
   const auto [r, g, b] = value.cast<std::tuple<float, float, float>>();

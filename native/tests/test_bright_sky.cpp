@@ -18,6 +18,7 @@ constexpr double kPi = std::numbers::pi;
 struct Image {
   int width, height;
   std::vector<float> pixels;
+  Extension extension = Extension::kRepeat;
   Image(int wide, int high) : width(wide), height(high), pixels(static_cast<std::size_t>(wide * high * 4), 0.3f) {
     for (int y = 0; y < high / 2; ++y) {
       for (int x = 0; x < wide; ++x) set(x, y, {0.1f, 0.1f, 0.1f});
@@ -30,7 +31,13 @@ struct Image {
   Texture texture() const {
     Texture made;
     made.floats = pixels.data(), made.width = width, made.height = height;
+    made.extension = extension;
     return made;
+  }
+  // The sine of the latitude of a row's lower border.
+  double sine_below(double y) const {
+    const double up = 2.0 * y / height - 1.0;
+    return std::sin(0.5 * kPi * (extension == Extension::kSky ? up * std::abs(up) : up));
   }
 };
 
@@ -42,6 +49,8 @@ std::vector<Image> suns() {
   for (int i = 0; i < 4; ++i) windows.set(30 + i, 30, {500, 400, 300}), windows.set(90, 40 + i, {100, 200, 90});
   Image& poles = made.emplace_back(64, 32);
   poles.set(10, 31, {3000, 3000, 3000}), poles.set(40, 0, {2000, 2000, 2000});
+  Image& air = made.emplace_back(64, 64);
+  air.set(20, 52, {500, 400, 300}), air.set(50, 11, {100, 200, 90}), air.extension = Extension::kSky;
   Image& large = made.emplace_back(4100, 8);  // several pixels a cell, the last of a row narrower
   large.set(4099, 5, {9000, 9000, 9000}), large.set(1234, 4, {5000, 8000, 9000});
   return made;
@@ -73,13 +82,13 @@ TEST(BrightSky, DensityIntegratesToOneAndIsNowhereMissing) {
     constexpr int kTimes = 8;  // sample points per pixel and axis
     const int wide = image.width * kTimes, high = image.height * kTimes;
     for (int row = 0; row < high; ++row) {
-      const double latitude = kPi * ((row + 0.5) / high - 0.5);
+      const double low = image.sine_below(1.0 * row / kTimes), above = image.sine_below((row + 1.0) / kTimes);
+      const double z = 0.5 * (low + above), flat = std::sqrt(1.0 - z * z);
       for (int column = 0; column < wide; ++column) {
         const double angle = (0.5 - (column + 0.5) / wide) * 2.0 * kPi;
-        const Vec3f direction = to_float(
-            Vec3d{std::cos(latitude) * std::cos(angle), std::cos(latitude) * std::sin(angle), std::sin(latitude)});
+        const Vec3f direction = to_float(Vec3d{flat * std::cos(angle), flat * std::sin(angle), z});
         const float density = sky.density(direction);
-        sum += static_cast<double>(density) * std::cos(latitude) * (2.0 * kPi / wide) * (kPi / high);
+        sum += static_cast<double>(density) * (above - low) * (2.0 * kPi / wide);
         const Vec3f bright = sky.split(look_up_around(image.texture(), direction)).bright;
         if (bright.x + bright.y + bright.z > 0.0f) {
           EXPECT_GT(density, 0.0f) << column << " " << row;
@@ -102,11 +111,10 @@ TEST(BrightSky, NoLightIsLost) {
       aimed = aimed + to_double(bright) * (1.0 / (4.0 * kPi * static_cast<double>(density) * kCount));
     }
     for (int y = 0; y < image.height; ++y) {
-      const double low = std::sin(kPi * (static_cast<double>(y) / image.height - 0.5));
-      const double high = std::sin(kPi * (static_cast<double>(y + 1) / image.height - 0.5));
       std::vector<Rgba> buffer;
       for (const Rgba& color : row_of_pixels(image.texture(), y, buffer)) {
-        whole = whole + to_double(Vec3f{color.r, color.g, color.b}) * (0.5 * (high - low) / image.width);
+        whole = whole + to_double(Vec3f{color.r, color.g, color.b}) *
+                            (0.5 * (image.sine_below(y + 1) - image.sine_below(y)) / image.width);
       }
     }
     const Vec3d sum = aimed + to_double(sky.mean_plain());

@@ -97,7 +97,7 @@ def _read_world(world: Any, images: ImageReader, omissions: Omissions) -> WorldR
     if sky is not None:
         node, strength = sky
         shown, rotation = read_sky(node)
-        images.records.append(ImageRecord(node.name, 0, shown.pixels, "repeat"))
+        images.records.append(ImageRecord(node.name, 0, shown.pixels, "sky"))
         return WorldRecord((strength,) * 3, len(images.records) - 1, rotation)
     lit, seen = (ValueReader(images, constant(*plain.color), omissions, is_camera) for is_camera in (False, True))
     record = _record(_follow_shader(surface, scope, lit, 0), lit, images)

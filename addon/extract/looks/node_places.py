@@ -168,7 +168,8 @@ def _sky(reader: ValueReader, node: Any, output: Any, scope: Scope | None) -> Va
     """Read its mean above the horizon, unless it surrounds the scene unchanged."""
     reader.omissions.note_node(node, instead="its mean is used")
     pixels = read_sky(node)[0].pixels
-    return constant(*pixels[len(pixels) // 2 :].mean(axis=(0, 1)).tolist())
+    half = len(pixels) // 2
+    return constant(*np.average(pixels[half:].mean(axis=1), axis=0, weights=np.arange(half) + 0.5).tolist())
 
 
 # Surfaces -------------------------------------------------------------------------------------------------------------

@@ -19,8 +19,7 @@ from .values import xyz_to_rgb
 
 Floats = npt.NDArray[np.float64]
 
-# An odd number of rows, so that one lies on the horizon: the models have a kink there.
-_WIDTH, _HEIGHT = 512, 257
+_WIDTH, _HEIGHT = 512, 256
 # Below this latitude a formula keeps its value there.
 LOWEST_LATITUDE = 0.001
 # More than half precision holds is where Preetham's formula divides by nearly nothing.
@@ -50,7 +49,7 @@ _ZENITH = np.array(
 
 def paint_older_sky(model: str, elevation: float, turbidity: float, albedo: float) -> npt.NDArray[np.float32]:
     """(H, W, 4): of the model "PREETHAM" or "HOSEK_WILKIE", with the sun at this elevation in radians."""
-    latitudes = ((np.arange(_HEIGHT)[:, None] + 0.5) / _HEIGHT - 0.5) * math.pi
+    latitudes = sky_latitudes(_HEIGHT)[:, None]
     # Left and right of the sun it is the same: one half is worked out, away from the sun.
     longitudes = (np.arange(_WIDTH // 2) + 0.5) / _WIDTH * 2.0 * math.pi
     if model == "HOSEK_WILKIE":
@@ -60,10 +59,22 @@ def paint_older_sky(model: str, elevation: float, turbidity: float, albedo: floa
     shown = _preetham if model == "PREETHAM" else _hosek_wilkie
     with np.errstate(divide="ignore", invalid="ignore"):
         rgb = xyz_to_rgb(shown(up, np.clip(cosine, -1.0, 1.0), elevation, turbidity, albedo))
-    half = np.clip(np.nan_to_num(rgb), 0.0, _BRIGHTEST)
-    pixels = np.ones((_HEIGHT, _WIDTH, 4), np.float32)
+    return mirror_half(np.minimum(np.nan_to_num(rgb), _BRIGHTEST))
+
+
+def sky_latitudes(rows: int) -> Floats:
+    """(rows,) radians, of an image whose extension is "sky"."""
+    share = (np.arange(rows) + 0.5) / (rows / 2) - 1.0
+    latitudes: Floats = share * np.abs(share) * (math.pi / 2.0)
+    return latitudes
+
+
+def mirror_half(rgb: Floats) -> npt.NDArray[np.float32]:
+    """(H, W, 4) of (H, W / 2, 3), from the sun's longitude to the opposite one; colours are at least 0."""
+    half = np.maximum(rgb, 0.0)
+    pixels = np.ones((len(half), 2 * half.shape[1], 4), np.float32)
     # The image begins at -X and goes on over +Y, where the sun is, a quarter of the way.
-    pixels[..., :3] = np.roll(np.concatenate([half[:, ::-1], half], axis=1), -_WIDTH // 4, axis=1)
+    pixels[..., :3] = np.roll(np.concatenate([half[:, ::-1], half], axis=1), -half.shape[1] // 2, axis=1)
     return pixels
 
 

@@ -18,14 +18,14 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from .older_skies import paint_older_sky
+from .older_skies import mirror_half, paint_older_sky, sky_latitudes
 from .values import observer, xyz_to_rgb
 
 Floats = npt.NDArray[np.float64]
 
-# Of the table, whose rows lie closer to each other near the horizon; of the image, which has a row on the horizon; the
-# longitudes between which the light is interpolated, apart from its phase functions (with a shadow's edge, every one).
-_WIDTH, _ROWS, _HEIGHT = 512, 256, 513
+# Of the table; the longitudes between which the light is interpolated, apart from its phase functions (with a shadow's
+# edge, every one).
+_WIDTH, _ROWS = 512, 256
 _LONGITUDES = np.linspace(0.0, math.pi, 65)
 
 # Single scattering: in metres, and for a metre at sea level; the ozone's where there is most of it, at 25 km.
@@ -64,7 +64,7 @@ class Sun:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Sky:
-    """pixels: (H, W, 4) float32, equirectangular, with the sun over +Y. sun: None if it is not to be shown."""
+    """pixels: (H, W, 4) float32, an image whose extension is "sky", with the sun over +Y. sun: None if not shown."""
 
     pixels: npt.NDArray[np.float32]
     sun: Sun | None
@@ -100,13 +100,8 @@ def _make(
         table = _scatter_often(elevation, altitude, densities)
     else:
         table = _scatter_once(elevation, altitude, densities, is_shifted=model != "NISHITA")
-    latitudes = ((np.arange(_HEIGHT) + 0.5) / _HEIGHT - 0.5) * math.pi
-    places = (1.0 + np.copysign(np.sqrt(np.abs(latitudes) * (2.0 / math.pi)), latitudes)) * (_ROWS / 2) - 0.5
-    half = np.maximum(xyz_to_rgb(_between(table, places)), 0.0)
-    pixels = np.ones((_HEIGHT, _WIDTH, 4), np.float32)
-    # The image begins at -X and goes on over +Y, where the sun is, a quarter of the way.
-    pixels[..., :3] = np.roll(np.concatenate([half[:, ::-1], half], axis=1), -_WIDTH // 4, axis=1)
-    return Sky(pixels, None if disc is None else _make_sun(elevation, altitude, densities, disc, is_multiple))
+    sun = None if disc is None else _make_sun(elevation, altitude, densities, disc, is_multiple)
+    return Sky(mirror_half(xyz_to_rgb(table)), sun)
 
 
 def _make_sun(
@@ -235,8 +230,7 @@ def _density(places: Floats) -> Floats:
 
 def _scatter_often(elevation: float, altitude: float, densities: tuple[float, ...]) -> Floats:
     """Return the table of the other model, like `_scatter_once`."""
-    rows = (np.arange(_ROWS) + 0.5) / (_ROWS // 2) - 1.0
-    latitudes = np.copysign(rows**2, rows) * (math.pi / 2.0)
+    latitudes = sky_latitudes(_ROWS)
     towards_sun = np.array([math.cos(elevation), 0.0, math.sin(elevation)])
     ways = _directions(latitudes, _LONGITUDES[::2])
     air, dust, again = _light_often(ways, towards_sun, _PLANET + _kilometres(altitude), densities) @ _TO_XYZ_4

@@ -169,7 +169,9 @@ def _instance_values(function: str, table: InstanceTable) -> dict[str, Any]:
 
 def _image_arguments(function: str, row: int, image: ImageTexture) -> dict[str, Any]:
     name = f"appearance.images[{row}]"
-    extension = check_choice(function, f"{name}.extension", image.extension, ("repeat", "extend", "clip", "mirror"))
+    extension = check_choice(
+        function, f"{name}.extension", image.extension, ("repeat", "extend", "clip", "mirror", "sky")
+    )
     return {
         "pixels": _pixels(function, f"{name}.pixels", image.pixels),
         "extension": extension,

@@ -137,8 +137,9 @@ class ImageTexture:
             Cycles; float32 is scene-linear. The mode "preview" finds the bright pixels in the world's image. If the
             array is read-only and owns its memory, they are kept while it exists; otherwise they are found again for
             each rendered image.
-        extension: The colour outside 0..1: "repeat", "extend" (the border's colour), "clip" (nothing) or "mirror" (the
-            image mirrored).
+        extension: The colour outside 0..1: "repeat", "extend" (the border's colour), "clip" (nothing), "mirror" (the
+            image mirrored) or, around a scene, "sky": repeated, with rows closer to each other at the horizon. Row `i`
+            of `H` is at a latitude of half pi times t * abs(t), where t is (2 * i + 1) / H - 1.
         interpolation: Between the middles of pixels: "linear", or "closest".
         tiles: Of a UDIM image, further arrays like `pixels` by their numbers: tile 1001 + column + 10 * row covers
             that unit square of the uv map. If there are any, surfaces show them instead of `pixels`, and magenta
@@ -147,7 +148,7 @@ class ImageTexture:
     """
 
     pixels: npt.NDArray[np.uint8] | Float32Array
-    extension: Literal["repeat", "extend", "clip", "mirror"] = "repeat"
+    extension: Literal["repeat", "extend", "clip", "mirror", "sky"] = "repeat"
     interpolation: Literal["linear", "closest"] = "linear"
     tiles: Mapping[int, npt.NDArray[np.uint8] | Float32Array] = field(default_factory=dict)
     is_linear: bool = False

@@ -142,16 +142,17 @@ Rgba look_up_tiled(const Texture& texture, float u, float v) noexcept {
   return texture.tiles ? look_up_tile(*texture.tiles, u, v) : look_up(texture, u, v);
 }
 
-Point2 place_around(Vec3f direction) noexcept {
+Point2 place_around(Vec3f direction, bool is_sky) noexcept {
   constexpr double kPi = std::numbers::pi;
   const double x = static_cast<double>(direction.x), y = static_cast<double>(direction.y);
   const double around = arc_tangent(y, x),
-               above = arc_tangent(static_cast<double>(direction.z), std::sqrt(x * x + y * y));
-  return {static_cast<float>(0.5 - around / (2.0 * kPi)), static_cast<float>(above / kPi + 0.5)};
+               above = arc_tangent(static_cast<double>(direction.z), std::sqrt(x * x + y * y)) / kPi;
+  const double up = is_sky ? std::copysign(std::sqrt(0.5 * std::abs(above)), above) : above;
+  return {static_cast<float>(0.5 - around / (2.0 * kPi)), static_cast<float>(up + 0.5)};
 }
 
 Vec3f look_up_around(const Texture& texture, Vec3f direction) noexcept {
-  const Point2 at = place_around(direction);
+  const Point2 at = place_around(direction, texture.extension == Extension::kSky);
   // The image does not repeat over the poles.
   const float border = 0.5f / static_cast<float>(std::max(texture.height, 1));
   const Rgba color = look_up(texture, Extension::kRepeat, at.x, std::clamp(at.y, border, 1.0f - border));

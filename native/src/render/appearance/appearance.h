@@ -23,8 +23,9 @@ struct Rgba {
 };
 static_assert(sizeof(Rgba) == 16);
 
-// The values outside 0..1: the image repeated, its border's colour, nothing, the image mirrored.
-enum class Extension : std::uint8_t { kRepeat, kExtend, kClip, kMirror };
+// The values outside 0..1: the image repeated, its border's colour, nothing, the image mirrored. A sky repeats, and its
+// rows are closer to each other at the horizon: their distance from it is the square root of the latitude.
+enum class Extension : std::uint8_t { kRepeat, kExtend, kClip, kMirror, kSky };
 
 struct TextureTiles;
 
@@ -56,8 +57,8 @@ struct TextureTiles {
 [[nodiscard]] std::span<const Rgba> row_of_pixels(const Texture& texture, int y, std::vector<Rgba>& buffer);
 
 // Returns the position of a direction, (u, v) from 0 to 1, in an equirectangular image that Blender maps around a
-// scene.
-[[nodiscard]] Point2 place_around(Vec3f direction) noexcept;
+// scene, or in a sky.
+[[nodiscard]] Point2 place_around(Vec3f direction, bool is_sky = false) noexcept;
 
 // Returns the colour from that direction.
 [[nodiscard]] Vec3f look_up_around(const Texture& texture, Vec3f direction) noexcept;

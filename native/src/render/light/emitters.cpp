@@ -133,7 +133,8 @@ struct BrightSky::Strip {
   float brightest;
 };
 
-BrightSky::BrightSky(const Texture& image, int threads) : width_(image.width), height_(image.height) {
+BrightSky::BrightSky(const Texture& image, int threads)
+    : width_(image.width), height_(image.height), is_sky_(image.extension == Extension::kSky) {
   if (width_ < 1 || height_ < 1) return;
   std::vector<Strip> strips(static_cast<std::size_t>(height_));
   const auto sum_rows = [&](std::size_t begin, std::size_t end) {
@@ -158,7 +159,8 @@ BrightSky::BrightSky(const Texture& image, int threads) : width_(image.width), h
 
 // Returns the sine of the latitude of a row's lower border.
 double BrightSky::height_at(double row) const noexcept {
-  return sine(kPi * (std::clamp(row / height_, 0.0, 1.0) - 0.5));
+  const double up = std::clamp(row / height_, 0.0, 1.0) - 0.5;
+  return sine(kPi * (is_sky_ ? 2.0 * up * std::abs(up) : up));
 }
 
 BrightSky::Parts BrightSky::split(Vec3f color) const noexcept {
@@ -258,7 +260,7 @@ BrightSky::Choice BrightSky::choose(Point2 random) const noexcept {
 
 float BrightSky::density(Vec3f direction) const noexcept {
   if (empty()) return 0.0f;
-  const Point2 place = place_around(direction);
+  const Point2 place = place_around(direction, is_sky_);
   const auto cell_at = [this](float share, int pixels) {
     const int pixel = std::clamp(static_cast<int>(share * static_cast<float>(pixels)), 0, pixels - 1);
     return static_cast<std::uint32_t>(pixel / cell_);

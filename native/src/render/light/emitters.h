@@ -107,6 +107,7 @@ class BrightSky {
   [[nodiscard]] double total() const noexcept { return rows_.back().total; }
 
   int width_ = 0, height_ = 0;  // of the image
+  bool is_sky_ = false;         // of its extension
   int cell_ = 1, columns_ = 0;  // sides of a cell in pixels, cells in a row
   float most_plain_ = 0.0f;     // the largest channel of a colour without a bright part
   Vec3f mean_plain_{0, 0, 0};
