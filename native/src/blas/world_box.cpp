@@ -4,6 +4,7 @@
 #include <array>
 #include <bit>
 #include <cmath>
+#include <span>
 #include <vector>
 
 #include "math/float4.h"
@@ -16,115 +17,121 @@ namespace {
 // Returns 0, 1 or 2 in each lane.
 Int4 pick_axis(Int4 is_y, Int4 is_z) noexcept { return (is_z & Int4(2)) | ((is_y & (is_z ^ Int4(-1))) & Int4(1)); }
 
-// Finds the vertex or sphere of a tree that is farthest along a direction. Each search starts with the result of the
-// last: if the directions are similar, almost no box reaches farther.
+// Finds the vertex or sphere of a tree that is farthest along a direction. Each search starts with the results of the
+// last one and of the last in its column, and with the leaf below the boxes that reach farthest. Hardly any other leaf
+// reaches farther, so the others are listed without a branch for each: processors would mispredict most of them.
 class Search {
  public:
-  Search(const WideBvh& tree, const Mesh& mesh) : tree_(tree), mesh_(mesh) {
-    waiting_.push_back({0.0f, tree.root});
-    direction_ = {1, 0, 0};
-    reach_ = -Aabb::kInfinity;
-    visit_all();
+  Search(const WideBvh& tree, const Mesh& mesh) : tree_(tree), mesh_(mesh), nodes_(kRoom), leaves_(kRoom) {
+    static_cast<void>(search({1, 0, 0}, -Aabb::kInfinity));
+    columns_.fill(farthest_);
   }
 
-  [[nodiscard]] float farthest(Vec3f direction) {
-    direction_ = direction;
-    reach_ = reach_of(farthest_);
-    waiting_.push_back({Aabb::kInfinity, tree_.root});
-    visit_all();
-    return reach_;
+  [[nodiscard]] float farthest(Vec3f direction, std::size_t column) {
+    const float reach = farther_of(columns_[column], direction, reach_of(farthest_, direction));
+    const float result = search(direction, reach);
+    columns_[column] = farthest_;
+    return result;
   }
 
  private:
-  struct Waiting {
-    float bound;
-    std::uint32_t child;
-  };
-
-  void visit_all() {
-    while (!waiting_.empty()) {
-      const Waiting now = waiting_.back();
-      waiting_.pop_back();
-      if (now.bound <= reach_) continue;
-      if (now.child >= kBlockChild) {
-        visit_leaf(now.child - kBlockChild);
-      } else {
-        visit_node(tree_.nodes[now.child]);
+  // The reaches of eight points, or of eight boxes by their farthest corners. Empty boxes reach minus infinity or NaN.
+  class Eight {
+   public:
+    Eight(const float* x, const float* y, const float* z, Vec3f direction) noexcept {
+      const Float4 dx(direction.x), dy(direction.y), dz(direction.z);
+      for (std::size_t i : {0, 1}) {
+        reaches_[i] = dx * Float4::load(x + 4 * i) + dy * Float4::load(y + 4 * i) + dz * Float4::load(z + 4 * i);
       }
     }
-  }
+    Eight(const WideNode& node, Vec3f direction) noexcept
+        : Eight(node.planes[direction.x > 0 ? 1 : 0], node.planes[direction.y > 0 ? 3 : 2],
+                node.planes[direction.z > 0 ? 5 : 4], direction) {}
 
-  // The reaches of eight points, and a bit for each that is farther than the farthest so far.
-  struct Eight {
-    alignas(16) std::array<float, 8> reaches;
-    std::uint32_t farther;
+    // Returns a bit for each that is farther.
+    [[nodiscard]] std::uint32_t farther_than(float reach) const noexcept {
+      const auto lanes = [&](Float4 four) { return equal_lanes(less(Float4(reach), four), Int4(-1)); };
+      return lanes(reaches_[0]) | lanes(reaches_[1]) << 4;
+    }
+    [[nodiscard]] std::size_t farthest() const noexcept {
+      alignas(16) std::array<float, kWideWidth> all;
+      reaches_[0].store(&all[0]), reaches_[1].store(&all[4]);
+      std::size_t best = 0;
+      for (std::size_t i = 1; i < kWideWidth; ++i) best = all[i] > all[best] ? i : best;
+      return best;
+    }
+
+   private:
+    Float4 reaches_[2];
   };
 
-  // The coordinates are 16-byte aligned. Empty boxes reach minus infinity or NaN.
-  [[nodiscard]] Eight along_direction(const float* x, const float* y, const float* z) const noexcept {
-    Eight eight;
-    eight.farther = 0;
-    const Float4 dx(direction_.x), dy(direction_.y), dz(direction_.z), reach(reach_);
-    for (std::uint32_t i = 0; i < 8; i += 4) {
-      const Float4 four = dx * Float4::load(x + i) + dy * Float4::load(y + i) + dz * Float4::load(z + i);
-      four.store(&eight.reaches[i]);
-      eight.farther |= equal_lanes(less(reach, four), Int4(-1)) << i;
+  [[nodiscard]] float search(Vec3f direction, float reach) {
+    return with_kind(mesh_.kind, [&](auto kind) {
+      std::uint32_t child = tree_.root;
+      while (child < kBlockChild) child = tree_.nodes[child].child[Eight(tree_.nodes[child], direction).farthest()];
+      reach = visit_leaf(kind, child - kBlockChild, direction, reach);
+      for (const std::uint32_t leaf : leaves_beyond(direction, reach)) {
+        reach = visit_leaf(kind, leaf - kBlockChild, direction, reach);
+      }
+      return reach;
+    });
+  }
+
+  [[nodiscard]] std::span<const std::uint32_t> leaves_beyond(Vec3f direction, float reach) {
+    std::size_t node_count = 0, leaf_count = 0;
+    if (tree_.root < kBlockChild) nodes_[node_count++] = tree_.root;
+    for (std::size_t i = 0; i < node_count; ++i) {
+      const WideNode& node = tree_.nodes[nodes_[i]];
+      const std::uint32_t farther = Eight(node, direction).farther_than(reach);
+      for (std::uint32_t lane = 0; lane < kWideWidth; ++lane) {
+        const std::uint32_t child = node.child[lane], is_leaf = child / kBlockChild, is_farther = farther >> lane & 1;
+        nodes_[node_count] = leaves_[leaf_count] = child;
+        leaf_count += is_farther & is_leaf, node_count += is_farther & ~is_leaf;
+      }
+      const std::size_t most = std::max(node_count, leaf_count) + kWideWidth;
+      if (most > nodes_.size()) nodes_.resize(2 * most), leaves_.resize(2 * most);
     }
-    return eight;
+    return {leaves_.data(), leaf_count};
   }
 
-  // The child that may reach farthest is pushed last, so that it is visited first.
-  void visit_node(const WideNode& node) {
-    const float* const x = node.planes[direction_.x > 0 ? 1 : 0];
-    const float* const y = node.planes[direction_.y > 0 ? 3 : 2];
-    const float* const z = node.planes[direction_.z > 0 ? 5 : 4];
-    const std::size_t first = waiting_.size();
-    const Eight bounds = along_direction(x, y, z);
-    for (std::uint32_t left = bounds.farther; left != 0; left &= left - 1) {
-      const auto lane = static_cast<std::size_t>(std::countr_zero(left));
-      waiting_.push_back({bounds.reaches[lane], node.child[lane]});
-      if (waiting_[first].bound < waiting_.back().bound) std::swap(waiting_[first], waiting_.back());
-    }
-    if (waiting_.size() > first) std::swap(waiting_[first], waiting_.back());
-  }
-
-  void visit_leaf(std::uint32_t leaf) {
-    with_kind(mesh_.kind, [&](auto kind) { visit_leaf(kind, leaf); });
-  }
-
-  void visit_leaf(TriangleTraits, std::uint32_t leaf) {
+  // Returns the larger reach.
+  [[nodiscard]] float visit_leaf(TriangleTraits, std::uint32_t leaf, Vec3f direction, float reach) {
     const auto& [x, y, z] = tree_.blocks[leaf].vertices;
-    const Eight points = along_direction(x, y, z);
-    for (std::uint32_t left = points.farther; left != 0; left &= left - 1) {
+    std::uint32_t left = Eight(x, y, z, direction).farther_than(reach);
+    for (; left != 0; left &= left - 1) {
       const auto lane = static_cast<std::size_t>(std::countr_zero(left));
-      if (points.reaches[lane] > reach_) reach_ = points.reaches[lane], farthest_ = {{x[lane], y[lane], z[lane]}, 0.0f};
+      reach = farther_of({{x[lane], y[lane], z[lane]}, 0.0f}, direction, reach);
     }
+    return reach;
   }
 
   template <class Kind>
-  void visit_leaf(Kind kind, std::uint32_t leaf) {
+  [[nodiscard]] float visit_leaf(Kind kind, std::uint32_t leaf, Vec3f direction, float reach) {
+    const auto scaled = [&](const Ball& ball) { return Ball{ball.centre * tree_.scale, ball.radius * tree_.scale}; };
     for (const std::uint32_t primitive : leaves_of(kind, tree_)[leaf].primitives) {
-      visit_ball(Kind::first(mesh_, primitive));
-      if constexpr (Kind::kBalls > 1) visit_ball(Kind::last(mesh_, primitive));
+      reach = farther_of(scaled(Kind::first(mesh_, primitive)), direction, reach);
+      if constexpr (Kind::kBalls > 1) reach = farther_of(scaled(Kind::last(mesh_, primitive)), direction, reach);
     }
+    return reach;
   }
 
-  void visit_ball(const Ball& ball) {
-    const Ball scaled{ball.centre * tree_.scale, ball.radius * tree_.scale};
-    const float reach = reach_of(scaled);
-    if (reach > reach_) reach_ = reach, farthest_ = scaled;
+  [[nodiscard]] float farther_of(const Ball& ball, Vec3f direction, float reach) noexcept {
+    const float its = reach_of(ball, direction);
+    if (!(its > reach)) return reach;
+    farthest_ = ball;
+    return its;
   }
 
-  [[nodiscard]] float reach_of(const Ball& ball) const noexcept {
-    return dot(direction_, ball.centre) + (ball.radius > 0 ? ball.radius * length(direction_) : 0.0f);
+  [[nodiscard]] static float reach_of(const Ball& ball, Vec3f direction) noexcept {
+    return dot(direction, ball.centre) + (ball.radius > 0 ? ball.radius * length(direction) : 0.0f);
   }
 
   const WideBvh& tree_;
   const Mesh& mesh_;
-  Vec3f direction_{0, 0, 0};
   Ball farthest_{{0, 0, 0}, 0};
-  float reach_ = 0;
-  std::vector<Waiting> waiting_;
+  std::array<Ball, 16> columns_;  // where the last search in each column ended
+  static constexpr std::size_t kRoom = 1024;
+  std::vector<std::uint32_t> nodes_, leaves_;  // lists, with room for a node's children after their ends
 };
 
 }  // namespace
@@ -132,6 +139,16 @@ class Search {
 SupportTable::SupportTable(const WideBvh& tree, const Mesh& mesh) : unit_(1.0 / static_cast<double>(tree.scale)) {
   Search forward(tree, mesh), backward(tree, mesh);
   const auto place = [](int cell) { return static_cast<float>(cell) * (2.0f / kCells) - 1.0f; };
+  const auto cell_of = [](float at) { return static_cast<int>((at + 1.0f) * (kCells / 2)); };
+  const auto sample = [&](int axis, Vec3f direction, std::size_t column) -> Sample {
+    for (int other = 0; other < axis; ++other) {  // edges belong to two faces
+      if (std::abs(direction[other]) != 1.0f) continue;
+      const Vec3f same = direction * direction[other];
+      const Sample& known = samples_[other][cell_of(same[(other + 1) % 3])][cell_of(same[(other + 2) % 3])];
+      return direction[other] > 0 ? known : Sample{known.backward, known.forward};
+    }
+    return {forward.farthest(direction, column), backward.farthest(-direction, column)};
+  };
   for (int axis = 0; axis < 3; ++axis) {
     for (int row = 0; row <= kCells; ++row) {
       for (int step = 0; step <= kCells; ++step) {
@@ -140,7 +157,7 @@ SupportTable::SupportTable(const WideBvh& tree, const Mesh& mesh) : unit_(1.0 / 
         direction[axis] = 1.0f;
         direction[(axis + 1) % 3] = place(row);
         direction[(axis + 2) % 3] = place(column);
-        samples_[axis][row][column] = {forward.farthest(direction), backward.farthest(-direction)};
+        samples_[axis][row][column] = sample(axis, direction, static_cast<std::size_t>(column));
       }
     }
   }

@@ -45,7 +45,7 @@ struct RowRange {
 //                            one box       8 boxes       32 boxes      this table    exact boxes
 //   on a grid                9.4 / 22.2    8.4 / 20.2    8.3 / 20.1    7.8 / 19.3    7.8 / 19.3
 //   in a heap                19.4 / 47.9   15.5 / 34.8   14.7 / 33.8   12.7 / 28.0   12.6 / 27.7
-// The table takes 50 us to 2 ms to make, so it is not made for meshes with few vertices or instances
+// The table takes 40 us to 1 ms to make, so it is not made for meshes with few vertices or instances
 // (blas/world_box.h).
 //
 // The function is known exactly at samples on the faces of a cube. Between them it is bounded from above: where
