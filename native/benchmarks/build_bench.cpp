@@ -144,7 +144,6 @@ void add_statistics(JsonObject& row, const Snapshot& scene) {
   row.add("leaf_count_variability", tree.leaf_count_variability).add("sibling_overlap", tree.sibling_overlap);
   row.add("reference_count", tree.reference_count).add("node_count", tree.node_count);
   row.add("ready_byte_count", tree.geometry_byte_count + tree.wide_byte_count);
-  row.add("binary_byte_count", tree.binary_byte_count);
 }
 
 std::string stages_of(const Builder& builder) {

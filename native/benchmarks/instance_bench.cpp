@@ -232,7 +232,7 @@ void report_rays(const Crowd& crowd, const RaySet& set, const std::vector<RayCom
 void race_rays(const Crowd& crowd, const InstanceScene& peer, const OurInstances& ours, const Options& options,
                std::vector<std::string>& rows) {
   const auto snapshot = ours.snapshot();
-  const Aabb world = snapshot->tlas.bounds();
+  const Aabb world = snapshot->bounds;
   std::vector<RayCompetitor> competitors{{options.peers.front(), peer.caster()}};
   for (const std::string& name : options.strategies) {
     const TraceOptions way{parse_strategy(name), 0};

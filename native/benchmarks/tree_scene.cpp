@@ -7,8 +7,8 @@
 #include "scene/scene.h"
 #include "tlas/assemble.h"
 #include "tlas/instance.h"
-#include "tlas/top_level.h"
 #include "wide/collapse.h"
+#include "wide/fast_wide.h"
 #include "wide/wide_bvh.h"
 
 namespace perfect_bvh::bench {
@@ -22,15 +22,14 @@ std::shared_ptr<const Snapshot> snapshot_over(std::shared_ptr<const Mesh> mesh, 
   blas->box = mesh_bounds_of(blas->wide, blas->mesh);
   auto snapshot = std::make_shared<Snapshot>();
   snapshot->blases.push_back(blas);
-  Instance& instance = snapshot->instances.emplace_back();
+  Instance& instance = snapshot->instances.emplace_back(Instance{});
   instance.id = 0, instance.mesh_id = 0, instance.blas = blas.get();
   Placing placing;
   if (!place_instance(instance, placing, *blas, Affine{})) throw std::runtime_error("the mesh has no place in a scene");
   const Aabb& box = placing.world_bounds;
   snapshot->instance_views.push_back(view_of(instance, placing.world_to_object));
   snapshot->bounds = mesh_bounds_of(instance);
-  snapshot->tlas = build_top_level(std::vector<PrimRef>{{box.lower, 0, box.upper, 0}}, pool, cancel).tree;
-  snapshot->top_level = collapse_top_level(snapshot->tlas, pool, cancel);
+  snapshot->top_level = build_fast_top_level(std::vector<PrimRef>{{box.lower, 0, box.upper, 0}}, pool, cancel);
   make_trace_view(*snapshot, pool, cancel);
   return snapshot;
 }

@@ -38,7 +38,6 @@ py::dict to_dict(const TreeStatistics& tree) {
   row["wide_leaf_count"] = tree.wide_leaf_count;
   row["wide_depth"] = tree.wide_depth;
   row["geometry_byte_count"] = tree.geometry_byte_count;
-  row["binary_byte_count"] = tree.binary_byte_count;
   row["wide_byte_count"] = tree.wide_byte_count;
   row["plan_byte_count"] = tree.plan_byte_count;
   row["motion_byte_count"] = tree.motion_byte_count;

@@ -192,7 +192,7 @@ TEST(WideQuality, CountsVisitsAndTests) {
   ThreadPool pool(1);
   CancelToken cancel;
   const WideBvh tree = build_fast_wide(mesh, pool, cancel);
-  const TreeQuality quality = measure_wide_quality(tree, mesh);
+  const TreeQuality quality = measure_wide_quality(tree, bounds_of(tree, mesh));
   double tests = 0;
   for (std::uint32_t lane = 0; lane < kWideWidth; ++lane) {
     if (tree.nodes[0].child[lane] == kNoChild) continue;

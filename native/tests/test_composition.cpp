@@ -12,8 +12,8 @@
 #include "tests/tree_faults.h"
 #include "tlas/assemble.h"
 #include "tlas/instance.h"
-#include "tlas/top_level.h"
 #include "wide/collapse.h"
+#include "wide/fast_wide.h"
 
 namespace perfect_bvh::test {
 namespace {
@@ -60,15 +60,14 @@ void expect_right_hits(const Mesh& mesh, const Bvh2& tree) {
   blas->wide = collapse_mesh(tree, mesh, pool, cancel);
   Snapshot snapshot;
   snapshot.blases.push_back(blas);
-  Instance& instance = snapshot.instances.emplace_back();
+  Instance& instance = snapshot.instances.emplace_back(Instance{});
   instance.id = 0, instance.mesh_id = 0;
   Placing placing;
   ASSERT_TRUE(place_instance(instance, placing, *blas, Affine{}));
   const Aabb& box = placing.world_bounds;
   snapshot.instance_views.push_back(view_of(instance, placing.world_to_object));
   snapshot.bounds = mesh_bounds_of(instance);
-  snapshot.tlas = build_top_level(std::vector<PrimRef>{{box.lower, 0, box.upper, 0}}, pool, cancel).tree;
-  snapshot.top_level = collapse_top_level(snapshot.tlas, pool, cancel);
+  snapshot.top_level = build_fast_top_level(std::vector<PrimRef>{{box.lower, 0, box.upper, 0}}, pool, cancel);
   make_trace_view(snapshot, pool, cancel);
 
   std::mt19937 random(9);

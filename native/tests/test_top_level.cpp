@@ -13,6 +13,7 @@
 #include "tests/thread_counts.h"
 #include "tests/tree_faults.h"
 #include "tlas/top_level.h"
+#include "wide/fast_wide.h"
 
 namespace perfect_bvh::test {
 namespace {
@@ -38,7 +39,8 @@ Bvh2 cluster(const std::vector<PrimRef>& refs, BuilderKind guide = BuilderKind::
 Bvh2 top_level(const std::vector<PrimRef>& refs, int thread_count = 1, std::uint32_t most_clusters = kMostClusters) {
   ThreadPool pool(thread_count);
   CancelToken cancel;
-  return build_top_level(refs, pool, cancel, most_clusters).tree;
+  const double enough_rays = std::max(kUnknownRays, 100.0 * static_cast<double>(refs.size()));
+  return build_top_level(refs, pool, cancel, most_clusters, enough_rays).tree;
 }
 
 TopLevel built_for(const std::vector<PrimRef>& refs, double rays) {
@@ -238,8 +240,45 @@ TEST(TopLevel, IsBuiltForTheRaysToCome) {
   const auto refs = scattered(5000);
   EXPECT_STREQ(built_for(refs, 1e4).builder, "fast");
   EXPECT_STREQ(built_for(refs, 1e6).builder, "binned");
-  const auto nested = concentric(5000);
-  for (const double rays : {0.0, 1e9}) EXPECT_EQ(find_fault(built_for(nested, rays).tree, nested.size()), "") << rays;
+}
+
+// Adds the numbers below a child to `found`. Each box above one must be exactly around its boxes.
+Aabb visit_below(const WideBvh& tree, std::uint32_t child, const std::vector<PrimRef>& refs,
+                 std::vector<std::uint32_t>& found) {
+  if (child >= kInstanceChild) {
+    found.push_back(child - kInstanceChild);
+    return refs[child - kInstanceChild].box();
+  }
+  const WideNode& node = tree.nodes[child];
+  Aabb box;
+  for (std::uint32_t lane = 0; lane < kWideWidth && node.child[lane] != kNoChild; ++lane) {
+    const Aabb below = visit_below(tree, node.child[lane], refs, found);
+    EXPECT_EQ(child_box(node, lane).lower, below.lower * tree.scale);
+    EXPECT_EQ(child_box(node, lane).upper, below.upper * tree.scale);
+    box.grow(below);
+  }
+  return box;
+}
+
+TEST(TopLevel, WithoutABinaryTreeHoldsEveryInstanceOnce) {
+  std::vector<std::vector<PrimRef>> sets{scattered(1), scattered(2), scattered(9)};
+  for (const auto& set : hard_sets()) sets.push_back(set.refs);
+  for (const auto& refs : sets) {
+    const TopLevel top = built_for(refs, 0.0);
+    ASSERT_TRUE(top.tree.empty());
+    std::vector<std::uint32_t> found;
+    static_cast<void>(visit_below(top.wide, top.wide.root, refs, found));
+    std::sort(found.begin(), found.end());
+    ASSERT_EQ(found.size(), refs.size());
+    for (std::size_t i = 0; i < found.size(); ++i) ASSERT_EQ(found[i], i);
+    CancelToken cancel;
+    EXPECT_TRUE(is_over(top.wide, refs, cancel));
+    EXPECT_FALSE(is_over(top.wide, std::span(refs).first(refs.size() - 1), cancel));
+    for (const int thread_count : thread_counts()) {
+      ThreadPool pool(thread_count);
+      EXPECT_TRUE(same_bytes(build_fast_top_level(refs, pool, cancel), top.wide));
+    }
+  }
 }
 
 // If one is much larger than the others and there are enough rays, or if there are very many rays.

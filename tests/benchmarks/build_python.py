@@ -58,7 +58,7 @@ def measure_trees(mesh: BenchMesh, trees: list[str], size: tuple[int, int], roun
         tree = scene.statistics(detailed=True).meshes[0]
         rows[name] = {
             **{key: getattr(tree, key) for key in ("sah", "epo", "depth", "leaf_count_variability", "sibling_overlap")},
-            **{key: getattr(tree, key) for key in ("reference_count", "node_count", "binary_byte_count")},
+            **{key: getattr(tree, key) for key in ("reference_count", "node_count")},
             "ready_byte_count": tree.geometry_byte_count + tree.wide_byte_count,
             "rays": {},
         }

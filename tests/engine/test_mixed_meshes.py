@@ -107,4 +107,3 @@ def test_bytes_a_triangle_of_a_closed_mesh(size, builder, usage):
     report = scene.commit()
     row = scene.statistics().meshes[0]
     assert row.byte_count == report.meshes[0].byte_count <= (99 if builder == "median" else 71) * row.primitive_count
-    assert row.binary_byte_count == 0

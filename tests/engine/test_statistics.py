@@ -112,7 +112,7 @@ def test_a_refitted_trees_figures_are_todays():
 
 def check_totals(statistics: SceneStatistics) -> None:
     for tree in (*statistics.meshes, statistics.top_level):
-        trees = tree.binary_byte_count + tree.wide_byte_count + tree.plan_byte_count
+        trees = tree.wide_byte_count + tree.plan_byte_count
         assert tree.byte_count == tree.geometry_byte_count + trees + tree.motion_byte_count
     assert statistics.byte_count == statistics.top_level.byte_count + sum(tree.byte_count for tree in statistics.meshes)
     assert statistics.triangle_count == sum(tree.primitive_count for tree in statistics.meshes)

@@ -166,8 +166,8 @@ class TreeStatistics:
     """Statistics of one tree. mesh_id: -1 for the top level. builder: as in `BuildConfig`.
 
     The following describe the binary tree that the wide one was made from. If a mesh's tree was built directly as a
-    wide tree (usage "changing") or was refitted since, they describe the wide tree, which needs fewer visits than a
-    binary one.
+    wide tree (usage "changing") or was refitted since, and for the top level, they describe the wide tree, which needs
+    fewer visits than a binary one.
     is_refittable: whether it can be refitted; not with spatial splits.
     node_count, leaf_count, max_leaf_size, depth: nodes include leaves; depth is 0 for a single leaf.
     reference_count: primitives in leaves; more than primitive_count if some are in several.
@@ -182,10 +182,9 @@ class TreeStatistics:
     Of the tree that rays are traced through: wide_node_count, wide_leaf_count, wide_depth.
 
     Bytes: geometry_byte_count of positions and triangles, or spheres (for the top level: of the instances),
-    binary_byte_count (0 if that tree is no longer kept), wide_byte_count, plan_byte_count of the refit plan (0
-    before the first refit), motion_byte_count of motion within the shutter (positions and trees at the steps after
-    the first; for the top level its trees at the shutter's times, and the instances' transforms at their steps; 0
-    without motion); byte_count is the sum of the five.
+    wide_byte_count, plan_byte_count of the refit plan (0 before the first refit), motion_byte_count of motion within
+    the shutter (positions and trees at the steps after the first; for the top level its trees at the shutter's times,
+    and the instances' transforms at their steps; 0 without motion); byte_count is the sum of the four.
 
     Attributes:
         kind: "triangles", "curves" or "points"; of the top level "instances".
@@ -215,7 +214,6 @@ class TreeStatistics:
     wide_leaf_count: int
     wide_depth: int
     geometry_byte_count: int
-    binary_byte_count: int
     wide_byte_count: int
     plan_byte_count: int
     motion_byte_count: int

@@ -104,9 +104,6 @@ struct Bvh2 {
   [[nodiscard]] Aabb bounds() const noexcept { return nodes.empty() ? Aabb{} : nodes[0].box(); }
   // Returns the number of nodes in use, without the padding.
   [[nodiscard]] std::size_t node_count() const noexcept { return nodes.size() > 1 ? nodes.size() - 1 : nodes.size(); }
-  [[nodiscard]] std::size_t byte_count() const noexcept {
-    return nodes.size() * sizeof(Bvh2Node) + prim_indices.size() * sizeof(std::uint32_t);
-  }
 };
 
 }  // namespace perfect_bvh

@@ -11,73 +11,12 @@
 #include "builders/builder.h"
 #include "builders/grid.h"
 #include "builders/locally_ordered.h"
-#include "builders/morton.h"
 #include "builders/top_down.h"
 #include "core/aligned.h"
 #include "core/cancel.h"
 
 namespace perfect_bvh {
 namespace {
-
-using Key = std::uint64_t;  // a Morton code in the upper half, a reference's position in the lower
-
-struct Bounds {
-  Box4 boxes = Box4::empty(), centers = Box4::empty();
-};
-
-[[nodiscard]] Bounds measure_bounds(std::span<const PrimRef> prims, ThreadPool& pool, CancelToken& cancel) {
-  AlignedVector<Bounds> chunks(chunk_count_of(prims.size()));
-  for_chunks(pool, prims.size(), kItemsBetweenAsking, cancel, [&](std::size_t begin, std::size_t end) {
-    Bounds bounds;
-    for (std::size_t i = begin; i < end; ++i) {
-      const Box4 box = Box4::load(&prims[i]);
-      bounds.boxes.grow(box);
-      bounds.centers.grow(MortonGrid::center(box));
-    }
-    chunks[begin / kItemsBetweenAsking] = bounds;
-  });
-  Bounds all;
-  for (const Bounds& chunk : chunks) all.boxes.grow(chunk.boxes), all.centers.grow(chunk.centers);
-  return all;
-}
-
-// The references along the curve, and a tree over them in which each is a separate box.
-class Curve {
- public:
-  Curve(std::span<const PrimRef> prims, ThreadPool& pool, CancelToken& cancel) : prims_(prims) {
-    scratch_.expect(2 * prims.size() * sizeof(Key));
-    const auto keys = scratch_.take<Key>(prims.size()), second = scratch_.take<Key>(prims.size());
-    const Bounds bounds = measure_bounds(prims, pool, cancel);
-    const MortonGrid grid(bounds.centers);
-    for_chunks(pool, prims.size(), kItemsBetweenAsking, cancel, [&](std::size_t begin, std::size_t end) {
-      for (std::size_t i = begin; i < end; ++i) {
-        keys[i] = Key{grid.code(MortonGrid::center(Box4::load(&prims[i])))} << 32 | i;
-      }
-    });
-    sorted_ = radix_sort(keys, second, 32, kMortonBits, pool, cancel);
-    const Float4 scale(GridFrame::around(bounds.boxes).multiplier);
-    const BoxesAlongCurve boxes = make_room_for_clusters(prims.size(), scratch_);
-    for_chunks(pool, prims.size(), kItemsBetweenAsking, cancel, [&](std::size_t begin, std::size_t end) {
-      for (std::size_t i = begin; i < end; ++i) {
-        const Box4 box = Box4::load(&prim(i));
-        const auto code = static_cast<std::uint32_t>(sorted_[i] >> 32);
-        boxes[i] = make_cluster({box.lower.xyz0() * scale, box.upper.xyz0() * scale}, code, code);
-      }
-    });
-    tree_ = cluster_along_curve(boxes, pool, cancel);
-  }
-
-  [[nodiscard]] const ClusterTree& tree() const noexcept { return tree_; }
-  [[nodiscard]] const PrimRef& prim(std::size_t place) const noexcept {
-    return prims_[static_cast<std::uint32_t>(sorted_[place])];
-  }
-
- private:
-  std::span<const PrimRef> prims_;
-  Scratch scratch_;
-  std::span<const Key> sorted_;
-  ClusterTree tree_;
-};
 
 // The contents below a cluster. Uninitialized, because room for all of them is made at once.
 struct Contents {
@@ -186,7 +125,8 @@ class FastSplitter {
 }  // namespace
 
 Bvh2 build_fast(std::span<const PrimRef> prims, const BuildConfig& config, ThreadPool& pool, CancelToken& cancel) {
-  const Curve curve(prims, pool, cancel);
+  const auto scale_of = [](const Box4& bounds) { return GridFrame::around(bounds).multiplier; };
+  Curve curve(prims, scale_of, pool, cancel);
   const LeafChoice choice(curve.tree(), config, pool, cancel);
   FastSplitter splitter(curve, choice);
   return TopDownBuilder(splitter, pool, cancel).build(splitter.root());

@@ -6,6 +6,7 @@
 #include <limits>
 #include <vector>
 
+#include "builders/morton.h"
 #include "core/cancel.h"
 #include "core/errors.h"
 
@@ -275,6 +276,59 @@ ClusterTree cluster_along_curve(const BoxesAlongCurve& boxes, ThreadPool& pool, 
   }
   tree.root = row.number(0);
   return tree;
+}
+
+// Curve ---------------------------------------------------------------------------------------------------------------
+
+namespace {
+
+struct Bounds {
+  Box4 boxes = Box4::empty(), centers = Box4::empty();
+};
+
+[[nodiscard]] Bounds measure_bounds(std::span<const PrimRef> prims, ThreadPool& pool, CancelToken& cancel) {
+  AlignedVector<Bounds> chunks(chunk_count_of(prims.size()));
+  for_chunks(pool, prims.size(), kItemsBetweenAsking, cancel, [&](std::size_t begin, std::size_t end) {
+    Bounds bounds;
+    for (std::size_t i = begin; i < end; ++i) {
+      const Box4 box = Box4::load(&prims[i]);
+      bounds.boxes.grow(box);
+      bounds.centers.grow(MortonGrid::center(box));
+    }
+    chunks[begin / kItemsBetweenAsking] = bounds;
+  });
+  Bounds all;
+  for (const Bounds& chunk : chunks) all.boxes.grow(chunk.boxes), all.centers.grow(chunk.centers);
+  return all;
+}
+
+}  // namespace
+
+Curve::Curve(std::span<const PrimRef> prims, float (*scale_of)(const Box4& bounds), ThreadPool& pool,
+             CancelToken& cancel)
+    : prims_(prims) {
+  scratch_.expect(2 * prims.size() * sizeof(std::uint64_t));
+  const auto keys = scratch_.take<std::uint64_t>(prims.size()), second = scratch_.take<std::uint64_t>(prims.size());
+  const Bounds bounds = measure_bounds(prims, pool, cancel);
+  bounds_ = bounds.boxes;
+  const MortonGrid grid(bounds.centers);
+  for_chunks(pool, prims.size(), kItemsBetweenAsking, cancel, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i < end; ++i) {
+      keys[i] = std::uint64_t{grid.code(MortonGrid::center(Box4::load(&prims[i])))} << 32 | i;
+    }
+  });
+  sorted_ = radix_sort(keys, second, 32, kMortonBits, pool, cancel);
+  const Float4 scale(scale_of(bounds.boxes)), zero(0.0f);  // -0 + 0 is +0
+  const BoxesAlongCurve boxes = make_room_for_clusters(prims.size(), scratch_);
+  for_chunks(pool, prims.size(), kItemsBetweenAsking, cancel, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i < end; ++i) {
+      const Box4 box = Box4::load(&prim(i));
+      const auto code = static_cast<std::uint32_t>(sorted_[i] >> 32);
+      boxes[i] = make_cluster({box.lower.xyz0() * scale + zero, box.upper.xyz0() * scale + zero}, code, code);
+    }
+  });
+  tree_ = cluster_along_curve(boxes, pool, cancel);
+  scratch_.trim(boxes.clusters, tree_.top.end);
 }
 
 }  // namespace perfect_bvh

@@ -9,6 +9,7 @@
 #include <span>
 #include <vector>
 
+#include "builders/bvh2.h"
 #include "core/aligned.h"
 #include "core/cancel.h"
 #include "core/thread_pool.h"
@@ -64,5 +65,27 @@ struct ClusterTree {
 // Clusters at least one box. Coordinates must be such that areas do not overflow or underflow. The tree is the same for
 // any number of threads, and never deeper than kMaxTreeDepth. It is in the memory of the boxes.
 [[nodiscard]] ClusterTree cluster_along_curve(const BoxesAlongCurve& boxes, ThreadPool& pool, CancelToken& cancel);
+
+// References in the order of their centres' Morton codes, and a tree over them in which each is a separate box.
+class Curve {
+ public:
+  // scale_of(bounds) returns the power of two that the tree's coordinates are multiplied by.
+  Curve(std::span<const PrimRef> prims, float (*scale_of)(const Box4& bounds), ThreadPool& pool, CancelToken& cancel);
+
+  [[nodiscard]] const Box4& bounds() const noexcept { return bounds_; }
+  [[nodiscard]] const ClusterTree& tree() const noexcept { return tree_; }
+  [[nodiscard]] const PrimRef& prim(std::size_t place) const noexcept {
+    return prims_[static_cast<std::uint32_t>(sorted_[place])];
+  }
+  // Returns memory that is reserved for a plan for each cluster.
+  [[nodiscard]] Scratch& scratch() noexcept { return scratch_; }
+
+ private:
+  std::span<const PrimRef> prims_;
+  Scratch scratch_;
+  std::span<const std::uint64_t> sorted_;  // a Morton code in the upper half, a reference's position in the lower
+  Box4 bounds_;
+  ClusterTree tree_;
+};
 
 }  // namespace perfect_bvh

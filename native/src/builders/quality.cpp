@@ -45,7 +45,6 @@ TreeQuality measure_quality(const Bvh2& tree, CancelToken& cancel) {
   quality.node_count = tree.node_count();
   quality.depth = tree.depth;
   quality.is_refittable = tree.refittable;
-  quality.byte_count = tree.byte_count();
   double leaf_area = 0, interior_area = 0, overlap_area = 0;
   const auto add = [&](std::size_t i) {
     const Bvh2Node& node = tree.nodes[i];

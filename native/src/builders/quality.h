@@ -27,7 +27,6 @@ struct TreeQuality {
   std::uint32_t depth = 0;
   std::uint32_t max_leaf_size = 0;
   bool is_refittable = true;
-  std::size_t byte_count = 0;
 };
 
 [[nodiscard]] TreeQuality measure_quality(const Bvh2& tree, CancelToken& cancel);

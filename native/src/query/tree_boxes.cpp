@@ -207,8 +207,7 @@ Aabb bounds_of_top_level(const Snapshot& snapshot) {
   const WideBvh& tree = snapshot.top_level;
   if (tree.is_empty) return {};
   if (tree.root < kBlockChild) return node_box(tree.nodes[tree.root]);
-  const Aabb box = snapshot.tlas.nodes[0].box();
-  return {box.lower * tree.scale, box.upper * tree.scale};
+  return {snapshot.lone_box.lower * tree.scale, snapshot.lone_box.upper * tree.scale};
 }
 
 TreeBoxes list_tree_boxes(const Snapshot& snapshot, std::optional<std::int32_t> mesh_id, LevelRange levels,
@@ -251,26 +250,26 @@ TreeStatistics describe(const TreeQuality& quality) {
   return row;
 }
 
-void add_bytes(TreeStatistics& row, std::size_t geometry, const Bvh2& binary, const WideBvh& wide) {
+void add_bytes(TreeStatistics& row, std::size_t geometry, const WideBvh& wide) {
   row.wide_node_count = wide.nodes.size();
   row.wide_leaf_count = wide.leaf_count();
   row.wide_depth = wide.depth;
   row.geometry_byte_count = geometry;
-  row.binary_byte_count = binary.byte_count();
   row.wide_byte_count = wide.byte_count();
-  row.byte_count = row.geometry_byte_count + row.binary_byte_count + row.wide_byte_count;
+  row.byte_count = row.geometry_byte_count + row.wide_byte_count;
 }
 
 TreeStatistics describe_mesh(std::int32_t mesh_id, const Blas& blas) {
   const bool was_binary = blas.quality.node_count > 0;
-  TreeStatistics row = describe(was_binary ? blas.quality : measure_wide_quality(blas.wide, blas.mesh));
+  TreeStatistics row =
+      describe(was_binary ? blas.quality : measure_wide_quality(blas.wide, bounds_of(blas.wide, blas.mesh)));
   row.mesh_id = mesh_id;
   row.builder = builder_name(blas.config.builder);
   row.kind = names_of(blas.mesh.kind).kind;
   row.primitive_count = blas.mesh.primitive_count();
   row.vertex_count = blas.mesh.vertex_count();
   row.left_out_count = left_out_count(blas.mesh);
-  add_bytes(row, blas.mesh.byte_count(), {}, blas.wide);
+  add_bytes(row, blas.mesh.byte_count(), blas.wide);
   row.plan_byte_count = plan_byte_count(blas);
   row.motion_byte_count = motion_byte_count(blas);
   row.byte_count += row.plan_byte_count + row.motion_byte_count;
@@ -278,16 +277,31 @@ TreeStatistics describe_mesh(std::int32_t mesh_id, const Blas& blas) {
 }
 
 TreeStatistics describe_top_level(const Snapshot& snapshot) {
-  TreeStatistics row = describe(measure_quality(snapshot.tlas));
+  TreeStatistics row = describe(measure_wide_quality(snapshot.top_level, bounds_of_top_level(snapshot)));
   row.builder = snapshot.top_level_builder;
   row.kind = "instances";
   row.primitive_count = snapshot.instances.size();
   row.user_count = 1;
-  add_bytes(row, snapshot.instances.size() * (sizeof(Instance) + sizeof(InstanceView)), snapshot.tlas,
-            snapshot.top_level);
+  add_bytes(row, snapshot.instances.size() * (sizeof(Instance) + sizeof(InstanceView)), snapshot.top_level);
   row.motion_byte_count = motion_byte_count(snapshot);
   row.byte_count += row.motion_byte_count;
   return row;
+}
+
+// Only its leaves are measured, so any binary tree serves. Empty for a single instance.
+Bvh2 binary_top_level(const Snapshot& snapshot, ThreadPool& pool, CancelToken& cancel) {
+  AlignedVector<PrimRef> boxes;
+  const auto& nodes = snapshot.top_level.nodes;
+  for_steps(nodes.size() * kWideWidth, cancel, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i < end; ++i) {
+      const auto lane = static_cast<std::uint32_t>(i % kWideWidth), child = nodes[i / kWideWidth].child[lane];
+      const Aabb box = child_box(nodes[i / kWideWidth], lane);
+      if (child >= kInstanceChild) boxes.push_back({box.lower, child, box.upper, 0});
+    }
+  });
+  BuildConfig config;
+  config.builder = BuilderKind::kFast, config.max_leaf_size = 1;
+  return build_bvh2(boxes, config, pool, cancel);
 }
 
 // Builders are deterministic: a rebuilt tree equals the old one.
@@ -323,7 +337,8 @@ SceneStatistics measure(const Snapshot& snapshot, bool is_detailed, ThreadPool& 
     for (std::size_t i = 0; i < snapshot.meshes.size(); ++i) {
       add_details(result.meshes[i], *snapshot.meshes[i].second, pool, cancel);
     }
-    result.top_level.leaf_count_variability = measure_leaf_count_variability(snapshot.tlas, kLineCount, pool, cancel);
+    const Bvh2 binary = binary_top_level(snapshot, pool, cancel);
+    result.top_level.leaf_count_variability = measure_leaf_count_variability(binary, kLineCount, pool, cancel);
   }
   for (const Instance& instance : snapshot.instances) {
     add(result.instanced, instance.blas->mesh);

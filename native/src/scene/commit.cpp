@@ -40,8 +40,8 @@ double RayShares::of(std::size_t row) const noexcept {
 namespace {
 
 std::size_t byte_count(const Snapshot& snapshot) {
-  std::size_t count = snapshot.instances.size() * (sizeof(Instance) + sizeof(InstanceView)) +
-                      snapshot.tlas.byte_count() + snapshot.top_level.byte_count();
+  std::size_t count =
+      snapshot.instances.size() * (sizeof(Instance) + sizeof(InstanceView)) + snapshot.top_level.byte_count();
   for (const auto& blas : snapshot.blases) count += byte_count(*blas);
   return count + motion_byte_count(snapshot);
 }
@@ -88,7 +88,7 @@ std::shared_ptr<Snapshot> Scene::take_last_snapshot() {
   }
   auto snapshot = std::make_shared<Snapshot>();
   if (!snapshot_) return snapshot;
-  snapshot->tlas = snapshot_->tlas, snapshot->top_level = snapshot_->top_level;
+  snapshot->top_level = snapshot_->top_level;
   snapshot->top_level_builder = snapshot_->top_level_builder, snapshot->built_cost = snapshot_->built_cost;
   snapshot->tried_clustering = snapshot_->tried_clustering;
   return snapshot;

@@ -26,8 +26,8 @@ struct TreeStatistics {
   std::size_t left_out_count = 0;  // points and curves' segments without a radius
   std::size_t user_count = 0;      // instances
 
-  // The binary tree, even if it is no longer kept. If the tree was never binary, the wide tree, with its leaf blocks as
-  // leaves. Details exist only for binary trees.
+  // The binary tree, which is no longer kept. If the tree was never binary, and for the top level, the wide tree, with
+  // its leaf blocks or instances as leaves. Details exist only for binary trees.
   bool is_refittable = true;
   std::size_t node_count = 0;
   std::size_t leaf_count = 0;
@@ -44,13 +44,12 @@ struct TreeStatistics {
   std::uint32_t wide_depth = 0;
 
   std::size_t geometry_byte_count = 0;  // positions and triangles, or spheres; the instances for the top level
-  std::size_t binary_byte_count = 0;    // 0 if the binary tree is no longer kept
   std::size_t wide_byte_count = 0;
   std::size_t plan_byte_count = 0;  // of the refit data; 0 before the first refit
   // For motion within the shutter: positions and trees of the steps after the first. For the top level: its trees at
   // the times of the shutter, and the instances' placement at their own steps.
   std::size_t motion_byte_count = 0;
-  std::size_t byte_count = 0;  // the sum of the five
+  std::size_t byte_count = 0;  // the sum of the four
 };
 
 // By their kinds.

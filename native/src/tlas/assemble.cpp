@@ -4,6 +4,7 @@
 #include <mutex>
 
 #include "core/cancel.h"
+#include "core/errors.h"
 #include "math/vec3.h"
 #include "tlas/instance.h"
 #include "tlas/moving_bounds.h"
@@ -15,7 +16,7 @@ namespace {
 
 constexpr std::size_t kGrain = 1024;  // instances placed by one task
 
-// A table of a mesh's support takes 50 us to 2 ms to make, as long as going through this many vertices. Without a
+// A table of a mesh's support takes 40 us to 1 ms to make, as long as going through this many vertices. Without a
 // table, each instance goes through all vertices of the mesh.
 constexpr std::size_t kManyVertices = std::size_t{1} << 17;
 constexpr std::uint32_t kManyUsers = 64;
@@ -55,11 +56,11 @@ void hold_turns(Snapshot& snapshot, std::span<const Placement> placements, Cance
 // Refits the trees if the instances are the same and only moved.
 bool try_refit(Snapshot& snapshot, std::span<const PrimRef> boxes, std::optional<double> expected_rays,
                TopLevelReport& report, ThreadPool& pool, CancelToken& cancel) {
-  if (snapshot.tlas.empty()) {
+  if (snapshot.top_level.is_empty) {
     report.reason = "there was no tree";
     return false;
   }
-  if (!is_over(snapshot.tlas, boxes, cancel)) {
+  if (!is_over(snapshot.top_level, boxes, cancel)) {
     report.reason = "instances were added or removed";
     return false;
   }
@@ -68,7 +69,7 @@ bool try_refit(Snapshot& snapshot, std::span<const PrimRef> boxes, std::optional
   const TopLevelCost cost = measure_cost(snapshot.top_level, pool, cancel);
   const bool is_kept =
       is_worth_keeping(cost, snapshot.built_cost, boxes.size(), snapshot.tried_clustering, expected_rays);
-  if (is_kept) finish_refit(snapshot.tlas, snapshot.top_level, boxes, pool, cancel);
+  if (is_kept) finish_refit(snapshot.top_level, pool, cancel);
   report.refit_milliseconds = watch.milliseconds();
   report.reason = describe(cost, snapshot.built_cost) + (is_kept ? "" : ", so a new tree pays off");
   return is_kept;
@@ -89,12 +90,11 @@ void build(Snapshot& snapshot, AlignedVector<PrimRef>& boxes, std::optional<doub
   drop_empty(boxes, cancel);
   TopLevel top = build_top_level(boxes, pool, cancel, kMostClusters, expected_rays);
   snapshot.tried_clustering = top.tried_clustering;
-  snapshot.tlas = std::move(top.tree);
   snapshot.top_level_builder = top.builder;
   report.build_milliseconds = top.build_milliseconds;
   report.clustering_milliseconds = top.clustering_milliseconds;
   const Stopwatch watch;
-  snapshot.top_level = collapse_top_level(snapshot.tlas, pool, cancel);
+  snapshot.top_level = top.tree.empty() ? std::move(top.wide) : collapse_top_level(top.tree, pool, cancel);
   snapshot.built_cost = measure_cost(snapshot.top_level, pool, cancel);
   report.collapse_milliseconds = watch.milliseconds();
 }
@@ -102,6 +102,7 @@ void build(Snapshot& snapshot, AlignedVector<PrimRef>& boxes, std::optional<doub
 // Makes room for `count` instances. Those of the last snapshot stay, to be overwritten. Done in steps, because
 // initializing instances takes time too.
 void make_rows(Snapshot& snapshot, std::size_t count, CancelToken& cancel) {
+  if (count > kMostInstances) throw EngineError("the scene has more instances than a tree can refer to");
   auto& instances = snapshot.instances;
   instances.reserve(count);
   for_steps(count, cancel, [&](std::size_t, std::size_t end) {
@@ -189,6 +190,10 @@ TopLevelReport assemble(Snapshot& snapshot, const PlacedMeshes& meshes, std::spa
   report.placing_milliseconds = watch.milliseconds();
   report.is_refitted = try_refit(snapshot, boxes, expected_rays, report, pool, cancel);
   if (!report.is_refitted) build(snapshot, boxes, expected_rays, report, pool, cancel);
+  for (const PrimRef& ref : boxes) {
+    if (!snapshot.top_level.nodes.empty()) break;
+    if (kInstanceChild + ref.prim_index == snapshot.top_level.root) snapshot.lone_box = ref.box();
+  }
   add_top_steps(snapshot, step_boxes, pool, cancel);
   make_trace_view(snapshot, pool, cancel);
   return report;

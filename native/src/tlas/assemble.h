@@ -12,7 +12,6 @@
 #include <vector>
 
 #include "builders/builder.h"
-#include "builders/bvh2.h"
 #include "core/cancel.h"
 #include "core/thread_pool.h"
 #include "stats/statistics.h"
@@ -27,8 +26,7 @@ struct Snapshot {
   std::vector<std::shared_ptr<const Blas>> blases;           // keeps the instances' trees alive
   std::vector<std::pair<std::int32_t, const Blas*>> meshes;  // by mesh id; without baked copies
   AlignedVector<Instance> instances;                         // by ascending scene id
-  Bvh2 tlas;                                                 // over the instances' world boxes
-  WideBvh top_level;                                         // the wide tree of `tlas`, which rays are traced through
+  WideBvh top_level;                                         // over the instances' world boxes
   AlignedVector<InstanceView> instance_views;                // the kernels' views of `instances`, row by row
   std::vector<std::shared_ptr<const Turns>> turns;           // of instances that move within the shutter
   AlignedVector<MotionView> motions;                         // of those, and of instances of moving meshes
@@ -39,7 +37,8 @@ struct Snapshot {
   std::vector<TreeStep> top_step_views;  // the kernels' views of them, or of the one
   SceneView view;                        // points into this snapshot
   Aabb bounds;                           // around the meshes' own boxes, placed; does not depend on trees
-  const char* top_level_builder = "";    // the builder of `tlas`
+  Aabb lone_box;                         // the world box of a top level's only instance
+  const char* top_level_builder = "";    // the builder of `top_level`
   bool has_round_meshes = false;         // some mesh consists of curves or points
   bool tried_clustering = false;         // when the top level was built
   TopLevelCost built_cost;               // of the top level when it was built

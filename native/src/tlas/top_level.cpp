@@ -13,6 +13,7 @@
 #include "builders/link_tree.h"
 #include "core/cancel.h"
 #include "wide/collapse.h"
+#include "wide/fast_wide.h"
 #include "wide/wide_bvh.h"
 #include "wide/wide_cost.h"
 
@@ -105,43 +106,44 @@ std::uint32_t levels_below(const Bvh2& tree, std::uint32_t root, Steps& steps) {
   return deepest;
 }
 
-// Calls visit(ref, area) for each box whose area is at most a limit.
-template <class Visit>
-void for_boxes_below(double limit, std::span<const PrimRef> prims, CancelToken& cancel, const Visit& visit) {
-  for_steps(prims.size(), cancel, [&](std::size_t begin, std::size_t end) {
-    for (const PrimRef& ref : prims.subspan(begin, end - begin)) {
-      const double area = half_area(ref.box());
-      if (area <= limit) visit(ref, area);
-    }
-  });
-}
+// The boxes around all boxes, and around those that are not much larger than most.
+struct Spans {
+  Box4 all = Box4::empty(), usual = Box4::empty();
+};
 
-// Returns the box around the boxes that are not much larger than most.
-Box4 span_of_usual(std::span<const PrimRef> prims, CancelToken& cancel) {
+Spans measure_spans(std::span<const PrimRef> prims, CancelToken& cancel) {
   constexpr double kMuchLarger = 8.0;
+  constexpr std::size_t kSample = 4096;  // boxes, evenly spaced, from which the usual area is known well enough
   const auto mean_below = [&](double limit) {
     double sum = 0, count = 0;
-    for_boxes_below(limit, prims, cancel, [&](const PrimRef&, double area) { sum += area, count += 1; });
+    for (std::size_t i = 0; i < prims.size(); i += prims.size() / kSample + 1) {
+      const double area = half_area(prims[i].box());
+      if (area <= limit) sum += area, count += 1;
+    }
     return count > 0 ? sum / count : limit;  // the mean of equal areas may be rounded to less than all of them
   };
   // Averages only boxes up to the mean, so that large ones do not raise the reference value.
   const double usual = mean_below(mean_below(std::numeric_limits<double>::infinity()));
-  Box4 box = Box4::empty();
-  for_boxes_below(kMuchLarger * usual, prims, cancel, [&](const PrimRef& ref, double) { box.grow(Box4::load(&ref)); });
-  return box;
+  Spans spans;
+  for_steps(prims.size(), cancel, [&](std::size_t begin, std::size_t end) {
+    for (const PrimRef& ref : prims.subspan(begin, end - begin)) {
+      spans.all.grow(Box4::load(&ref));
+      if (half_area(ref.box()) <= kMuchLarger * usual) spans.usual.grow(Box4::load(&ref));
+    }
+  });
+  return spans;
 }
 
 // Planes through centroids cannot separate a large instance from the small ones that are on a part of it: every node
 // from the root down to its leaf is as large as the instance. Clustering gains at most the difference in area between
 // such nodes and all small ones together; a wide node holds seven of them. Measured with 20 to 10,000 boxes: if small
 // instances are everywhere, of any sizes, clustering saves almost no visits. It is then tried only for very many rays.
-bool is_worth_clustering(const Bvh2& tree, std::span<const PrimRef> prims, std::uint32_t most_clusters, double rays,
+bool is_worth_clustering(std::span<const PrimRef> prims, std::uint32_t most_clusters, double rays,
                          CancelToken& cancel) {
-  constexpr std::size_t kMany = 256;  // times as many instances as clusters: trying takes no longer than this test
   constexpr double kLeastShare = 0.02;
-  if (prims.size() > kMany * most_clusters) return true;
   const auto nodes = static_cast<double>(std::bit_width(prims.size())) / (kWideWidth - 1);
-  const double whole = half_area(tree.bounds()), usual = half_area(to_aabb(span_of_usual(prims, cancel)));
+  const Spans spans = measure_spans(prims, cancel);
+  const double whole = half_area(to_aabb(spans.all)), usual = half_area(to_aabb(spans.usual));
   const double share = whole > usual ? std::max(kLeastShare, 1.0 - usual / whole) : kLeastShare;
   const auto clusters = static_cast<double>(std::min<std::size_t>(prims.size(), most_clusters));
   return rays * kVisitNanoseconds * nodes * share > kJoinNanoseconds * clusters;
@@ -160,33 +162,32 @@ bool cluster_top(Bvh2& tree, std::uint32_t most_clusters, CancelToken& cancel) {
   return true;
 }
 
-// Builds the tree. If there are few rays per instance, they lose less on a tree along a curve than a better one takes
-// to build.
-Bvh2 build_tree(std::span<const PrimRef> prims, double rays, const char*& builder, ThreadPool& pool,
-                CancelToken& cancel) {
-  // Rays per instance. Measured with 1,000 to 100,000 boxes: building in a half to a third of the time, for 5 percent
-  // more visits (20 in rooms), breaks even at 5 to 25 rays per instance.
-  constexpr double kFewRays = 5.0;
-  BuildConfig config;
-  config.builder = rays < kFewRays * static_cast<double>(prims.size()) ? BuilderKind::kFast : BuilderKind::kBinned;
-  config.max_leaf_size = 1;
-  builder = builder_name(config.builder);
-  return build_bvh2(prims, config, pool, cancel);
-}
-
 }  // namespace
 
 TopLevel build_top_level(std::span<const PrimRef> prims, ThreadPool& pool, CancelToken& cancel,
                          std::uint32_t most_clusters, std::optional<double> expected_rays) {
+  // Rays per instance. If there are fewer, they lose less on a tree along a curve than a better one takes to build.
+  // Measured with 1,000 to 100,000 boxes: building in half the time, for 2 to 5 percent more visits on a grid (20 in
+  // rooms, fewer in a heap), breaks even at 14 to 25 rays per instance (3 in rooms).
+  constexpr double kFewRays = 8.0;
   TopLevel top;
   if (prims.empty()) return top;
   Stopwatch watch;
   const double rays = expected_rays.value_or(kUnknownRays);
-  top.tree = build_tree(prims, rays, top.builder, pool, cancel);
-  top.build_milliseconds = watch.lap_milliseconds();
-  top.tried_clustering = is_worth_clustering(top.tree, prims, most_clusters, rays, cancel);
-  if (top.tried_clustering && cluster_top(top.tree, most_clusters, cancel)) top.builder = "agglomerative";
+  top.tried_clustering = is_worth_clustering(prims, most_clusters, rays, cancel);
   top.clustering_milliseconds = watch.lap_milliseconds();
+  BuildConfig config;
+  config.builder = rays < kFewRays * static_cast<double>(prims.size()) ? BuilderKind::kFast : BuilderKind::kBinned;
+  config.max_leaf_size = 1;
+  top.builder = builder_name(config.builder);
+  if (config.builder == BuilderKind::kFast && !top.tried_clustering) {
+    top.wide = build_fast_top_level(prims, pool, cancel);
+  } else {
+    top.tree = build_bvh2(prims, config, pool, cancel);
+  }
+  top.build_milliseconds = watch.lap_milliseconds();
+  if (top.tried_clustering && cluster_top(top.tree, most_clusters, cancel)) top.builder = "agglomerative";
+  top.clustering_milliseconds += watch.lap_milliseconds();
   return top;
 }
 
@@ -286,22 +287,26 @@ TopLevelCost measure_cost(const WideBvh& wide, ThreadPool& pool, CancelToken& ca
   return cost;
 }
 
-bool is_over(const Bvh2& tree, std::span<const PrimRef> boxes, CancelToken& cancel) {
+bool is_over(const WideBvh& tree, std::span<const PrimRef> boxes, CancelToken& cancel) {
   const auto is_filled = [](const PrimRef& ref) { return !ref.box().is_empty(); };
   std::size_t filled = 0;
   for_steps(boxes.size(), cancel, [&](std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end; ++i) filled += is_filled(boxes[i]) ? 1 : 0;
   });
-  if (filled != tree.prim_indices.size()) return false;
+  std::size_t found = 0;
   // If no row is empty, no box has to be read.
-  bool all_there = true;
-  for_steps(tree.prim_indices.size(), cancel, [&](std::size_t begin, std::size_t end) {
-    for (std::size_t i = begin; i < end && all_there; ++i) {
-      const std::uint32_t row = tree.prim_indices[i];
-      all_there = row < boxes.size() && (filled == boxes.size() || is_filled(boxes[row]));
+  const auto count = [&](std::uint32_t child) {
+    const std::size_t row = child - kInstanceChild;
+    found += is_instance(child) && row < boxes.size() && (filled == boxes.size() || is_filled(boxes[row])) ? 1 : 0;
+    return is_instance(child) ? 1 : 0;
+  };
+  std::size_t held = count(tree.root);
+  for_steps(tree.nodes.size(), cancel, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i < end; ++i) {
+      for (const std::uint32_t child : tree.nodes[i].child) held += count(child);
     }
   });
-  return all_there;
+  return found == filled && held == filled;
 }
 
 // No node is before its parent, so the rows are visited from the last to the first. Only reading the instances' boxes,
@@ -316,7 +321,7 @@ void refit_boxes(WideBvh& wide, std::span<const PrimRef> boxes, ThreadPool& pool
 WideBvh refitted_at_step(const WideBvh& wide, std::span<const PrimRef> boxes, ThreadPool& pool, CancelToken& cancel) {
   WideBvh step = wide;
   refit_nodes(step, boxes, pool, cancel);
-  for_nodes(step, pool, cancel, [](WideNode& node) { set_visit_order(node, child_count(node)); });
+  finish_refit(step, pool, cancel);
   return step;
 }
 
@@ -332,9 +337,8 @@ bool serves_all_times(const WideBvh& wide, const WideBvh& step, ThreadPool& pool
   return cost(wide, 1.0) <= cost(step, kMovingNode);
 }
 
-void finish_refit(Bvh2& tree, WideBvh& wide, std::span<const PrimRef> boxes, ThreadPool& pool, CancelToken& cancel) {
+void finish_refit(WideBvh& wide, ThreadPool& pool, CancelToken& cancel) {
   for_nodes(wide, pool, cancel, [](WideNode& node) { set_visit_order(node, child_count(node)); });
-  refit_bvh2(tree, boxes, pool, cancel);
 }
 
 bool is_worth_keeping(const TopLevelCost& now, const TopLevelCost& built, std::size_t instance_count,

@@ -1,10 +1,10 @@
 // The tree over a scene's instances.
-// In: the world boxes of instances. Out: a Bvh2 with one instance per leaf, the same bytes for any number of threads.
+// In: the world boxes of instances. Out: a wide tree, the same bytes for any number of threads.
 //
-// If there are few rays per instance, the tree is clustered along a Morton curve. That takes a third to a half of the
-// binned tree's time, but rays visit 4 to 7 percent more of this level's nodes, or 20 if a floor or walls surround
-// small instances. Tried and rejected: the builder over Morton clusters instead of the binned one (a third fewer
-// instructions, 5 to 8 percent more visits).
+// If there are few rays per instance, the tree is clustered along a Morton curve, without a binary tree in between.
+// That takes half of the time of the binned tree and its collapse, but rays visit 2 to 7 percent more of this level's
+// nodes, or 20 if a floor or walls surround small instances. Tried and rejected: the builder over Morton clusters
+// instead of the binned one (a third fewer instructions, 5 to 8 percent more visits).
 // Also rejected: opening instances, so that parts of them are in the tree (Benthin, Woop, Wald and Afra 2017, "Improved
 // two-level BVHs using partial re-braiding"). Its possible gain was measured with a separate instance for each subtree
 // (with a row of InstanceView each, which a real implementation would share), and compared with one tree over all
@@ -38,7 +38,8 @@ namespace perfect_bvh {
 inline constexpr std::uint32_t kMostClusters = 1024;
 
 struct TopLevel {
-  Bvh2 tree;
+  Bvh2 tree;  // with one instance per leaf, to be collapsed; empty if the wide tree was built directly
+  WideBvh wide;
   const char* builder = "";  // "agglomerative", or the tree's builder if that gained nothing; "" if empty
   bool tried_clustering = false;
   double build_milliseconds = 0, clustering_milliseconds = 0;
@@ -68,9 +69,9 @@ struct TopLevelCost {
 
 [[nodiscard]] TopLevelCost measure_cost(const WideBvh& wide, ThreadPool& pool, CancelToken& cancel);
 
-// Returns whether both trees are over exactly the instances that have a box now. boxes: one per row, empty for an empty
+// Returns whether the tree is over exactly the instances that have a box now. boxes: one per row, empty for an empty
 // instance.
-[[nodiscard]] bool is_over(const Bvh2& tree, std::span<const PrimRef> boxes, CancelToken& cancel);
+[[nodiscard]] bool is_over(const WideBvh& tree, std::span<const PrimRef> boxes, CancelToken& cancel);
 
 // Refits in two steps, since the second is wasted if the tree is rebuilt. The first writes new boxes to the wide tree,
 // which must be over `boxes`: enough to measure its cost.
@@ -82,8 +83,8 @@ void refit_boxes(WideBvh& wide, std::span<const PrimRef> boxes, ThreadPool& pool
 // Returns whether rays are as fast through `wide`, around the whole motion of its instances, as between trees at the
 // times of the shutter, of which `step` is one. Those are tighter, but a visit of one of their nodes takes longer.
 [[nodiscard]] bool serves_all_times(const WideBvh& wide, const WideBvh& step, ThreadPool& pool, CancelToken& cancel);
-// The second step: updates the visiting orders, and the binary tree.
-void finish_refit(Bvh2& tree, WideBvh& wide, std::span<const PrimRef> boxes, ThreadPool& pool, CancelToken& cancel);
+// The second step: updates the visiting orders.
+void finish_refit(WideBvh& wide, ThreadPool& pool, CancelToken& cancel);
 
 // Returns whether the rays' loss on a refitted tree is at most the cost of another tree. `built` was measured when the
 // tree was built. If instances cover less of the whole box than they did then, a new tree might be much better than the

@@ -62,7 +62,7 @@ static_assert(sizeof(CollapseDecision) == 8);
 // Writes the planned wide tree, depth first.
 // Fills in nodes, leaves, root and depth; the scale must be set. `mesh` is null for a top level. Threads divide the
 // subtrees: they first count the rows that each needs, then write them to their final position. Throws EngineError if
-// the tree gets more nodes, leaves or instances than a child can refer to.
+// the tree gets more nodes or leaves than a child can refer to.
 void emit_wide(const Bvh2& tree, const Mesh* mesh, std::span<const CollapseDecision> decisions, WideBvh& wide,
                ThreadPool& pool, CancelToken& cancel);
 

@@ -288,15 +288,9 @@ std::vector<Part> make_parts(const Plan& plan) {
   return parts;
 }
 
-void check_limits(const Totals& totals, const Bvh2& tree, bool is_top_level, CancelToken& cancel) {
+void check_limits(const Totals& totals, bool is_top_level) {
   if (totals.nodes >= kBlockChild) throw EngineError("the tree has more nodes than a child can refer to");
-  if (is_top_level) {
-    std::uint32_t largest = 0;
-    for_steps(tree.prim_indices.size(), cancel, [&](std::size_t begin, std::size_t end) {
-      for (std::size_t i = begin; i < end; ++i) largest = std::max(largest, tree.prim_indices[i]);
-    });
-    if (largest >= kMostInstances) throw EngineError("the scene has more instances than a tree can refer to");
-  } else if (totals.leaves >= kMostBlocks) {
+  if (!is_top_level && totals.leaves >= kMostBlocks) {
     throw EngineError("the mesh has more leaves than a tree can refer to");
   }
 }
@@ -324,7 +318,7 @@ void emit_wide(const Bvh2& tree, const Mesh* mesh, std::span<const CollapseDecis
     totals.leaves += part.totals.leaves;
     totals.depth = std::max(totals.depth, part.totals.depth);
   }
-  check_limits(totals, tree, mesh == nullptr, cancel);
+  check_limits(totals, mesh == nullptr);
   wide.depth = totals.depth;
   wide.nodes.resize(totals.nodes);
   if (mesh != nullptr) make_room_for_leaves(*mesh, totals.leaves, wide);

@@ -254,12 +254,14 @@ class Walk {
   std::vector<Child> waiting_;
 };
 
-void write_node(const Spreader& children, WideNode& node) noexcept {
+// leaf_child(cluster) returns the reference to a leaf.
+template <class LeafChild>
+void write_node(const Spreader& children, const LeafChild& leaf_child, WideNode& node) noexcept {
   std::array<Box4, kWideWidth> boxes;
   for (std::uint32_t lane = 0; lane < kWideWidth; ++lane) {
     const bool is_taken = lane < children.count();
     boxes[lane] = is_taken ? children.box(lane) : Box4::empty();
-    node.child[lane] = is_taken && children.is_leaf(lane) ? kBlockChild + children.child(lane) : kNoChild;
+    node.child[lane] = is_taken && children.is_leaf(lane) ? leaf_child(children.child(lane)) : kNoChild;
   }
   write_planes(boxes.data(), node);
   set_visit_order(node, children.count());
@@ -271,15 +273,16 @@ class Assembly {
   Assembly(const ClusterTree& tree, std::span<const PlacesPlan> plans, ThreadPool& pool, CancelToken& cancel)
       : tree_(tree), plans_(plans), pool_(pool), cancel_(cancel) {}
 
-  void run(WideBvh& wide) {
+  template <class LeafChild>
+  void run(WideBvh& wide, const LeafChild& leaf_child) {
     const Child root{tree_.root, kNoParent, 0, 1};
     const std::vector<Group> groups = count(root);
     for (const Group& group : groups) wide.depth = std::max(wide.depth, group.depth);
     wide.nodes.resize(groups.back().end_row);
     WideNode* const nodes = wide.nodes.data();
-    const auto write = [nodes](const Child& now, const Spreader& children, std::uint32_t row) {
+    const auto write = [&leaf_child, nodes](const Child& now, const Spreader& children, std::uint32_t row) {
       if (now.row != kNoParent) nodes[now.row].child[now.lane] = row;
-      write_node(children, nodes[row]);
+      write_node(children, leaf_child, nodes[row]);
     };
     std::vector<Child> below;
     static_cast<void>(Walk(tree_, plans_).run(root, tree_.top.begin, 0, below, cancel_, write));
@@ -354,7 +357,25 @@ WideBvh build_fast_wide(const Mesh& mesh, ThreadPool& pool, CancelToken& cancel)
   const ClusterTree tree = cluster_along_curve(leaves.boxes, pool, cancel);
   tree_memory.trim(leaves.boxes.clusters, tree.top.end);
   const auto plans = plan_places(tree, tree_memory, pool, cancel);
-  Assembly(tree, plans, pool, cancel).run(wide);
+  Assembly(tree, plans, pool, cancel).run(wide, [](std::uint32_t leaf) { return kBlockChild + leaf; });
+  wide.root = 0;
+  return wide;
+}
+
+WideBvh build_fast_top_level(std::span<const PrimRef> boxes, ThreadPool& pool, CancelToken& cancel) {
+  const auto scale_of = [](const Box4& bounds) { return tree_scale(to_aabb(bounds)); };
+  Curve curve(boxes, scale_of, pool, cancel);
+  const auto instance = [&](std::uint32_t place) { return kInstanceChild + curve.prim(place).prim_index; };
+  WideBvh wide;
+  wide.is_empty = false;
+  wide.scale = scale_of(curve.bounds());
+  wide.extent = tree_extent(to_aabb(curve.bounds()), wide.scale);
+  if (boxes.size() == 1) {
+    wide.root = instance(0);
+    return wide;
+  }
+  const auto plans = plan_places(curve.tree(), curve.scratch(), pool, cancel);
+  Assembly(curve.tree(), plans, pool, cancel).run(wide, instance);
   wide.root = 0;
   return wide;
 }

@@ -3,6 +3,8 @@
 // In: a mesh. Out: leaves along the curve, and their boxes.
 #pragma once
 
+#include <span>
+
 #include "builders/builder.h"
 #include "builders/locally_ordered.h"
 #include "core/aligned.h"
@@ -32,5 +34,7 @@ struct MortonLeaves {
 
 // Returns an empty tree if there are no triangles. Throws Cancelled, EngineError, bad_alloc.
 [[nodiscard]] WideBvh build_fast_wide(const Mesh& mesh, ThreadPool& pool, CancelToken& cancel);
+// The same for a top level over instances, at least one: their world boxes, numbered by row.
+[[nodiscard]] WideBvh build_fast_top_level(std::span<const PrimRef> boxes, ThreadPool& pool, CancelToken& cancel);
 
 }  // namespace perfect_bvh

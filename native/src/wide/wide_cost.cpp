@@ -72,18 +72,19 @@ double overlap_of_children(const WideNode& node) noexcept {
 
 }  // namespace
 
-TreeQuality measure_wide_quality(const WideBvh& tree, const Mesh& mesh) {
+TreeQuality measure_wide_quality(const WideBvh& tree, const Aabb& bounds) {
   TreeQuality quality;
   if (tree.is_empty) return quality;
-  const double root_area = half_area(bounds_of(tree, mesh));
+  const double root_area = half_area(bounds);
   double node_area = tree.nodes.empty() ? 0 : root_area, test_area = 0, overlap = 0;
-  const auto add_leaf = [&](std::uint32_t leaf, double area) {
-    const std::uint32_t count = triangle_count_of(tree, leaf);
+  const auto add_leaf = [&](std::uint32_t child, double area) {
+    const std::uint32_t count = child < kInstanceChild ? triangle_count_of(tree, child - kBlockChild) : 1;
+    ++quality.leaf_count;
     test_area += area * count;
     quality.reference_count += count;
     quality.max_leaf_size = std::max(quality.max_leaf_size, count);
   };
-  if (tree.nodes.empty()) add_leaf(tree.root - kBlockChild, root_area);
+  if (tree.nodes.empty()) add_leaf(tree.root, root_area);
   for (const WideNode& node : tree.nodes) {
     overlap += overlap_of_children(node);
     for (std::uint32_t lane = 0; lane < kWideWidth; ++lane) {
@@ -92,16 +93,14 @@ TreeQuality measure_wide_quality(const WideBvh& tree, const Mesh& mesh) {
       if (node.child[lane] < kBlockChild) {
         node_area += area;
       } else {
-        add_leaf(node.child[lane] - kBlockChild, area);
+        add_leaf(node.child[lane], area);
       }
     }
   }
-  quality.leaf_count = tree.leaf_count();
-  quality.node_count = tree.nodes.size() + tree.leaf_count();
+  quality.node_count = tree.nodes.size() + quality.leaf_count;
   quality.primitive_count = quality.reference_count;
   quality.depth = tree.depth;
   quality.is_refittable = !tree.repeats_triangles;
-  quality.byte_count = tree.byte_count();
   quality.sibling_overlap = node_area > 0 ? overlap / node_area : 0;
   quality.node_visits = root_area > 0 ? node_area / root_area : 0;
   quality.primitive_tests = root_area > 0 ? test_area / root_area : static_cast<double>(quality.reference_count);

@@ -88,10 +88,11 @@ struct WideCosts {
 [[nodiscard]] WideCosts measure_wide_costs(const WideBvh& tree, ThreadPool& pool, CancelToken& cancel);
 
 // Wide quality --------------------------------------------------------------------------------------------------------
-// The quality of a wide tree over triangles.
+// The quality of a wide tree.
 
 // For trees that were not collapsed from binary ones. Visits count wide nodes, so they are fewer than a binary tree's.
 // Leaves are leaf blocks. Sibling overlap is summed over every two children of a node, as a share of the nodes' area.
-[[nodiscard]] TreeQuality measure_wide_quality(const WideBvh& tree, const Mesh& mesh);
+// bounds: of the tree, in its scale.
+[[nodiscard]] TreeQuality measure_wide_quality(const WideBvh& tree, const Aabb& bounds);
 
 }  // namespace perfect_bvh
