@@ -33,10 +33,11 @@ struct AlignedAllocator {
     return static_cast<T*>(allocate_aligned(count * sizeof(T) + kReadableBehind));
   }
   void deallocate(T* memory, std::size_t count) noexcept { free_aligned(memory, count * sizeof(T) + kReadableBehind); }
-  // Elements that are about to be overwritten need not be cleared: `resize` leaves trivial types uninitialized.
+  // Elements that are about to be overwritten need not be cleared: `resize` leaves trivial types uninitialized, and
+  // those that have a type `Overwritten`.
   template <class U>
-  void construct(U* place) noexcept {
-    ::new (static_cast<void*>(place)) U;
+  void construct([[maybe_unused]] U* place) noexcept {
+    if constexpr (!requires { typename U::Overwritten; }) ::new (static_cast<void*>(place)) U;
   }
   template <class U, class... Args>
   void construct(U* place, Args&&... args) {
@@ -45,7 +46,8 @@ struct AlignedAllocator {
   friend bool operator==(const AlignedAllocator&, const AlignedAllocator&) noexcept { return true; }
 };
 
-// A vector aligned to a cache line. `resize(count)` does NOT initialize trivially constructible elements.
+// A vector aligned to a cache line. `resize(count)` does NOT initialize trivially constructible elements, nor those
+// that have a type `Overwritten`.
 template <class T>
 using AlignedVector = std::vector<T, AlignedAllocator<T>>;
 

@@ -43,16 +43,6 @@ class BakedCopies {
   std::vector<std::pair<std::size_t, std::shared_ptr<const Blas>>> copies_;
 };
 
-// Keeps the turns of the instances alive.
-void hold_turns(Snapshot& snapshot, std::span<const Placement> placements, CancelToken& cancel) {
-  snapshot.turns.clear();
-  for_steps(placements.size(), cancel, [&](std::size_t begin, std::size_t end) {
-    for (std::size_t i = begin; i < end; ++i) {
-      if (placements[i].turns) snapshot.turns.push_back(placements[i].turns);
-    }
-  });
-}
-
 // Refits the trees if the instances are the same and only moved.
 bool try_refit(Snapshot& snapshot, std::span<const PrimRef> boxes, std::optional<double> expected_rays,
                TopLevelReport& report, ThreadPool& pool, CancelToken& cancel) {
@@ -79,7 +69,9 @@ void drop_empty(AlignedVector<PrimRef>& boxes, CancelToken& cancel) {
   std::size_t kept = 0;
   for_steps(boxes.size(), cancel, [&](std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end; ++i) {
-      if (!boxes[i].box().is_empty()) boxes[kept++] = boxes[i];
+      if (boxes[i].box().is_empty()) continue;
+      if (kept != i) boxes[kept] = boxes[i];
+      ++kept;
     }
   });
   boxes.resize(kept);
@@ -99,32 +91,24 @@ void build(Snapshot& snapshot, AlignedVector<PrimRef>& boxes, std::optional<doub
   report.collapse_milliseconds = watch.milliseconds();
 }
 
-// Makes room for `count` instances. Those of the last snapshot stay, to be overwritten. Done in steps, because
-// initializing instances takes time too.
-void make_rows(Snapshot& snapshot, std::size_t count, CancelToken& cancel) {
-  if (count > kMostInstances) throw EngineError("the scene has more instances than a tree can refer to");
-  auto& instances = snapshot.instances;
-  instances.reserve(count);
-  for_steps(count, cancel, [&](std::size_t, std::size_t end) {
-    if (instances.size() < end) instances.resize(end);
-  });
-  instances.resize(count);
-  snapshot.instance_views.resize(count);
-}
-
 // Returns a box for each instance, empty if its mesh is empty.
 AlignedVector<PrimRef> place_instances(Snapshot& snapshot, const PlacedMeshes& meshes,
                                        std::span<const Placement> placements, ThreadPool& pool, CancelToken& cancel) {
-  make_rows(snapshot, placements.size(), cancel);
-  AlignedVector<PrimRef> boxes(placements.size());
+  const std::size_t count = placements.size();
+  if (count > kMostInstances) throw EngineError("the scene has more instances than a tree can refer to");
+  // The memory of the last snapshot stays; none of its rows is moved.
+  snapshot.instances.clear(), snapshot.instance_views.clear(), snapshot.turns.clear();
+  snapshot.instances.resize(count), snapshot.instance_views.resize(count);
+  AlignedVector<PrimRef> boxes(count);
   BakedCopies baked;
-  std::mutex bounds_mutex;
+  std::mutex mutex;
   Aabb bounds;
   const auto place = [&](std::size_t begin, std::size_t end) {
     auto found = meshes.end();
     bool has_table = false;
     std::size_t vertex_count = 0;  // visited since the last check
     Aabb part;
+    std::vector<std::shared_ptr<const Turns>> turns;
     for (std::size_t i = begin; i < end; ++i) {
       const Placement& slot = placements[i];
       if (found == meshes.end() || found->first != slot.mesh_id) {
@@ -145,14 +129,16 @@ AlignedVector<PrimRef> place_instances(Snapshot& snapshot, const PlacedMeshes& m
         baked.add(i, bake_instance(instance, placing, blas, slot.object_to_world, config, pool, cancel));
       }
       instance.turns = slot.turns.get();
+      if (slot.turns) turns.push_back(slot.turns);
       snapshot.instance_views[i] = view_of(instance, placing.world_to_object);
       boxes[i] = {placing.world_bounds.lower, static_cast<std::uint32_t>(i), placing.world_bounds.upper, 0};
       part.grow(mesh_bounds_of(instance));
     }
-    const std::lock_guard lock(bounds_mutex);
+    const std::lock_guard lock(mutex);
     bounds.grow(part);
+    snapshot.turns.insert(snapshot.turns.end(), turns.begin(), turns.end());
   };
-  for_chunks(pool, placements.size(), kGrain, cancel, place);
+  for_chunks(pool, count, kGrain, cancel, place);
   snapshot.bounds = bounds;
   baked.move_to(snapshot.blases);
   return boxes;
@@ -179,7 +165,6 @@ TopLevelReport assemble(Snapshot& snapshot, const PlacedMeshes& meshes, std::spa
   snapshot.blases.clear(), snapshot.meshes.clear();
   snapshot.has_round_meshes = false;
   snapshot.top_steps.clear();
-  hold_turns(snapshot, placements, cancel);
   AlignedVector<PrimRef> boxes = place_instances(snapshot, meshes, placements, pool, cancel);
   for (const auto& [mesh_id, mesh] : meshes) {
     snapshot.blases.push_back(mesh.blas);

@@ -19,26 +19,23 @@ Affine from_stored(const Affine& object_to_world, Vec3d centre) {
   return map;
 }
 
-double largest_component(Vec3d v) { return std::max({std::abs(v.x), std::abs(v.y), std::abs(v.z)}); }
-
-// Maps a unit box's corner there and back; the result differs by the rounding of the two maps.
+// Maps a unit box's corner there and back; the result differs by the rounding of the two maps. A map with an axis of
+// zero has no finite inverse.
 bool round_trip_holds(const Affine& forth, const Affine& back) {
-  if (!back.is_finite()) return false;
+  if (!is_finite(back.translation)) return false;  // as is the rest, which it is a sum of
   constexpr double kTolerance = 0x1p-24;
-  const Vec3d columns[3] = {forth.x, forth.y, forth.z};
-  bool holds = true;
-  for_each_axis([&](auto axis) {
-    Vec3d error = back.vector(columns[axis]);
-    error[axis] -= 1.0;
-    holds &= largest_component(error) <= kTolerance;
-    // An axis so small that float cannot distinguish it from zero counts as flat.
-    holds &= largest_component(columns[axis]) > 0;
+  constexpr double kLargestFloat = 3.4028234e38;  // the inverse must still be finite when narrowed to float
+  const Vec3d columns[3] = {forth.x, forth.y, forth.z}, inverse_columns[3] = {back.x, back.y, back.z};
+  double worst = 0, largest = 0;
+  for_each_axis([&](auto column) {
+    Vec3d error = back.vector(columns[column]);
+    error[column] -= 1.0;
+    for_each_axis([&](auto axis) {
+      worst = std::max(worst, std::abs(error[axis]));
+      largest = std::max(largest, std::abs(inverse_columns[column][axis]));
+    });
   });
-  if (!holds) return false;
-  // The inverse must still be finite when narrowed to float.
-  constexpr double kLargestFloat = 3.4028234e38;
-  return largest_component(back.x) < kLargestFloat && largest_component(back.y) < kLargestFloat &&
-         largest_component(back.z) < kLargestFloat;
+  return worst <= kTolerance && largest < kLargestFloat;
 }
 
 Aabb bounds_of(const Blas& blas, const Affine& map, bool is_worth_table) {

@@ -24,6 +24,7 @@ struct Placement {
 };
 
 struct Instance {
+  using Overwritten = void;   // AlignedVector::resize() leaves its rows uninitialized
   std::int32_t id = -1;       // the scene's stable id
   std::int32_t mesh_id = -1;  // the scene's stable id
   std::uint32_t mask = 0xFFFFFFFFu;

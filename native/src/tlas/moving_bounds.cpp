@@ -228,6 +228,8 @@ bool are_mostly_still(const Snapshot& snapshot, std::span<const PrimRef> boxes, 
 
 StepBoxes add_motions(Snapshot& snapshot, std::span<PrimRef> boxes, ThreadPool& pool, CancelToken& cancel) {
   snapshot.motions.clear();
+  const auto moves = [](const auto& blas) { return !blas->steps.empty(); };
+  if (snapshot.turns.empty() && std::none_of(snapshot.blases.begin(), snapshot.blases.end(), moves)) return {};
   const std::vector<std::uint32_t> rows = list_moving(snapshot, cancel);
   if (rows.empty()) return {};
   const std::size_t count = std::size_t{interval_count(snapshot, rows, pool, cancel)} + 1;
