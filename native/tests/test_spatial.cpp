@@ -8,9 +8,7 @@
 
 #include "blas/build_tree.h"
 #include "builders/builder.h"
-#include "builders/link_tree.h"
 #include "builders/quality.h"
-#include "core/errors.h"
 #include "mesh/clip.h"
 #include "tests/box_sets.h"
 #include "tests/same_bytes.h"
@@ -286,14 +284,6 @@ TEST(Spatial, WithoutBudgetCutsNothing) {
   const Bvh2 tree = build(mesh, spatial(0.0f));
   EXPECT_EQ(fault_of(tree, mesh.primitive_count(), spatial(0.0f)), "");
   EXPECT_EQ(tree.prim_indices.size(), mesh.primitive_count());
-}
-
-TEST(Spatial, CannotBeRefitted) {
-  const Mesh mesh = soup(100, 0.5f, 1);
-  Bvh2 tree = build(mesh, spatial());
-  ThreadPool pool(1);
-  CancelToken cancel;
-  EXPECT_THROW(refit_bvh2(tree, scattered(100), pool, cancel), InvalidArgument);
 }
 
 TEST(Spatial, StaysSoundWhenOptimized) {

@@ -83,12 +83,4 @@ struct TreePart {
 // tree adds nothing. Throws like graft().
 [[nodiscard]] Bvh2 combine(const Bvh2& left, const Bvh2& right, std::uint32_t right_offset);
 
-// Refit ---------------------------------------------------------------------------------------------------------------
-// Refits a tree whose primitives moved: computes new boxes (lecture, "Refitting"). Trees over triangles are refitted in
-// their wide form, see wide/wide_refit.h.
-// In: a refittable tree and the primitives' new boxes by number. Out: the same topology, tight boxes.
-
-// boxes: one for each number that the tree refers to. Throws InvalidArgument if the tree is not refittable.
-void refit_bvh2(Bvh2& tree, std::span<const PrimRef> boxes, ThreadPool& pool, CancelToken& cancel);
-
 }  // namespace perfect_bvh
