@@ -19,6 +19,7 @@ import numpy as np
 import numpy.typing as npt
 
 if TYPE_CHECKING:
+    import gpu
     from perfect_bvh import TreeBoxes
 
 
@@ -43,6 +44,21 @@ class Rect:
     bottom: float
     right: float
     top: float
+
+
+def make_batch(kind: str, indices: Any = None, **columns: npt.NDArray[Any]) -> gpu.types.GPUBatch:
+    """Makes a batch of vertices with these columns, (N,) or (N, C), by the names that shaders have for them."""
+    import gpu
+
+    layout = gpu.types.GPUVertFormat()
+    widths = {name: 1 if values.ndim == 1 else values.shape[1] for name, values in columns.items()}
+    slots = [layout.attr_add(id=name, comp_type="F32", len=widths[name], fetch_mode="FLOAT") for name in columns]
+    vertices = gpu.types.GPUVertBuf(layout, len(columns["pos"]))
+    for slot, values in zip(slots, columns.values(), strict=True):
+        vertices.attr_fill(slot, np.ascontiguousarray(values, np.float32))
+    if indices is None:
+        return gpu.types.GPUBatch(type=kind, buf=vertices)
+    return gpu.types.GPUBatch(type=kind, buf=vertices, elem=gpu.types.GPUIndexBuf(type=kind, seq=indices))
 
 
 # Measures ------------------------------------------------------------------------------------------------------------

@@ -11,12 +11,12 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import bpy
-import numpy as np
 
 from ..events.changes import FRAME_CHANGED, listen, stop_listening, watch_again
 from ..extract.label_values import has_points
 from ..scanning.point_data import may_have_points, read_points
 from ..settings.scene_settings import ENGINE_NAME
+from .drawing import make_batch
 from .legend import DrawHandler
 
 if TYPE_CHECKING:
@@ -100,7 +100,8 @@ class _Scans:
             self._unsure.discard(uid)
             points = read_points(data)
             if kept is None or not kept.points.equals(points):
-                kept = self._kept[uid] = _Kept(points, _make_batch(points))
+                columns = {"pos": points.positions, "radius": points.radii, "color": points.colors}
+                kept = self._kept[uid] = _Kept(points, make_batch("POINTS", **columns))
         return kept.batch
 
 
@@ -170,18 +171,6 @@ def _point_shader() -> Any:
         info.fragment_source(FRAGMENT_SOURCE)
         _shader = gpu.shader.create_from_info(info)
     return _shader
-
-
-def _make_batch(points: Points) -> gpu.types.GPUBatch:
-    import gpu
-
-    layout = gpu.types.GPUVertFormat()
-    columns = (("pos", 3, points.positions), ("radius", 1, points.radii), ("color", 4, points.colors))
-    slots = [layout.attr_add(id=name, comp_type="F32", len=width, fetch_mode="FLOAT") for name, width, _ in columns]
-    vertices = gpu.types.GPUVertBuf(layout, len(points.positions))
-    for slot, (_, _, values) in zip(slots, columns, strict=True):
-        vertices.attr_fill(slot, np.ascontiguousarray(values, np.float32))
-    return gpu.types.GPUBatch(type="POINTS", buf=vertices)
 
 
 _handler = DrawHandler(_draw, "POST_VIEW")

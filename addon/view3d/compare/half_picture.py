@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from .. import drawing
-from ..drawing import MOST_BOXES, BoxLines, box_lines
+from ..drawing import MOST_BOXES, BoxLines, box_lines, make_batch
 
 if TYPE_CHECKING:
     import gpu
@@ -195,28 +195,14 @@ def _as_cleared(color: tuple[float, ...]) -> tuple[float, ...]:
 
 
 def _object_batch(shaded: ShadedMesh) -> gpu.types.GPUBatch:
-    return _make_batch("TRIS", shaded.positions, shaded.colors, shaded.triangles)
+    return make_batch("TRIS", shaded.triangles, pos=shaded.positions, color=shaded.colors)
 
 
 def _thin_batch(lines: BoxLines) -> gpu.types.GPUBatch:
-    return _make_batch("LINES", lines.positions, lines.colors, lines.lines)
+    return make_batch("LINES", lines.lines, pos=lines.positions, color=lines.colors)
 
 
 def _wide_batch(lines: BoxLines) -> gpu.types.GPUBatch:
     """Without indices, which the shader of wide lines does not take everywhere."""
     rows = lines.lines.ravel()
-    return _make_batch("LINES", lines.positions[rows], lines.colors[rows], None)
-
-
-def _make_batch(kind: str, positions: Any, colors: Any, indices: Any) -> gpu.types.GPUBatch:
-    import gpu
-
-    layout = gpu.types.GPUVertFormat()
-    position = layout.attr_add(id="pos", comp_type="F32", len=3, fetch_mode="FLOAT")
-    color = layout.attr_add(id="color", comp_type="F32", len=4, fetch_mode="FLOAT")
-    vertices = gpu.types.GPUVertBuf(layout, len(positions))
-    vertices.attr_fill(position, np.ascontiguousarray(positions, np.float32))
-    vertices.attr_fill(color, np.ascontiguousarray(colors, np.float32))
-    if indices is None:
-        return gpu.types.GPUBatch(type=kind, buf=vertices)
-    return gpu.types.GPUBatch(type=kind, buf=vertices, elem=gpu.types.GPUIndexBuf(type=kind, seq=indices))
+    return make_batch("LINES", pos=lines.positions[rows], color=lines.colors[rows])

@@ -9,7 +9,7 @@ import bpy
 import numpy as np
 
 from ...statistics.words import primitive_of
-from ..drawing import CORNERS, EDGES, pixels
+from ..drawing import CORNERS, EDGES, make_batch, pixels
 from .tree_lines import TreeLines, describe_box
 
 if TYPE_CHECKING:
@@ -134,13 +134,7 @@ def _triangles_of(box: HoveredBox, sync: SceneSync) -> gpu.types.GPUBatch | None
     corners = corners_of(box, sync)
     if not len(corners):
         return None
-    import gpu
-
-    layout = gpu.types.GPUVertFormat()
-    position = layout.attr_add(id="pos", comp_type="F32", len=3, fetch_mode="FLOAT")
-    vertices = gpu.types.GPUVertBuf(layout, len(corners))
-    vertices.attr_fill(position, corners)
-    return gpu.types.GPUBatch(type="TRIS", buf=vertices)
+    return make_batch("TRIS", pos=corners)
 
 
 def corners_of(box: HoveredBox, sync: SceneSync) -> Any:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from ..drawing import COST_DECADES, MOST_BOXES, BoxLines, box_lines
+from ..drawing import COST_DECADES, MOST_BOXES, BoxLines, box_lines, make_batch
 from ..legend import Scale
 
 if TYPE_CHECKING:
@@ -243,12 +243,4 @@ def are_equal(one: TreeBoxes, other: TreeBoxes) -> bool:
 
 
 def _make_batch(lines: BoxLines) -> gpu.types.GPUBatch:
-    import gpu
-
-    layout = gpu.types.GPUVertFormat()
-    position = layout.attr_add(id="pos", comp_type="F32", len=3, fetch_mode="FLOAT")
-    color = layout.attr_add(id="color", comp_type="F32", len=4, fetch_mode="FLOAT")
-    vertices = gpu.types.GPUVertBuf(layout, len(lines.positions))
-    vertices.attr_fill(position, lines.positions)
-    vertices.attr_fill(color, lines.colors)
-    return gpu.types.GPUBatch(type="LINES", buf=vertices, elem=gpu.types.GPUIndexBuf(type="LINES", seq=lines.lines))
+    return make_batch("LINES", lines.lines, pos=lines.positions, color=lines.colors)
