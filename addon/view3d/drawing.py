@@ -204,20 +204,11 @@ def draw_bar(
 
 def draw_lines_2d(points: Sequence[Point], color: Color, width: float = 1.0, *, is_closed: bool = False) -> None:
     """A line through points, smooth at its edges. width: in points."""
-    import gpu
-    from gpu_extras.batch import batch_for_shader
-
     if len(points) < 2:
         return
-    shader = gpu.shader.from_builtin("POLYLINE_UNIFORM_COLOR")
     ends = [(x, y, 0.0) for x, y in ([*points, points[0]] if is_closed else points)]
-    batch = batch_for_shader(shader, "LINE_STRIP", {"pos": ends})
     with blended():
-        shader.bind()
-        shader.uniform_float("viewportSize", gpu.state.viewport_get()[2:])
-        shader.uniform_float("lineWidth", pixels(width))
-        shader.uniform_float("color", with_alpha(color))
-        batch.draw(shader)
+        draw_shape("POLYLINE_UNIFORM_COLOR", "LINE_STRIP", {"pos": ends}, with_alpha(color), width)
 
 
 @contextmanager
@@ -232,26 +223,31 @@ def blended() -> Iterator[None]:
         gpu.state.blend_set("NONE")
 
 
-def _draw(points: Sequence[Point], kind: str, color: Color) -> None:
+def draw_shape(name: str, kind: str, content: dict[str, Any], color: Color | None = None, width: float = 0.0) -> None:
+    """Draws vertices once, by one of Blender's shaders. content: their columns. width: of lines, in points."""
     import gpu
     from gpu_extras.batch import batch_for_shader
 
-    shader = gpu.shader.from_builtin("UNIFORM_COLOR")
-    batch = batch_for_shader(shader, kind, {"pos": [(px, py, 0.0) for px, py in points]})
-    with blended():
-        shader.bind()
+    shader = gpu.shader.from_builtin(name)
+    batch = batch_for_shader(shader, kind, content)
+    shader.bind()
+    if width:
+        shader.uniform_float("viewportSize", gpu.state.viewport_get()[2:])
+        shader.uniform_float("lineWidth", pixels(width))
+    if color is not None:
         shader.uniform_float("color", color)
-        batch.draw(shader)
+    batch.draw(shader)
+
+
+def _draw(points: Sequence[Point], kind: str, color: Color) -> None:
+    with blended():
+        draw_shape("UNIFORM_COLOR", kind, {"pos": [(px, py, 0.0) for px, py in points]}, color)
 
 
 def _draw_smooth(points: Sequence[Point], colors: Sequence[Color]) -> None:
-    import gpu
-    from gpu_extras.batch import batch_for_shader
-
-    shader = gpu.shader.from_builtin("SMOOTH_COLOR")
     content = {"pos": [(px, py, 0.0) for px, py in points], "color": colors}
     with blended():
-        batch_for_shader(shader, "TRI_STRIP", content).draw(shader)
+        draw_shape("SMOOTH_COLOR", "TRI_STRIP", content)
 
 
 def _rounded(x: float, y: float, w: float, h: float, radius: float) -> list[Point]:

@@ -119,42 +119,25 @@ def _draw_in_pixels() -> None:
 def _draw_veil(color: tuple[float, ...]) -> None:
     """Over the scene and below the ray."""
     import gpu
-    from gpu_extras.batch import batch_for_shader
     from mathutils import Matrix
 
-    shader = gpu.shader.from_builtin("UNIFORM_COLOR")
     corners = [(-1.0, -1.0, 0.0), (1.0, -1.0, 0.0), (1.0, 1.0, 0.0), (-1.0, 1.0, 0.0)]
-    batch = batch_for_shader(shader, "TRI_FAN", {"pos": corners})
     gpu.state.depth_test_set("NONE")
     with gpu.matrix.push_pop(), gpu.matrix.push_pop_projection():
         gpu.matrix.load_matrix(Matrix.Identity(4))
         gpu.matrix.load_projection_matrix(Matrix.Identity(4))
-        shader.bind()
-        shader.uniform_float("color", color)
-        batch.draw(shader)
+        drawing.draw_shape("UNIFORM_COLOR", "TRI_FAN", {"pos": corners}, color)
 
 
 def _draw_triangles(picture: Picture) -> None:
-    import gpu
-    from gpu_extras.batch import batch_for_shader
-
-    if not len(picture.triangles):
-        return
-    shader = gpu.shader.from_builtin("SMOOTH_COLOR")
-    content = {"pos": picture.triangles, "color": picture.triangle_colors}
-    batch_for_shader(shader, "TRIS", content).draw(shader)
+    if len(picture.triangles):
+        content = {"pos": picture.triangles, "color": picture.triangle_colors}
+        drawing.draw_shape("SMOOTH_COLOR", "TRIS", content)
 
 
 def _draw_lines(lines: Lines) -> None:
-    import gpu
-    from gpu_extras.batch import batch_for_shader
-
-    shader = gpu.shader.from_builtin("POLYLINE_SMOOTH_COLOR")
-    batch = batch_for_shader(shader, "LINES", {"pos": lines.positions, "color": lines.colors})
-    shader.bind()
-    shader.uniform_float("viewportSize", gpu.state.viewport_get()[2:])
-    shader.uniform_float("lineWidth", drawing.pixels(lines.width))
-    batch.draw(shader)
+    content = {"pos": lines.positions, "color": lines.colors}
+    drawing.draw_shape("POLYLINE_SMOOTH_COLOR", "LINES", content, width=lines.width)
 
 
 def _draw_points(context: bpy.types.Context, picture: Picture) -> None:
