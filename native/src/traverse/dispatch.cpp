@@ -142,8 +142,10 @@ struct Kernels {
   static std::size_t gather_left(const RayBatch& batch, const std::array<bool, kPackets>& is_left,
                                  std::uint32_t* rows) {
     std::size_t count = 0;
-    for (std::size_t i = 0; i < batch.count; ++i) {
-      if (is_left[i / kPacketRays]) rows[count++] = static_cast<std::uint32_t>(row_of(batch, i));
+    for (std::size_t begin = 0; begin < batch.count; begin += kPacketRays) {
+      if (!is_left[begin / kPacketRays]) continue;
+      const std::size_t end = std::min<std::size_t>(begin + kPacketRays, batch.count);
+      for (std::size_t i = begin; i < end; ++i) rows[count++] = static_cast<std::uint32_t>(row_of(batch, i));
     }
     return count;
   }
