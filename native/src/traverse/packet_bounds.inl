@@ -88,6 +88,8 @@ constexpr float kMostShift = 0.05f;  // between origins along any axis, in the s
 // Rays from far away were moved towards the scene one by one, even if they shared an origin. They are nearly parallel,
 // so neighbours may be farther apart.
 constexpr float kMostShiftMoved = 0.25f;
+// Rays to a light begin on different surfaces, and in packets are faster even then.
+constexpr float kMostShiftAny = 0.5f;
 constexpr unsigned kLeastRays = 16;
 
 PERFECT_BVH_INLINE bool are_alike(const Vec3d& a, const Vec3d& b) noexcept {
@@ -106,12 +108,13 @@ PERFECT_BVH_INLINE bool may_be_coherent(const RayBatch& batch, std::size_t begin
 }
 
 // Checks all rays of `valid`, as the top level sees them.
-inline bool are_coherent(const PacketRays& rays, RaySet valid, unsigned lanes, float reach) noexcept {
+template <bool kAny>
+bool are_coherent(const PacketRays& rays, RaySet valid, unsigned lanes, float reach) noexcept {
   if (count_rays(valid) < kLeastRays) return false;
   const unsigned first = first_ray(valid);
   const int k = rays.longest[0] >> first & 1 ? 0 : rays.longest[1] >> first & 1 ? 1 : 2;
   const RayFloat first_along = every_ray(rays.narrow_direction[k][first]);
-  const float shift_share = (rays.moved & valid) != 0 ? kMostShiftMoved : kMostShift;
+  const float shift_share = kAny ? kMostShiftAny : (rays.moved & valid) != 0 ? kMostShiftMoved : kMostShift;
   const RayFloat most_shift = every_ray(shift_share * reach), none = every_ray(0.0f);
   RaySet alike = 0;
   for (unsigned i = 0; i < lanes; i += kRayLanes) {

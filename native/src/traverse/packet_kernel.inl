@@ -326,7 +326,7 @@ void trace_packets(const SceneView& scene, const RayBatch& batch, void* workspac
     RaySet valid = 0;
     const bool is_direct = load_packet(packet, scene, lone, batch, begin, valid);
     const PacketRays& rays = is_direct ? packet.local_rays : packet.world_rays;
-    if (is_left != nullptr && (*is_left = !are_coherent(rays, valid, packet.lanes, scene.extent.reach))) continue;
+    if (is_left != nullptr && (*is_left = !are_coherent<kAny>(rays, valid, packet.lanes, scene.extent.reach))) continue;
     packet.alone = 0;
     if constexpr (kMoves) valid = in_shutter(packet, valid);
     PacketWalk<kAny, kMoves> walk{packet, scene, batch};
