@@ -124,18 +124,6 @@ PERFECT_BVH_INLINE float largest(RayFloat a) noexcept {
   return _mm_cvtss_f32(_mm_max_ss(two, _mm_movehdup_ps(two)));
 }
 
-// Returns bit i set if vertex i is a corner of some triangle.
-PERFECT_BVH_INLINE unsigned used_corners(const std::uint32_t* corners) noexcept {
-  const __m256i one = _mm256_set1_epi32(1), seven = _mm256_set1_epi32(7), packed = load(corners);
-  const __m256i a = _mm256_sllv_epi32(one, _mm256_and_si256(packed, seven));
-  const __m256i b = _mm256_sllv_epi32(one, _mm256_and_si256(_mm256_srli_epi32(packed, 4), seven));
-  const __m256i c = _mm256_sllv_epi32(one, _mm256_and_si256(_mm256_srli_epi32(packed, 8), seven));
-  const __m256i all = _mm256_or_si256(_mm256_or_si256(a, b), c);
-  const __m128i four = _mm_or_si128(_mm256_castsi256_si128(all), _mm256_extracti128_si256(all, 1));
-  const __m128i two = _mm_or_si128(four, _mm_unpackhi_epi64(four, four));
-  return static_cast<unsigned>(_mm_cvtsi128_si32(_mm_or_si128(two, _mm_shuffle_epi32(two, 1))));
-}
-
 // Like push_sorted; also writes `flags` + each child's slot in the node to `places`.
 PERFECT_BVH_INLINE unsigned push_boxes(const WideNode& node, std::uint32_t order_shift, Mask8 hit, Float8 near,
                                        std::uint32_t flags, std::uint32_t* children, float* nears,

@@ -116,14 +116,16 @@ struct LeafPlanes {
 // A leaf's vertices, in the form that packets read.
 struct LeafCorners {
   alignas(32) float x[8], y[8], z[8];
+  alignas(32) std::uint32_t corners[3][8];
   LeafPlanes planes;
-  unsigned triangle_count, vertex_count;
+  unsigned triangle_count;
 
   LeafCorners(const PacketLevel& level, const LeafBlock& block) noexcept {
     store_vertices(x, y, z, level, block.vertices);
+    for (unsigned i = 0; i < 8; ++i) {
+      for (unsigned corner = 0; corner < 3; ++corner) corners[corner][i] = block.corners[i] >> 4 * corner & 7;
+    }
     triangle_count = count_triangles(block.primitives);
-    const unsigned used = used_corners(block.corners);
-    vertex_count = 32 - static_cast<unsigned>(__builtin_clz(used));
   }
 };
 
@@ -211,7 +213,7 @@ unsigned test_triangles(Packet& packet, const PacketLevel& level, const LeafBloc
       upward[i] = fnmadd(shear_y, depth[i], sub(y, load_rays(rays.narrow_origin[axes[1]] + first)));
     }
   };
-  for (unsigned i = 0; i < leaf.vertex_count; ++i) place(i);
+  for (unsigned i = 0; i < 8; ++i) place(i);
   const auto take_any = [&](unsigned found) __attribute__((always_inline)) {  // these rays need no more hits
     const RayMask mask = ray_mask(found);
     store_some(hits.instance + first, mask, level.instance_index);
@@ -225,8 +227,7 @@ unsigned test_triangles(Packet& packet, const PacketLevel& level, const LeafBloc
   const float span = span_bound(block);
   const RayFloat slack = mul(edge_slack, add(every_ray(span), edge_slack)), grazed = every_ray(grazing_sum(span));
   for (unsigned i = 0; i < leaf.triangle_count; ++i) {
-    const std::uint32_t corners = block.corners[i];
-    const unsigned a = corners & 7, b = corners >> 4 & 7, c = corners >> 8 & 7;
+    const unsigned a = leaf.corners[0][i], b = leaf.corners[1][i], c = leaf.corners[2][i];
     const RayFloat weight0 = difference(across[c], upward[b], upward[c], across[b]);
     const RayFloat weight1 = difference(across[a], upward[c], upward[a], across[c]);
     const RayFloat weight2 = difference(across[b], upward[a], upward[b], across[a]);

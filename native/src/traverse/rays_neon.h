@@ -253,20 +253,6 @@ PERFECT_BVH_INLINE void store_some(double* p, const RayMask& mask, const RayFloa
 }
 PERFECT_BVH_INLINE float largest(const RayFloat& a) noexcept { return vmaxvq_f32(vmaxq_f32(a.low, a.high)); }
 
-PERFECT_BVH_INLINE uint32x4_t used_corners(uint32x4_t packed) noexcept {
-  const uint32x4_t one = vdupq_n_u32(1), seven = vdupq_n_u32(7);
-  const auto bit = [&](uint32x4_t vertex)
-                       __attribute__((always_inline)) { return vshlq_u32(one, vreinterpretq_s32_u32(vertex)); };
-  const uint32x4_t a = bit(vandq_u32(packed, seven)), b = bit(vandq_u32(vshrq_n_u32(packed, 4), seven));
-  return vorrq_u32(vorrq_u32(a, b), bit(vandq_u32(vshrq_n_u32(packed, 8), seven)));
-}
-// Returns bit i set if vertex i is a corner of some triangle. Only the highest set bit is reliable; lower ones may be
-// missing or set wrongly.
-PERFECT_BVH_INLINE unsigned used_corners(const std::uint32_t* corners) noexcept {
-  const Int8 packed = load(corners);
-  return vmaxvq_u32(vorrq_u32(used_corners(packed.low), used_corners(packed.high)));
-}
-
 // Like push_sorted; also writes `flags` + each child's slot in the node to `places`.
 PERFECT_BVH_INLINE unsigned push_boxes(const WideNode& node, std::uint32_t order_shift, const Mask8& hit,
                                        const Float8& near, std::uint32_t flags, std::uint32_t* children, float* nears,
