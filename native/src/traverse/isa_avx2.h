@@ -103,9 +103,6 @@ PERFECT_BVH_INLINE RayDouble div(RayDouble a, RayDouble b) noexcept { return _mm
 PERFECT_BVH_INLINE unsigned magnitudes_up_to(RayDouble a, RayDouble limit) noexcept {
   return static_cast<unsigned>(_mm256_movemask_pd(_mm256_cmp_pd(magnitudes(a), limit, _CMP_LE_OQ)));
 }
-PERFECT_BVH_INLINE unsigned magnitudes_from(RayDouble a, RayDouble limit) noexcept {
-  return static_cast<unsigned>(_mm256_movemask_pd(_mm256_cmp_pd(magnitudes(a), limit, _CMP_GE_OQ)));
-}
 // Rounds each to the nearest float.
 PERFECT_BVH_INLINE RayFloat load_narrowed(const double* p) noexcept {
   return _mm256_set_m128(_mm256_cvtpd_ps(load_rays(p + 4)), _mm256_cvtpd_ps(load_rays(p)));

@@ -99,9 +99,6 @@ PERFECT_BVH_INLINE RayDouble div(RayDouble a, RayDouble b) noexcept { return _mm
 PERFECT_BVH_INLINE unsigned magnitudes_up_to(RayDouble a, RayDouble limit) noexcept {
   return _mm512_cmp_pd_mask(_mm512_abs_pd(a), limit, _CMP_LE_OQ);
 }
-PERFECT_BVH_INLINE unsigned magnitudes_from(RayDouble a, RayDouble limit) noexcept {
-  return _mm512_cmp_pd_mask(_mm512_abs_pd(a), limit, _CMP_GE_OQ);
-}
 // Rounds each to the nearest float.
 PERFECT_BVH_INLINE RayFloat load_narrowed(const double* p) noexcept {
   const __m256 low = _mm512_maskz_cvtpd_ps(0xFF, load_rays(p)), high = _mm512_maskz_cvtpd_ps(0xFF, load_rays(p + 8));

@@ -65,15 +65,6 @@ struct PacketWalk {
     level.bounds.t_limit = highest_limit(packet, *level.boxes);
   }
 
-  // Returns the rays from `first` on that enter a box.
-  [[nodiscard]] RaySet entering(const PacketLevel& level, const float* box, unsigned first) const noexcept {
-    RaySet rays = 0;
-    for (; first < packet.lanes; first += kRayLanes) {
-      rays |= from_bits(test_box(*level.boxes, level.key.rows, box, first), first);
-    }
-    return rays;
-  }
-
   // Pushes the children that ray `first` or a later one may enter. The highest entry is then `top` - 1.
   void push_children(const PacketLevel& level, std::uint32_t row, unsigned first, unsigned& top) noexcept {
     const WideNode& node = level.nodes[row];
@@ -98,12 +89,12 @@ struct PacketWalk {
       --top;
       if (stack.nears[top] > level.bounds.t_limit) continue;
       const std::uint32_t child = stack.children[top], place = stack.places[top];
-      const float* const box = level.nodes[stack.parents[top]].planes[0] + (place & 7);
+      const PacketBox box(level.key.rows, level.nodes[stack.parents[top]].planes[0] + (place & 7));
       unsigned first = place >> 3;
       if (child >= kBlockChild) {
         if (packet.pace->should_stop()) return;
         if constexpr (kTop) {
-          enter_instance(level, entering(level, box, first), child, top);
+          enter_instance(level, entering(*level.boxes, box, first, packet.lanes), child, top);
         } else {
           visit_packet_leaf<kAny>(packet, level, child - kBlockChild, box, first);
         }
@@ -111,12 +102,12 @@ struct PacketWalk {
       }
       unsigned lanes = 0;
       for (; first < packet.lanes; first += kRayLanes) {
-        lanes = test_box(*level.boxes, level.key.rows, box, first);
+        lanes = test_box(*level.boxes, box, first);
         if (lanes != 0) break;
       }
       if (lanes == 0) continue;
       if (!kTop && count_bits(lanes) <= kFewInNode) {
-        const RaySet few = from_bits(lanes, first) | entering(level, box, first + kRayLanes);
+        const RaySet few = from_bits(lanes, first) | entering(*level.boxes, box, first + kRayLanes, packet.lanes);
         if (count_rays(few) <= kFewInNode) {
           walk_each_alone(level, few, child, top);
           continue;
@@ -141,10 +132,10 @@ struct PacketWalk {
       level.exact_origin[axis] = local.origin[axis][first];
       level.shared_origin[axis] = local.narrow_origin[axis][first];
       const RayDouble shared = every_ray(level.exact_origin[axis]), none = every_ray(0.0);
-      for (unsigned i = 0; i < packet.lanes; i += kDoubleLanes) {
+      for (unsigned i = 0; i < packet.lanes && level.shares_origin; i += kDoubleLanes) {
         const unsigned alike = magnitudes_up_to(sub(load_rays(local.origin[axis] + i), shared), none);
         const unsigned others = ~alike & ((1u << kDoubleLanes) - 1);
-        level.shares_origin = level.shares_origin && (others & lanes_of(rays, i)) == 0;
+        level.shares_origin = (others & lanes_of(rays, i)) == 0;
       }
     }
   }
@@ -195,6 +186,7 @@ struct PacketWalk {
     hits.t[i] = slot.best_t;
     hits.weight_v1[i] = slot.u, hits.weight_v2[i] = slot.v, hits.weight_sum[i] = 1.0f;
     hits.instance[i] = index, hits.primitive[i] = slot.hit_primitive;
+    packet.occluded |= RaySet{1} << i;
   }
 
   void enter_instance(PacketLevel& top_level, RaySet rays, std::uint32_t child, unsigned base) noexcept {
@@ -217,6 +209,7 @@ struct PacketWalk {
 
   void clear_hits() noexcept {
     PacketHits& hits = packet.hits;
+    packet.occluded = 0;
     for (unsigned i = 0; i < kPacketRays; ++i) {
       hits.instance[i] = hits.primitive[i] = kNoHit;
       hits.weight_v1[i] = hits.weight_v2[i] = 0.0f;
@@ -277,10 +270,10 @@ template <bool kAny>
 void write_results(const Packet& packet, const RayBatch& batch) noexcept {
   const PacketHits& hits = packet.hits;
   for (unsigned i = 0; i < packet.count; ++i) {
-    const bool found = hits.instance[i] != kNoHit;
     if constexpr (kAny) {
-      batch.occluded[packet.rows[i]] = found ? 1 : 0;
+      batch.occluded[packet.rows[i]] = packet.occluded >> i & 1;
     } else {
+      const bool found = hits.instance[i] != kNoHit;
       Hit& hit = batch.hits[packet.rows[i]];
       hit.t = found ? static_cast<float>(hits.t[i]) + 0.0f : kInfiniteDistance;  // no -0
       hit.u = hits.weight_v1[i], hit.v = hits.weight_v2[i];

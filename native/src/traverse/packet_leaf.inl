@@ -62,6 +62,14 @@ PERFECT_BVH_INLINE bool take_packet_hit(Packet& packet, const PacketLevel& level
   return true;
 }
 
+// After a hit of ray i: any-hit rays need no more, others none that is farther.
+template <bool kAny>
+PERFECT_BVH_INLINE void limit_ray(Packet& packet, const PacketLevel& level, unsigned i,
+                                  const TimeFrame& time) noexcept {
+  level.boxes->t_limit[i] = kAny ? kDead : to_local_max(time, packet.hits.t[i]);
+  if (kAny) packet.occluded |= RaySet{1} << i;
+}
+
 // Tests ray i against all triangles. Returns true if it has a new best hit (any hit: if there is a hit).
 template <bool kAny>
 bool test_leaf_alone(Packet& packet, const PacketLevel& level, const LeafBlock& leaf, unsigned i,
@@ -70,7 +78,6 @@ bool test_leaf_alone(Packet& packet, const PacketLevel& level, const LeafBlock& 
   if (test.lanes == 0) return false;
   const LeafCandidates candidates(test);
   const ObjectRay local = object_ray(packet.local_rays, i);
-  PacketHits& hits = packet.hits;
   bool is_new = false;
   for (unsigned lanes = test.lanes; lanes != 0; lanes &= lanes - 1) {
     const int lane = __builtin_ctz(lanes);
@@ -82,7 +89,8 @@ bool test_leaf_alone(Packet& packet, const PacketLevel& level, const LeafBlock& 
     if constexpr (kAny) break;
   }
   if (!is_new) return false;
-  lone.box.t_limit = level.boxes->t_limit[i] = kAny ? kDead : to_local_max(local.time, hits.t[i]);
+  limit_ray<kAny>(packet, level, i, local.time);
+  lone.box.t_limit = level.boxes->t_limit[i];
   set_depths(lone.triangle, lone.box.t_min, lone.box.t_limit);
   return true;
 }
@@ -143,7 +151,7 @@ unsigned take_moved_hits(Packet& packet, const PacketLevel& level, std::uint32_t
     const TimeFrame time = packet.local_rays.time(i);
     const Meeting meeting{to_ray_t(time, t_of[lane]), weights_v1[lane], weights_v2[lane], sums[lane]};
     if (!take_packet_hit(packet, level, i, primitive, meeting)) continue;
-    level.boxes->t_limit[i] = kAny ? kDead : to_local_max(time, packet.hits.t[i]);
+    limit_ray<kAny>(packet, level, i, time);
     done |= kAny ? 1u << lane : 0u;
   }
   return done;
@@ -215,9 +223,8 @@ unsigned test_triangles(Packet& packet, const PacketLevel& level, const LeafBloc
   };
   for (unsigned i = 0; i < 8; ++i) place(i);
   const auto take_any = [&](unsigned found) __attribute__((always_inline)) {  // these rays need no more hits
-    const RayMask mask = ray_mask(found);
-    store_some(hits.instance + first, mask, level.instance_index);
-    store_some(limits, mask, every_ray(kDead));
+    packet.occluded |= from_bits(found, first);
+    store_some(limits, ray_mask(found), every_ray(kDead));
     lanes &= ~found;
   };
   const RayFloat none = every_ray(0.0f);
@@ -283,12 +290,15 @@ unsigned test_triangles(Packet& packet, const PacketLevel& level, const LeafBloc
 constexpr unsigned kFewInLeaf = kRayLanes / 8;
 
 template <bool kAny>
-PERFECT_BVH_INLINE void test_leaf_together(Packet& packet, PacketLevel& level, const LeafBlock& leaf, const float* box,
-                                           unsigned begin) noexcept {
+PERFECT_BVH_INLINE void test_leaf_together(Packet& packet, PacketLevel& level, const LeafBlock& leaf,
+                                           const PacketBox& box, unsigned begin) noexcept {
+  RaySet entered = entering(*level.boxes, box, begin, packet.lanes);
+  if (entered == 0) return;
   LeafCorners corners(level, leaf);
-  for (unsigned first = begin; first < packet.lanes; first += kRayLanes) {
-    unsigned lanes = test_box(*level.boxes, level.key.rows, box, first);
-    if (lanes == 0) continue;
+  while (entered != 0) {
+    const unsigned first = first_ray(entered) / kRayLanes * kRayLanes;
+    unsigned lanes = lanes_of(entered, first);
+    entered &= ~from_bits(lanes, first);
     if (count_bits(lanes) > kFewInLeaf) {
       lanes = level.shares_origin ? test_triangles<kAny, true>(packet, level, leaf, corners, first, lanes)
                                   : test_triangles<kAny, false>(packet, level, leaf, corners, first, lanes);
@@ -335,16 +345,16 @@ __attribute__((noinline)) bool test_round_leaf_alone(Packet& packet, const Packe
     hits.weight_v1[i] = hit.u, hits.weight_v2[i] = 0.0f, hits.weight_sum[i] = 1.0f;
     hits.instance[i] = level.instance_index, hits.primitive[i] = primitive;
   }
-  if (is_new) boxes.t_limit[i] = kAny ? kDead : to_local_max(time, hits.t[i]);
+  if (is_new) limit_ray<kAny>(packet, level, i, time);
   return is_new;
 }
 
 // Tests one ray after another: rays do not stay together from hair to hair.
 template <bool kAny>
 __attribute__((noinline)) void test_round_leaf_together(Packet& packet, PacketLevel& level, std::uint32_t row,
-                                                        const float* box, unsigned begin) noexcept {
+                                                        const PacketBox& box, unsigned begin) noexcept {
   for (unsigned first = begin; first < packet.lanes; first += kRayLanes) {
-    unsigned lanes = test_box(*level.boxes, level.key.rows, box, first);
+    unsigned lanes = test_box(*level.boxes, box, first);
     for (; lanes != 0; lanes &= lanes - 1) {
       test_round_leaf_alone<kAny>(packet, level, row, first + static_cast<unsigned>(__builtin_ctz(lanes)));
     }
@@ -354,7 +364,7 @@ __attribute__((noinline)) void test_round_leaf_together(Packet& packet, PacketLe
 
 // Tests the rays from `begin` on that enter `box` against everything in a leaf.
 template <bool kAny>
-void visit_packet_leaf(Packet& packet, PacketLevel& level, std::uint32_t row, const float* box,
+void visit_packet_leaf(Packet& packet, PacketLevel& level, std::uint32_t row, const PacketBox& box,
                        unsigned begin) noexcept {
   if (level.blocks == nullptr) return test_round_leaf_together<kAny>(packet, level, row, box, begin);
   test_leaf_together<kAny>(packet, level, level.blocks[row], box, begin);

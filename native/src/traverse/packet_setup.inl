@@ -71,20 +71,38 @@ struct Packet {
   PacketBoxes world, local;
   PacketTriangles triangles;
   PacketHits hits;
+  RaySet occluded;  // any hit: the rays that have a hit
 };
 
-// Tests a vector of rays against one box; returns the rays that enter it. `box` points to its lower x in its node's
+// The planes of a box, in the order in which rays of one octant pass them. `box` points to its lower x in its node's
 // planes.
-PERFECT_BVH_INLINE unsigned test_box(const PacketBoxes& rays, const OctantRows& rows, const float* box,
-                                     unsigned first) noexcept {
+struct PacketBox {
+  RayFloat near[3], far[3];
+
+  PERFECT_BVH_INLINE PacketBox(const OctantRows& rows, const float* box) noexcept {
+    for (int axis = 0; axis < 3; ++axis) {
+      near[axis] = every_ray(box[rows.near_row[axis] / 4]), far[axis] = every_ray(box[rows.far_row[axis] / 4]);
+    }
+  }
+};
+
+// Tests a vector of rays against one box; returns the rays that enter it.
+PERFECT_BVH_INLINE unsigned test_box(const PacketBoxes& rays, const PacketBox& box, unsigned first) noexcept {
   RayFloat near = load_rays(rays.t_min + first), far = load_rays(rays.t_limit + first);
   for (int axis = 0; axis < 3; ++axis) {
     const RayFloat inverse = load_rays(rays.inverse[axis] + first);
-    const float *near_plane = box + rows.near_row[axis] / 4, *far_plane = box + rows.far_row[axis] / 4;
-    near = max(fmsub(every_ray(*near_plane), inverse, load_rays(rays.near_offset[axis] + first)), near);
-    far = min(fmsub(every_ray(*far_plane), inverse, load_rays(rays.far_offset[axis] + first)), far);
+    near = max(fmsub(box.near[axis], inverse, load_rays(rays.near_offset[axis] + first)), near);
+    far = min(fmsub(box.far[axis], inverse, load_rays(rays.far_offset[axis] + first)), far);
   }
   return bits(less_equal(near, far));
+}
+
+// Returns the rays from `first` on that enter a box.
+PERFECT_BVH_INLINE RaySet entering(const PacketBoxes& rays, const PacketBox& box, unsigned first,
+                                   unsigned lanes) noexcept {
+  RaySet entered = 0;
+  for (; first < lanes; first += kRayLanes) entered |= from_bits(test_box(rays, box, first), first);
+  return entered;
 }
 
 // Packet setup --------------------------------------------------------------------------------------------------------
@@ -93,18 +111,6 @@ PERFECT_BVH_INLINE unsigned test_box(const PacketBoxes& rays, const OctantRows& 
 // Part of packet_kernel.inl: everything has internal linkage.
 
 constexpr unsigned kDoubleLanes = kRayLanes / 2;
-
-// Returns which of the kDoubleLanes rays from `first` on are near (see ray.h).
-PERFECT_BVH_INLINE unsigned near_lanes(const PacketRays& rays, unsigned first, double reach) noexcept {
-  const RayDouble longest = every_ray(kLongest), shortest = every_ray(kShortest), farthest = every_ray(kNearby * reach);
-  unsigned all = ~0u, any = 0;
-  for (int axis = 0; axis < 3; ++axis) {
-    const RayDouble direction = load_rays(rays.direction[axis] + first);
-    all &= magnitudes_up_to(direction, longest) & magnitudes_up_to(load_rays(rays.origin[axis] + first), farthest);
-    any |= magnitudes_from(direction, shortest);
-  }
-  return all & any & ((1u << kDoubleLanes) - 1);
-}
 
 inline ObjectRay object_ray(const PacketRays& rays, unsigned i) noexcept {
   ObjectRay ray;
@@ -119,13 +125,14 @@ inline ObjectRay object_ray(const PacketRays& rays, unsigned i) noexcept {
   return ray;
 }
 
-// Brings ray i near. Returns false if it hits nothing.
+// Brings ray i near, if it is not. Returns false if it hits nothing.
 inline bool move_ray(PacketRays& rays, unsigned i, double reach) noexcept {
   ObjectRay ray = object_ray(rays, i);
   for (const double component : ray.origin) {
     if (!(component - component == 0.0)) return false;
   }
   if (!bring_near(ray, reach)) return false;
+  if (ray.time.is_direct) return true;
   for (int axis = 0; axis < 3; ++axis) {
     rays.origin[axis][i] = ray.origin[axis];
     rays.direction[axis][i] = ray.direction[axis];
@@ -136,24 +143,37 @@ inline bool move_ray(PacketRays& rays, unsigned i, double reach) noexcept {
   return true;
 }
 
-// Moves those of `candidates` that are not near. Returns the remaining rays, near and narrowed.
-inline RaySet prepare_rays(PacketRays& rays, RaySet candidates, unsigned lanes, double reach) noexcept {
+// The rays that are surely near (see ray.h), and whether all are usual ones, as defined by load_near_by_axis().
+// Compared in float, which is stricter: the limits of lengths are powers of two, and `farthest` is reduced by its
+// rounding.
+struct NearRays {
   RaySet near = 0;
-  for (unsigned i = 0; i < lanes; i += kDoubleLanes) near |= from_bits(near_lanes(rays, i, reach), i);
-  for (RaySet far = candidates & ~near; far != 0; far &= far - 1) {
-    const unsigned i = first_ray(far);
-    if (!move_ray(rays, i, reach)) candidates &= ~(RaySet{1} << i);
-  }
+  bool all_usual = true;
+};
+
+// Sets all that depends on the rays' origins and directions.
+inline NearRays narrow_rays(PacketRays& rays, unsigned lanes, double farthest) noexcept {
+  const RayFloat longest = every_ray(static_cast<float>(kLongest)), shortest = every_ray(static_cast<float>(kShortest));
+  const RayFloat limit = every_ray(static_cast<float>(farthest) * (1.0f - 0x1p-22f));
+  NearRays result;
   for (int axis = 0; axis < 3; ++axis) rays.down[axis] = rays.longest[axis] = 0;
   for (unsigned i = 0; i < lanes; i += kRayLanes) {
-    RayFloat length[3];
+    RayFloat length[3], away[3];
     for (int axis = 0; axis < 3; ++axis) {
       const RayFloat direction = load_narrowed(rays.direction[axis] + i);
-      store_rays(rays.narrow_direction[axis] + i, direction);
-      store_rays(rays.narrow_origin[axis] + i, load_narrowed(rays.origin[axis] + i));
+      const RayFloat origin = load_narrowed(rays.origin[axis] + i);
+      store_rays(rays.narrow_direction[axis] + i, direction), store_rays(rays.narrow_origin[axis] + i, origin);
       rays.down[axis] |= from_bits(signs(direction), i);
-      length[axis] = abs(direction);
+      length[axis] = abs(direction), away[axis] = abs(origin);
     }
+    const auto each = [](RayMask x, RayMask y, RayMask z) { return both(both(x, y), z); };
+    const RayMask long_x = less(shortest, length[0]), long_y = less(shortest, length[1]);
+    const RayMask long_z = less(shortest, length[2]);
+    const RayMask moderate =
+        both(each(less(length[0], longest), less(length[1], longest), less(length[2], longest)),
+             each(less_equal(away[0], limit), less_equal(away[1], limit), less_equal(away[2], limit)));
+    result.near |= from_bits(bits(both(moderate, either(either(long_x, long_y), long_z))), i);
+    result.all_usual = result.all_usual && bits(both(moderate, each(long_x, long_y, long_z))) == (1u << kRayLanes) - 1;
     // Like longest_axis().
     const unsigned x_over_y = bits(less(length[1], length[0])), x_over_z = bits(less(length[2], length[0]));
     const unsigned y_over_z = bits(less(length[2], length[1]));
@@ -162,6 +182,16 @@ inline RaySet prepare_rays(PacketRays& rays, RaySet candidates, unsigned lanes, 
     rays.longest[1] |= from_bits(y & ((1u << kRayLanes) - 1), i);
   }
   rays.longest[2] = ~(rays.longest[0] | rays.longest[1]);
+  return result;
+}
+
+// Moves those of `candidates` that are not near. Returns the remaining rays, near and narrowed.
+inline RaySet prepare_rays(PacketRays& rays, RaySet candidates, unsigned lanes, double reach) noexcept {
+  const RaySet far = candidates & ~narrow_rays(rays, lanes, kNearby * reach).near;
+  for (RaySet left = far; left != 0; left &= left - 1) {
+    if (!move_ray(rays, first_ray(left), reach)) candidates &= ~(left & -left);
+  }
+  if (far != 0) (void)narrow_rays(rays, lanes, kNearby * reach);
   return candidates;
 }
 
@@ -191,20 +221,6 @@ inline RaySet load_rays_of(const RayBatch& batch, std::size_t begin, double scal
   return valid & (~RaySet{0} >> (kPacketRays - packet.count));
 }
 
-// Returns whether all rays are usual ones, as defined by load_near_by_axis().
-inline bool are_usual(const PacketRays& rays, unsigned lanes, double farthest) noexcept {
-  const RayDouble longest = every_ray(kLongest), shortest = every_ray(kShortest), limit = every_ray(farthest);
-  unsigned all = (1u << kDoubleLanes) - 1;
-  for (unsigned i = 0; i < lanes; i += kDoubleLanes) {
-    for (int axis = 0; axis < 3; ++axis) {
-      const RayDouble direction = load_rays(rays.direction[axis] + i);
-      all &= magnitudes_up_to(direction, longest) & magnitudes_from(direction, shortest) &
-             magnitudes_up_to(load_rays(rays.origin[axis] + i), limit);
-    }
-  }
-  return all == (1u << kDoubleLanes) - 1;
-}
-
 // Loads the next packet, prepared for the scene. Returns true if it can be traced directly through the lone instance:
 // it is then in packet.local_rays, otherwise in packet.world_rays.
 inline bool load_packet(Packet& packet, const SceneView& scene, const LoneInstance& lone, const RayBatch& batch,
@@ -212,10 +228,7 @@ inline bool load_packet(Packet& packet, const SceneView& scene, const LoneInstan
   const double scale = static_cast<double>(scene.scale), reach = static_cast<double>(scene.reach);
   if (lone.view != nullptr) {
     valid = load_rays_of(batch, begin, scale, packet, packet.local_rays);
-    if (are_usual(packet.local_rays, packet.lanes, lone.farthest)) {
-      valid = prepare_rays(packet.local_rays, valid, packet.lanes, reach);
-      return true;
-    }
+    if (narrow_rays(packet.local_rays, packet.lanes, lone.farthest).all_usual) return true;
   }
   valid = load_rays_of(batch, begin, scale, packet, packet.world_rays);
   valid = prepare_rays(packet.world_rays, valid, packet.lanes, reach);
@@ -319,6 +332,7 @@ inline void set_constants(PacketBoxes& boxes, PacketTriangles& triangles, const 
 // either.
 template <bool kAny>
 void set_ranges(PacketBoxes& boxes, const Packet& packet, const PacketRays& rays, RaySet members) noexcept {
+  if (kAny) members &= ~packet.occluded;
   for (unsigned i = 0; i < packet.lanes; i += kRayLanes) {
     const RayFloat limit = load_narrowed(packet.hits.t + i);
     const RayMask mask = ray_mask(lanes_of(members, i));
@@ -331,9 +345,5 @@ void set_ranges(PacketBoxes& boxes, const Packet& packet, const PacketRays& rays
     const unsigned i = first_ray(moved);
     boxes.t_min[i] = to_local_min(rays.moved_time[i], static_cast<double>(packet.t_min[i]));
     boxes.t_limit[i] = to_local_max(rays.moved_time[i], packet.hits.t[i]);
-  }
-  if (!kAny) return;
-  for (RaySet left = members; left != 0; left &= left - 1) {
-    if (packet.hits.instance[first_ray(left)] != kNoHit) boxes.t_limit[first_ray(left)] = kDead;
   }
 }

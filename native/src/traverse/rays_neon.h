@@ -223,9 +223,6 @@ PERFECT_BVH_INLINE unsigned four_bits(uint64x2_t low, uint64x2_t high) noexcept 
 PERFECT_BVH_INLINE unsigned magnitudes_up_to(const RayDouble& a, const RayDouble& limit) noexcept {
   return four_bits(vcaleq_f64(a.low, limit.low), vcaleq_f64(a.high, limit.high));
 }
-PERFECT_BVH_INLINE unsigned magnitudes_from(const RayDouble& a, const RayDouble& limit) noexcept {
-  return four_bits(vcageq_f64(a.low, limit.low), vcageq_f64(a.high, limit.high));
-}
 // Rounds each to the nearest float.
 PERFECT_BVH_INLINE RayFloat load_narrowed(const double* p) noexcept {
   return {vcvt_high_f32_f64(vcvt_f32_f64(vld1q_f64(p)), vld1q_f64(p + 2)),
