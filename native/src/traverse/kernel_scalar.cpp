@@ -14,8 +14,8 @@
 namespace perfect_bvh {
 
 const KernelTable kScalarKernels = {"scalar",
-                                    trace_stream_closest,
-                                    trace_stream_any,
+                                    trace_in_stream<false>,
+                                    trace_in_stream<true>,
                                     find_all_hits,
                                     find_closest_points,
                                     point_workspace_bytes,

@@ -79,8 +79,8 @@ struct PacketWalk {
   template <bool kTop>
   void walk(PacketLevel& level, RaySet rays, std::uint32_t root, unsigned base) noexcept {
     if constexpr (!kTop) {
-      if (count_rays(rays) <= kFewInNode) return walk_each_alone(level, rays, root, base);
-      if (root >= kBlockChild) return visit_root_leaf(level, rays, root, base);
+      // A tree that is a single leaf has no box.
+      if (count_rays(rays) <= kFewInNode || root >= kBlockChild) return walk_each_alone(level, rays, root, base);
     }
     unsigned top = base;
     push_children(level, root, 0, top);
@@ -115,11 +115,6 @@ struct PacketWalk {
       }
       push_children(level, child, first, top);
     }
-  }
-
-  // Visits a tree that is a single leaf: it has no box.
-  void visit_root_leaf(PacketLevel& level, RaySet rays, std::uint32_t root, unsigned base) noexcept {
-    walk_each_alone(level, rays, root, base);
   }
 
   // Sets whether the rays share an origin and are direct, which speeds up leaf tests.
@@ -340,14 +335,9 @@ void trace_packets(const SceneView& scene, const RayBatch& batch, void* workspac
   }
 }
 
-void trace_packets_closest(const SceneView& scene, const RayBatch& batch, void* workspace, bool* left) {
-  if (scene.motions != nullptr) return trace_packets<false, true>(scene, batch, workspace, left);
-  trace_packets<false, false>(scene, batch, workspace, left);
-}
-
-void trace_packets_any(const SceneView& scene, const RayBatch& batch, void* workspace, bool* left) {
-  if (scene.motions != nullptr) return trace_packets<true, true>(scene, batch, workspace, left);
-  trace_packets<true, false>(scene, batch, workspace, left);
+template <bool kAny>
+void trace_in_packets(const SceneView& scene, const RayBatch& batch, void* workspace, bool* left) {
+  (scene.motions != nullptr ? trace_packets<kAny, true> : trace_packets<kAny, false>)(scene, batch, workspace, left);
 }
 
 }  // namespace

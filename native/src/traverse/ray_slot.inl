@@ -277,8 +277,7 @@ PERFECT_BVH_INLINE bool start_directly(Slot& slot, const SceneView& scene, const
   slot.best_t = last_t(ray.t_max);
   slot.time = slot.local.time;
   slot.box.t_min = ray.t_min;
-  slot.box.t_limit = static_cast<float>(slot.best_t);
-  set_depths(slot.triangle, slot.box.t_min, slot.box.t_limit);
+  set_limit(slot);
   clear_hit(slot);
   slot.top = 1;
   stack_of(slot)[1] = instance.root;

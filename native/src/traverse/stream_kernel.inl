@@ -434,26 +434,12 @@ void trace_stream(const SceneView& scene, const RayBatch& batch, void* workspace
   }
 }
 
-template <bool kAny, bool kCounts>
-void trace_stream_at_times(const SceneView& scene, const RayBatch& batch, void* workspace,
-                           std::size_t in_flight) noexcept {
-  if (scene.motions != nullptr) return trace_stream<kAny, kCounts, true>(scene, batch, workspace, in_flight);
-  return trace_stream<kAny, kCounts, false>(scene, batch, workspace, in_flight);
-}
-
 template <bool kAny>
-void trace_stream_as_asked(const SceneView& scene, const RayBatch& batch, void* workspace,
-                           std::size_t in_flight) noexcept {
-  if (batch.counts != nullptr) return trace_stream_at_times<kAny, true>(scene, batch, workspace, in_flight);
-  return trace_stream_at_times<kAny, false>(scene, batch, workspace, in_flight);
-}
-
-void trace_stream_closest(const SceneView& scene, const RayBatch& batch, void* workspace, std::size_t in_flight) {
-  trace_stream_as_asked<false>(scene, batch, workspace, in_flight);
-}
-
-void trace_stream_any(const SceneView& scene, const RayBatch& batch, void* workspace, std::size_t in_flight) {
-  trace_stream_as_asked<true>(scene, batch, workspace, in_flight);
+void trace_in_stream(const SceneView& scene, const RayBatch& batch, void* workspace, std::size_t in_flight) {
+  const bool counts = batch.counts != nullptr, moves = scene.motions != nullptr;
+  const auto trace = counts ? (moves ? trace_stream<kAny, true, true> : trace_stream<kAny, true, false>)
+                            : (moves ? trace_stream<kAny, false, true> : trace_stream<kAny, false, false>);
+  trace(scene, batch, workspace, in_flight);
 }
 
 }  // namespace

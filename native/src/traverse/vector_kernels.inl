@@ -16,14 +16,14 @@ namespace {
 
 constexpr KernelTable kernels_named(const char* name) noexcept {
   return {name,
-          trace_stream_closest,
-          trace_stream_any,
+          trace_in_stream<false>,
+          trace_in_stream<true>,
           find_all_hits,
           find_closest_points,
           point_workspace_bytes,
           stream_workspace_bytes,
-          trace_packets_closest,
-          trace_packets_any,
+          trace_in_packets<false>,
+          trace_in_packets<true>,
           packet_workspace_bytes};
 }
 
