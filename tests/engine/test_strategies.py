@@ -87,6 +87,31 @@ def test_hits_are_the_same_far_from_what_is_hit(isa):
                     assert np.array_equal(traced.test_occlusions(eye, directions, cull=cull, **more), usual.is_hit)
 
 
+@pytest.mark.parametrize("cull", ["none", "back"])
+def test_hits_are_the_same_on_a_mesh_in_its_place(cull):
+    """The largest mesh without a transform is entered unmapped, by rays at its edges, along axes and from far away."""
+    scene, random, count = perfect_bvh.Scene(), np.random.default_rng(10), 4000
+    positions, triangles = meshes.sphere(41, 65, 2.0)
+    positions = positions.astype(np.float32)
+    scene.add_instance(scene.add_mesh(positions, triangles), mask=1)
+    soup = scene.add_mesh(*meshes.soup(300, 1))
+    scene.add_instances([soup] * 20, random.normal(size=(20, 3, 4)) * 0.3, masks=[2] * 20)
+    scene.commit()
+    chosen, share = triangles[random.integers(0, len(triangles), count)], random.uniform(size=(count, 1)).round(1)
+    targets = positions[chosen[:, 0]] * share + positions[chosen[:, 1]] * (1.0 - share)
+    origins = random.uniform(-2.0, 2.0, (count, 3))
+    directions = (targets - origins).astype(np.float32)
+    origins[3000:3500] *= 20.0
+    directions[3500:] = random.permuted(np.tile([0.0, -0.0, 1.5], (500, 1)), axis=1)
+    for more in ({}, {"mask": random.integers(0, 4, count), "t_max": random.uniform(0.5, 1.5, count)}):
+        alone = Traced(scene, "single").cast_rays(origins, directions, cull=cull, **more)
+        assert alone.is_hit.any() and not alone.is_hit.all()
+        for strategy in STRATEGIES:
+            traced = Traced(scene, strategy)
+            assert bits(traced.cast_rays(origins, directions, cull=cull, **more)) == bits(alone)
+            assert np.array_equal(traced.test_occlusions(origins, directions, cull=cull, **more), alone.is_hit)
+
+
 def test_coherence_is_found(isa):
     scene, packed = perfect_bvh.Scene(), 0 if isa == "scalar" else 1
     positions, triangles = meshes.sphere(9, 13, 0.9)

@@ -1,6 +1,7 @@
 #include "tlas/assemble.h"
 
 #include <algorithm>
+#include <cstring>
 #include <mutex>
 
 #include "core/cancel.h"
@@ -214,6 +215,26 @@ void admit_tree(SceneView& view, const WideBvh& top_level, const WideBvh& tree) 
   view.exceeds_cache = view.tree_bytes > kCachedBytes;
 }
 
+// Finds SceneView::in_place. Its tree must be within the boxes of the top level, and not small: only then does it pay.
+const InstanceView* find_in_place(const Snapshot& snapshot, CancelToken& cancel) {
+  constexpr double kIdentity[16] = {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1};
+  const SceneView& scene = snapshot.view;
+  const bool is_lone = scene.root >= kInstanceChild;
+  const InstanceView* found = nullptr;
+  float most = is_lone ? 0.0f : 0.5f * scene.reach;
+  for (std::uint32_t row = 0; row < snapshot.instance_views.size(); ++row) {
+    if (row % kGrain == 0) cancel.checkpoint();
+    const InstanceView& view = snapshot.instance_views[row];
+    if (!(view.extent.reach > most) || view.mask == 0) continue;
+    if (std::memcmp(view.world_to_local, kIdentity, sizeof(kIdentity)) != 0) continue;
+    if (view.motion != 0 && snapshot.motions[view.motion - 1].backs != nullptr) continue;
+    const auto exceeds = [&](int axis) { return view.extent.largest[axis] > scene.extent.largest[axis]; };
+    if (is_lone ? row != scene.root - kInstanceChild : exceeds(0) || exceeds(1) || exceeds(2)) continue;
+    found = &view, most = view.extent.reach;
+  }
+  return found;
+}
+
 }  // namespace
 
 InstanceView view_of(const Instance& instance, const Affine& world_to_object) {
@@ -222,7 +243,7 @@ InstanceView view_of(const Instance& instance, const Affine& world_to_object) {
   const double scale = static_cast<double>(tree.scale);
   const Vec3d columns[4] = {world_to_object.x, world_to_object.y, world_to_object.z, world_to_object.translation};
   for (int column = 0; column < 4; ++column) {
-    // No minus zero: kernels skip an identity map (LoneInstance).
+    // No minus zero: kernels skip an identity map (SceneView::in_place).
     for_each_axis([&](auto row) { view.world_to_local[column][row] = columns[column][row] * scale + 0.0; });
     view.world_to_local[column][3] = 0;
   }
@@ -258,6 +279,7 @@ void make_trace_view(Snapshot& snapshot, ThreadPool& pool, CancelToken& cancel) 
   view.scale = top.scale;
   view.root = top.root;
   view.is_empty = top.is_empty;
+  view.in_place = find_in_place(snapshot, cancel);
   if (snapshot.motions.empty()) return;
   view.motions = snapshot.motions.data();
   view.is_mostly_still = snapshot.is_mostly_still;

@@ -84,13 +84,18 @@ PERFECT_BVH_INLINE void octant_rows(const EightVectors& inverse, __m256* words) 
   words[3] = _mm256_castsi256_ps(_mm256_add_epi32(octant, _mm256_add_epi32(octant, octant)));
 }
 
-// Does set_states(), set_depths() and clear_hit() for eight slots whose stacks have one entry. kTriangles: for a tree,
-// so `ray` and the hit are set too; the top level only tests boxes.
-template <bool kTriangles>
-PERFECT_BVH_INLINE void set_eight(Slot* const* slots, const EightRays& rays, const TreeExtent& tree,
-                                  const std::uint32_t* ray_rows) noexcept {
-  const EightVectors extent{_mm256_set1_ps(tree.largest[0]), _mm256_set1_ps(tree.largest[1]),
-                            _mm256_set1_ps(tree.largest[2])};
+PERFECT_BVH_INLINE EightVectors vectors_of(const TreeExtent& extent) noexcept {
+  return {_mm256_set1_ps(extent.largest[0]), _mm256_set1_ps(extent.largest[1]), _mm256_set1_ps(extent.largest[2])};
+}
+
+PERFECT_BVH_INLINE EightVectors sum_of(const EightVectors& a, const EightVectors& b) noexcept {
+  return {_mm256_add_ps(a.x, b.x), _mm256_add_ps(a.y, b.y), _mm256_add_ps(a.z, b.z)};
+}
+
+// Does set_states(), set_depths() and clear_hit() for eight slots whose stacks have one entry, and sets `ray`. `boxes`
+// is the extent of all boxes that will be tested; only `tree` has triangles.
+PERFECT_BVH_INLINE void set_eight(Slot* const* slots, const EightRays& rays, const TreeExtent& boxes,
+                                  const TreeExtent& tree, const std::uint32_t* ray_rows) noexcept {
   const __m256 sign_bit = _mm256_set1_ps(-0.0f);
   const EightVectors &origin = rays.origin, &direction = rays.direction, &length = rays.length;
   const __m256 x_over_y = _mm256_cmp_ps(length.x, length.y, _CMP_GT_OQ);
@@ -103,8 +108,7 @@ PERFECT_BVH_INLINE void set_eight(Slot* const* slots, const EightRays& rays, con
   };
   const EightVectors inverse{invert(direction.x, length.x), invert(direction.y, length.y),
                              invert(direction.z, length.z)};
-  const EightVectors reach{_mm256_add_ps(extent.x, rays.away.x), _mm256_add_ps(extent.y, rays.away.y),
-                           _mm256_add_ps(extent.z, rays.away.z)};
+  const EightVectors reach = sum_of(vectors_of(boxes), rays.away);
   const __m256 long_inverse = pick(inverse, is_x, is_y), long_reach = pick(reach, is_x, is_y);
   const __m256 long_depth = _mm256_mul_ps(long_reach, size_of(long_inverse));
   const __m256 share = _mm256_mul_ps(_mm256_set1_ps(kReachShare), long_reach);
@@ -131,47 +135,46 @@ PERFECT_BVH_INLINE void set_eight(Slot* const* slots, const EightRays& rays, con
   const __m256 second[kEight] = {
       _mm256_sub_ps(at_z, slack_z), rows[0], rows[1], rows[2], rows[3], rays.t_min, rays.t_limit, as_float(1)};
   store_rows(slots, 0, first), store_rows(slots, 32, second);
-  if constexpr (kTriangles) {
-    static_assert(offsetof(Slot, triangle) == 64 && offsetof(TriangleRay, axes) == 32 &&
-                  offsetof(TriangleState, row) == 36 && offsetof(TriangleState, depths) == 44 &&
-                  offsetof(Slot, ray) == 116 && offsetof(Slot, hit_instance) == 120 &&
-                  offsetof(Slot, hit_primitive) == 124);
-    // In the order of ShearFrame.
-    const auto across = [&](const EightVectors& v)
-                            __attribute__((always_inline)) { return pick({v.y, v.z, v.x}, is_x, is_y); };
-    const auto upward = [&](const EightVectors& v)
-                            __attribute__((always_inline)) { return pick({v.z, v.x, v.y}, is_x, is_y); };
-    const auto word = [&](auto&& of_frame) __attribute__((always_inline)) {
-      return pick({as_float(of_frame(kFrames[0])), as_float(of_frame(kFrames[1])), as_float(of_frame(kFrames[2]))},
-                  is_x, is_y);
-    };
-    const __m256 direction_z = pick(direction, is_x, is_y);
-    const __m256 t_slack = _mm256_mul_ps(_mm256_set1_ps(kDepthReach), long_depth);
-    const __m256 at_first = _mm256_mul_ps(_mm256_sub_ps(rays.t_min, t_slack), direction_z);
-    const __m256 at_last = _mm256_mul_ps(_mm256_add_ps(rays.t_limit, t_slack), direction_z);
-    const __m256i runs_down = _mm256_slli_epi32(_mm256_srli_epi32(_mm256_castps_si256(direction_z), 31), 24);
-    const __m256 axes = word([](const ShearFrame& frame) {
-      return frame.axes[0] | std::uint32_t{frame.axes[1]} << 8 | std::uint32_t{frame.axes[2]} << 16;
-    });
-    const __m256 third[kEight] = {across(origin),
-                                  upward(origin),
-                                  pick(origin, is_x, is_y),
-                                  _mm256_mul_ps(across(direction), long_inverse),
-                                  _mm256_mul_ps(upward(direction), long_inverse),
-                                  direction_z,
-                                  t_slack,
-                                  _mm256_mul_ps(_mm256_set1_ps(kEdgeReach), largest_of(reach))};
-    const __m256 fourth[kEight] = {
-        _mm256_or_ps(axes, _mm256_castsi256_ps(runs_down)),
-        word([](const ShearFrame& frame) { return frame.row[0] | std::uint32_t{frame.row[1]} << 16; }),
-        word([](const ShearFrame& frame) { return std::uint32_t{frame.row[2]}; }),
-        _mm256_blendv_ps(at_first, at_last, direction_z),
-        _mm256_blendv_ps(at_last, at_first, direction_z),
-        _mm256_load_ps(reinterpret_cast<const float*>(ray_rows)),
-        as_float(kNoHit),
-        as_float(kNoHit)};
-    store_rows(slots, 64, third), store_rows(slots, 96, fourth);
-  }
+  static_assert(offsetof(Slot, triangle) == 64 && offsetof(TriangleRay, axes) == 32 &&
+                offsetof(TriangleState, row) == 36 && offsetof(TriangleState, depths) == 44 &&
+                offsetof(Slot, ray) == 116 && offsetof(Slot, hit_instance) == 120 &&
+                offsetof(Slot, hit_primitive) == 124);
+  // In the order of ShearFrame.
+  const auto across = [&](const EightVectors& v)
+                          __attribute__((always_inline)) { return pick({v.y, v.z, v.x}, is_x, is_y); };
+  const auto upward = [&](const EightVectors& v)
+                          __attribute__((always_inline)) { return pick({v.z, v.x, v.y}, is_x, is_y); };
+  const auto word = [&](auto&& of_frame) __attribute__((always_inline)) {
+    return pick({as_float(of_frame(kFrames[0])), as_float(of_frame(kFrames[1])), as_float(of_frame(kFrames[2]))}, is_x,
+                is_y);
+  };
+  const __m256 direction_z = pick(direction, is_x, is_y);
+  const __m256 t_slack = _mm256_mul_ps(_mm256_set1_ps(kDepthReach), long_depth);
+  const __m256 at_first = _mm256_mul_ps(_mm256_sub_ps(rays.t_min, t_slack), direction_z);
+  const __m256 at_last = _mm256_mul_ps(_mm256_add_ps(rays.t_limit, t_slack), direction_z);
+  const __m256i runs_down = _mm256_slli_epi32(_mm256_srli_epi32(_mm256_castps_si256(direction_z), 31), 24);
+  const __m256 axes = word([](const ShearFrame& frame) {
+    return frame.axes[0] | std::uint32_t{frame.axes[1]} << 8 | std::uint32_t{frame.axes[2]} << 16;
+  });
+  const __m256 third[kEight] = {
+      across(origin),
+      upward(origin),
+      pick(origin, is_x, is_y),
+      _mm256_mul_ps(across(direction), long_inverse),
+      _mm256_mul_ps(upward(direction), long_inverse),
+      direction_z,
+      t_slack,
+      _mm256_mul_ps(_mm256_set1_ps(kEdgeReach), largest_of(sum_of(vectors_of(tree), rays.away)))};
+  const __m256 fourth[kEight] = {
+      _mm256_or_ps(axes, _mm256_castsi256_ps(runs_down)),
+      word([](const ShearFrame& frame) { return frame.row[0] | std::uint32_t{frame.row[1]} << 16; }),
+      word([](const ShearFrame& frame) { return std::uint32_t{frame.row[2]}; }),
+      _mm256_blendv_ps(at_first, at_last, direction_z),
+      _mm256_blendv_ps(at_last, at_first, direction_z),
+      _mm256_load_ps(reinterpret_cast<const float*>(ray_rows)),
+      as_float(kNoHit),
+      as_float(kNoHit)};
+  store_rows(slots, 64, third), store_rows(slots, 96, fourth);
 }
 
 // Stores TimeFrame{0, 1, true}, and eight zero bytes after it.
@@ -209,18 +212,19 @@ PERFECT_BVH_INLINE __m256 are_below(const EightVectors& v, float limit) noexcept
 }
 
 // Starts eight rays of the batch, at the root of a lone instance (kDirect) or of the top level. Returns false if any of
-// them is not a usual one: they must then be started one by one. `farthest`: as for load_near() or stands_near().
+// them is not a usual one: they must then be started one by one. At the top level, sets their constants for the tree of
+// the scene's instance in place as well, if all of them are usual there.
 template <bool kDirect, bool kMoves>
 PERFECT_BVH_INLINE bool start_eight(Slot* const* slots, const RayBatch& batch, const std::uint32_t* ray_rows,
-                                    const SceneView& scene, const InstanceView* lone, double farthest) noexcept {
+                                    const SceneView& scene) noexcept {
   static_assert(offsetof(Ray, t_min) == 48 && offsetof(Ray, t_max) == 52 && offsetof(Ray, mask) == 56 &&
                 offsetof(Ray, time) == 60);
   const __m256d factor = _mm256_set1_pd(static_cast<double>(scene.scale));
   __m128 origins[kEight], directions[kEight], ranges[kEight];
   for (std::size_t i = 0; i < kEight; ++i) {
     const Ray& ray = batch.rays[ray_rows[i]];
-    __m256d origin = _mm256_mul_pd(first_three(&ray.origin.x), factor);
-    if constexpr (kDirect) origin = _mm256_add_pd(origin, _mm256_setzero_pd());  // no minus zero
+    const __m256d no_minus_zero = _mm256_setzero_pd();
+    const __m256d origin = _mm256_add_pd(_mm256_mul_pd(first_three(&ray.origin.x), factor), no_minus_zero);
     const __m256d direction = _mm256_mul_pd(first_three(&ray.direction.x), factor);
     ObjectRay& out = kDirect ? slots[i]->local : slots[i]->world;
     _mm256_store_pd(out.origin, origin), _mm256_store_pd(out.direction, direction);
@@ -238,32 +242,37 @@ PERFECT_BVH_INLINE bool start_eight(Slot* const* slots, const RayBatch& batch, c
   // Compared in float, which is stricter: the limits of lengths are powers of two, and `farthest` is reduced by the
   // rounding error.
   const EightVectors& length = rays.length;
-  const __m256 shortest = kDirect ? _mm256_min_ps(_mm256_min_ps(length.x, length.y), length.z) : largest_of(length);
-  __m256 usual = _mm256_and_ps(are_below(rays.away, static_cast<float>(farthest) * (1.0f - 0x1p-22f)),
-                               are_below(length, static_cast<float>(kLongest)));
-  usual = _mm256_and_ps(usual, _mm256_cmp_ps(shortest, _mm256_set1_ps(static_cast<float>(kShortest)), _CMP_GT_OQ));
+  const auto are_near = [&](double farthest, __m256 shortest) __attribute__((always_inline)) {
+    return _mm256_and_ps(are_below(rays.away, static_cast<float>(farthest) * (1.0f - 0x1p-22f)),
+                         _mm256_cmp_ps(shortest, _mm256_set1_ps(static_cast<float>(kShortest)), _CMP_GT_OQ));
+  };
+  const InstanceView* const tree = scene.in_place;
+  const __m256 shortest = _mm256_min_ps(_mm256_min_ps(length.x, length.y), length.z);
+  const __m256 in_place = are_near(farthest_in_place(scene), shortest);
+  __m256 usual = kDirect ? in_place : are_near(kNearby * static_cast<double>(scene.reach), largest_of(length));
+  usual = _mm256_and_ps(usual, are_below(length, static_cast<float>(kLongest)));
   usual = _mm256_and_ps(usual, _mm256_cmp_ps(rays.t_min, t_max, _CMP_LE_OQ));
   if constexpr (kMoves) {
     usual = _mm256_and_ps(usual, _mm256_cmp_ps(_mm256_setzero_ps(), time, _CMP_LE_OQ));
     usual = _mm256_and_ps(usual, _mm256_cmp_ps(time, _mm256_set1_ps(1.0f), _CMP_LE_OQ));
   }
   if constexpr (kDirect) {
-    const __m256i seen = _mm256_and_si256(_mm256_castps_si256(mask), _mm256_set1_epi32(static_cast<int>(lone->mask)));
+    const __m256i seen = _mm256_and_si256(_mm256_castps_si256(mask), _mm256_set1_epi32(static_cast<int>(tree->mask)));
     usual = _mm256_andnot_ps(_mm256_castsi256_ps(_mm256_cmpeq_epi32(seen, _mm256_setzero_si256())), usual);
   }
   if (_mm256_movemask_ps(usual) != 0xFF) return false;
 
   rays.t_limit = set_last_t(slots, t_max);
-  set_eight<kDirect>(slots, rays, kDirect ? lone->extent : scene.extent, ray_rows);
+  const TreeExtent& extent = tree != nullptr ? tree->extent : scene.extent;
+  set_eight(slots, rays, kDirect ? extent : scene.extent, extent, ray_rows);
+  const bool are_in_place = _mm256_movemask_ps(in_place) == 0xFF;
   for (std::size_t i = 0; i < kEight; ++i) {
     Slot& slot = *slots[i];
     store_direct(slot.time);  // u and v as well
     if constexpr (kDirect) {
-      stack_of(slot)[1] = lone->root;
-      if constexpr (kMoves) take_tree_step(slot, scene, *lone, batch.rays[ray_rows[i]].time);
+      stack_of(slot)[1] = tree->root;
+      if constexpr (kMoves) take_tree_step(slot, scene, *tree, batch.rays[ray_rows[i]].time);
     } else {
-      slot.ray = ray_rows[i];
-      slot.hit_instance = slot.hit_primitive = kNoHit;
       slot.world_time = slot.time;
       slot.world_box = slot.box;
       slot.nodes = scene.nodes;
@@ -271,7 +280,7 @@ PERFECT_BVH_INLINE bool start_eight(Slot* const* slots, const RayBatch& batch, c
         slot.top_moment = moment_at(scene.top_times, batch.rays[ray_rows[i]].time);
         take_top_step(slot, scene);
       }
-      slot.floor = 0;
+      slot.instance = are_in_place ? static_cast<std::uint32_t>(tree - scene.instances) : kNoHit, slot.floor = 0;
       stack_of(slot)[0] = kDoneMark, stack_of(slot)[1] = scene.root;
     }
   }

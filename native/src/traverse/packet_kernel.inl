@@ -165,7 +165,7 @@ struct PacketWalk {
   void enter_alone(std::uint32_t index, unsigned i) noexcept {
     PacketHits& hits = packet.hits;
     Slot& slot = *packet.slot;
-    slot.ray = packet.rows[i];
+    slot.ray = packet.rows[i], slot.instance = kNoHit;
     load_ray(slot.world, *packet.rays[i], static_cast<double>(scene.scale));
     slot.world_time = packet.world_rays.time(i);
     slot.best_t = hits.t[i];
@@ -301,7 +301,8 @@ void trace_packets(const SceneView& scene, const RayBatch& batch, void* workspac
   Pace pace(scene.interruption);
   packet.scene = &scene, packet.pace = &pace;
   packet.cull = batch.cull;
-  const LoneInstance lone(scene, false);
+  const InstanceView* lone = lone_instance(scene);
+  if (kMoves && lone != nullptr && lone->motion != 0) lone = nullptr;
   unsigned passed_over = 0, next_passed_over = kPassedOver;
   for (std::size_t begin = 0; begin < batch.count; begin += kPacketRays) {
     packet.count = static_cast<unsigned>(batch.count - begin < kPacketRays ? batch.count - begin : kPacketRays);
@@ -319,7 +320,7 @@ void trace_packets(const SceneView& scene, const RayBatch& batch, void* workspac
     if constexpr (kMoves) valid = in_shutter(packet, valid);
     PacketWalk<kAny, kMoves> walk{packet, scene, batch};
     if (is_direct) {
-      walk.trace_directly(*lone.view, valid);
+      walk.trace_directly(*lone, valid);
     } else {
       walk.trace(valid);
     }

@@ -223,12 +223,12 @@ inline RaySet load_rays_of(const RayBatch& batch, std::size_t begin, double scal
 
 // Loads the next packet, prepared for the scene. Returns true if it can be traced directly through the lone instance:
 // it is then in packet.local_rays, otherwise in packet.world_rays.
-inline bool load_packet(Packet& packet, const SceneView& scene, const LoneInstance& lone, const RayBatch& batch,
+inline bool load_packet(Packet& packet, const SceneView& scene, const InstanceView* lone, const RayBatch& batch,
                         std::size_t begin, RaySet& valid) noexcept {
   const double scale = static_cast<double>(scene.scale), reach = static_cast<double>(scene.reach);
-  if (lone.view != nullptr) {
+  if (lone != nullptr) {
     valid = load_rays_of(batch, begin, scale, packet, packet.local_rays);
-    if (narrow_rays(packet.local_rays, packet.lanes, lone.farthest).all_usual) return true;
+    if (narrow_rays(packet.local_rays, packet.lanes, farthest_in_place(scene)).all_usual) return true;
   }
   valid = load_rays_of(batch, begin, scale, packet, packet.world_rays);
   valid = prepare_rays(packet.world_rays, valid, packet.lanes, reach);

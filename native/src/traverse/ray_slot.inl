@@ -174,7 +174,7 @@ __attribute__((noinline)) bool start_ray(Slot& slot, const SceneView& scene, con
   }
   slot.best_t = last_t(ray.t_max);
   clear_hit(slot);
-  slot.floor = 0;
+  slot.instance = kNoHit, slot.floor = 0;
   slot.top = 1;
   std::uint32_t* const stack = stack_of(slot);
   stack[0] = kDoneMark;
@@ -198,24 +198,30 @@ __attribute__((noinline)) bool start_ray(Slot& slot, const SceneView& scene, con
 template <bool kMoves>
 inline bool enter_instance(Slot& slot, const SceneView& scene, const Ray& ray) noexcept {
   std::uint32_t* const stack = stack_of(slot);
-  slot.instance = stack[slot.top] - kInstanceChild;
-  const InstanceView& instance = scene.instances[slot.instance];
+  const std::uint32_t index = stack[slot.top] - kInstanceChild;
+  const InstanceView& instance = scene.instances[index];
+  const bool is_in_place = slot.instance == index;  // with constants from start_eight()
+  slot.instance = index;
   if ((instance.mask & ray.mask) == 0) return false;
   ObjectRay& local = slot.local;
   slot.is_mirrored = instance.mirrored != 0;
-  if (!kMoves || instance.motion == 0) {
+  if (is_in_place) {
+    local = slot.world;
+  } else if (!kMoves || instance.motion == 0) {
     map_to_local(local, slot.world, instance.world_to_local);
   } else if (!map_to_moving(slot, scene, instance, ray.time)) {
     return false;
   }
   const double reach = static_cast<double>(instance.extent.reach);
-  if (!stands_near(local, reach) && !bring_near(local, reach)) return false;
+  if (!is_in_place && !stands_near(local, reach) && !bring_near(local, reach)) return false;
   slot.time = local.time;
   slot.nodes = instance.nodes;
   slot.blocks = blocks_of(instance);
   if constexpr (kMoves) take_tree_step(slot, scene, instance, ray.time);
-  set_states(slot.box, slot.triangle, local, instance.extent);
-  slot.box.t_min = to_local_min(slot.time, static_cast<double>(ray.t_min));
+  if (!is_in_place) {
+    set_states(slot.box, slot.triangle, local, instance.extent);
+    slot.box.t_min = to_local_min(slot.time, static_cast<double>(ray.t_min));
+  }
   set_limit(slot);
   if (slot.top == 1) {  // nothing to return to
     slot.floor = 0;
@@ -227,31 +233,17 @@ inline bool enter_instance(Slot& slot, const SceneView& scene, const Ray& ray) n
   return true;
 }
 
-// A lone instance in the scene's own frame and scale. Most rays need no mapping, and keep no state for a top level.
-// Null: there is none, and rays take the usual path. `may_deform`: it may deform within the shutter, but it never
-// moves.
-struct LoneInstance {
-  const InstanceView* view = nullptr;
-  double farthest = 0.0;  // origins up to here, on any axis, are near the scene and the tree
+// Returns the scene's only instance, if it is in place (SceneView): most rays need no mapping then, and keep no state
+// for a top level. Null: rays take the usual path.
+inline const InstanceView* lone_instance(const SceneView& scene) noexcept {
+  return scene.root >= kInstanceChild ? scene.in_place : nullptr;
+}
 
-  LoneInstance(const SceneView& scene, bool may_deform) noexcept {
-    if (scene.is_empty || scene.root < kInstanceChild) return;
-    const InstanceView& instance = scene.instances[scene.root - kInstanceChild];
-    if (!is_identity(instance.world_to_local)) return;
-    if (instance.motion != 0 && (!may_deform || scene.motions[instance.motion - 1].backs != nullptr)) return;
-    view = &instance;
-    farthest = kNearby * static_cast<double>(smaller(scene.reach, instance.extent.reach));
-  }
-
-  static bool is_identity(const MapColumns& map) noexcept {
-    for (int column = 0; column < 4; ++column) {
-      for (int row = 0; row < 4; ++row) {
-        if (map[column][row] != (row == column && row < 3 ? 1.0 : 0.0)) return false;
-      }
-    }
-    return true;
-  }
-};
+// Origins up to here, on any axis, are near the scene and its instance in place. 0: there is none.
+inline double farthest_in_place(const SceneView& scene) noexcept {
+  const float reach = scene.in_place != nullptr ? scene.in_place->extent.reach : 0.0f;
+  return kNearby * static_cast<double>(smaller(scene.reach, reach));
+}
 
 // Sets everything that is the same for all rays traced directly.
 inline void prepare_slot(Slot& slot, const SceneView& scene, const InstanceView& instance) noexcept {
@@ -264,14 +256,13 @@ inline void prepare_slot(Slot& slot, const SceneView& scene, const InstanceView&
 }
 
 // Does start_ray() and enter_instance() at once, with the same result. Returns false if the ray is not a usual one: it
-// must then be started the usual way. `instance` is that of `lone`.
+// must then be started the usual way.
 template <bool kMoves>
-PERFECT_BVH_INLINE bool start_directly(Slot& slot, const SceneView& scene, const LoneInstance& lone,
-                                       const Ray& ray) noexcept {
-  const InstanceView& instance = *lone.view;
+PERFECT_BVH_INLINE bool start_directly(Slot& slot, const SceneView& scene, const Ray& ray) noexcept {
+  const InstanceView& instance = *scene.in_place;
   if (!(ray.t_min <= ray.t_max) || (instance.mask & ray.mask) == 0) return false;
   if (kMoves && !is_in_shutter(ray.time)) return false;
-  if (!load_near(slot.local, ray, static_cast<double>(scene.scale), lone.farthest)) return false;
+  if (!load_near(slot.local, ray, static_cast<double>(scene.scale), farthest_in_place(scene))) return false;
   if constexpr (kMoves) take_tree_step(slot, scene, instance, ray.time);
   set_states(slot.box, slot.triangle, slot.local, instance.extent);
   slot.best_t = last_t(ray.t_max);

@@ -93,6 +93,9 @@ struct SceneView {
   float reach = 0.0f;
   float scale = 1.0f;             // boxes are stored times this power of two
   std::uint32_t root = kNoChild;  // of the top level
+  // The largest instance in the scene's own frame and scale, which never turns: usual rays enter it unmapped. Null:
+  // none.
+  const InstanceView* in_place = nullptr;
   bool is_empty = true;
   std::size_t tree_bytes = 0;       // bytes that rays may visit
   bool exceeds_cache = false;       // tree_bytes is more than kCachedBytes

@@ -36,14 +36,14 @@ struct Stream {
   Stream(const SceneView& the_scene, const RayBatch& the_batch, std::size_t the_offset, std::size_t in_flight) noexcept
       : scene(the_scene),
         batch(the_batch),
-        lone(the_scene, true),
+        lone(lone_instance(the_scene)),
         nears_offset(the_offset),
         starts_in_eights(kHasEight && in_flight >= 2 * kEight && !the_scene.is_empty &&
-                         (lone.view != nullptr || the_scene.root < kInstanceChild)) {}
+                         (lone != nullptr || the_scene.root < kInstanceChild)) {}
 
   const SceneView& scene;
   const RayBatch& batch;
-  const LoneInstance lone;
+  const InstanceView* const lone;
   std::size_t nears_offset;     // from a slot's stack of children to its stack of entry distances, in entries
   const bool starts_in_eights;  // if nothing is counted
   Slot* at_node[kMostRaysInFlight + 1];
@@ -58,7 +58,7 @@ struct Stream {
   [[nodiscard]] std::size_t count_at_nodes() const noexcept { return node_count + between_count; }
   [[nodiscard]] bool has_eight_left() const noexcept { return batch.count - next_ray >= kEight; }
   // A lone instance reads only its root, which stays in the cache.
-  [[nodiscard]] bool fetches_instances() const noexcept { return scene.exceeds_cache && lone.view == nullptr; }
+  [[nodiscard]] bool fetches_instances() const noexcept { return scene.exceeds_cache && lone == nullptr; }
 };
 
 // Bytes of a child's row by its highest two bits, in trees over curves or points and over triangles. 0: not fetched.
@@ -247,8 +247,7 @@ PERFECT_BVH_INLINE bool take_next_ray(Stream& stream, Slot& slot) noexcept {
     const std::size_t row = row_of(stream.batch, stream.next_ray++);
     if constexpr (kCounts) stream.batch.counts[row].nodes_visited = stream.batch.counts[row].primitives_tested = 0;
     slot.ray = static_cast<std::uint32_t>(row);
-    if (stream.lone.view != nullptr &&
-        start_directly<kMoves>(slot, stream.scene, stream.lone, stream.batch.rays[row])) {
+    if (stream.lone != nullptr && start_directly<kMoves>(slot, stream.scene, stream.batch.rays[row])) {
       if constexpr (kCounts) ++stream.batch.counts[row].nodes_visited;
       return true;
     }
@@ -263,17 +262,15 @@ template <bool kMoves>
 __attribute__((noinline)) bool take_next_eight([[maybe_unused]] Stream& stream) noexcept {
 #ifdef __AVX2__
   const SceneView& scene = stream.scene;
-  const InstanceView* const lone = stream.lone.view;
+  const InstanceView* const lone = stream.lone;
   alignas(32) std::uint32_t rows[kEight];
   Slot* slots[kEight];
   for (std::size_t i = 0; i < kEight; ++i) {
     rows[i] = static_cast<std::uint32_t>(row_of(stream.batch, stream.next_ray + i));
     slots[i] = stream.idle[stream.idle_count - kEight + i];
   }
-  const double reach = static_cast<double>(scene.reach);
-  const bool has_begun = lone != nullptr
-                             ? start_eight<true, kMoves>(slots, stream.batch, rows, scene, lone, stream.lone.farthest)
-                             : start_eight<false, kMoves>(slots, stream.batch, rows, scene, nullptr, kNearby * reach);
+  const bool has_begun = lone != nullptr ? start_eight<true, kMoves>(slots, stream.batch, rows, scene)
+                                         : start_eight<false, kMoves>(slots, stream.batch, rows, scene);
   if (!has_begun) return false;
   const bool at_node = (lone != nullptr ? lone->root : scene.root) < kBlockChild;
   for (Slot* const slot : slots) {
@@ -413,7 +410,7 @@ void trace_stream(const SceneView& scene, const RayBatch& batch, void* workspace
   Stream stream(scene, batch, padded_entries(scene), in_flight);
   for (std::size_t i = 0; i < in_flight; ++i) {
     Slot& slot = *reinterpret_cast<Slot*>(static_cast<char*>(workspace) + i * slot_bytes(scene));
-    if (stream.lone.view != nullptr) prepare_slot(slot, scene, *stream.lone.view);
+    if (stream.lone != nullptr) prepare_slot(slot, scene, *stream.lone);
     stream.idle[stream.idle_count++] = &slot;
   }
   take_next_rays<kAny, kCounts, kMoves>(stream);
