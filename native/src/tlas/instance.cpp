@@ -1,6 +1,5 @@
 #include "tlas/instance.h"
 
-#include <algorithm>
 #include <cmath>
 
 #include "blas/build_tree.h"
@@ -26,16 +25,16 @@ bool round_trip_holds(const Affine& forth, const Affine& back) {
   constexpr double kTolerance = 0x1p-24;
   constexpr double kLargestFloat = 3.4028234e38;  // the inverse must still be finite when narrowed to float
   const Vec3d columns[3] = {forth.x, forth.y, forth.z}, inverse_columns[3] = {back.x, back.y, back.z};
-  double worst = 0, largest = 0;
+  bool holds = true;
   for_each_axis([&](auto column) {
     Vec3d error = back.vector(columns[column]);
     error[column] -= 1.0;
-    for_each_axis([&](auto axis) {
-      worst = std::max(worst, std::abs(error[axis]));
-      largest = std::max(largest, std::abs(inverse_columns[column][axis]));
+    for_each_axis([&](auto axis) {  // false for NaN, too
+      holds &= std::abs(error[axis]) <= kTolerance;
+      holds &= std::abs(inverse_columns[column][axis]) < kLargestFloat;
     });
   });
-  return worst <= kTolerance && largest < kLargestFloat;
+  return holds;
 }
 
 Aabb bounds_of(const Blas& blas, const Affine& map, bool is_worth_table) {
